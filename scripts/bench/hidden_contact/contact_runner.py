@@ -1,4 +1,4 @@
-"""Runs `vispeg diagnose`, or a fit that knows the truth, on every case in a process of its own; a killed run resumes."""
+"""Runs `vispeg diagnose`, or a fit of the truth, on every case in a process of its own; a killed run resumes."""
 
 from __future__ import annotations
 
@@ -90,7 +90,10 @@ def finished(results: Path) -> dict[str, dict]:
 
 
 def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose) -> list[dict]:
-    """Records that `work` makes of the chosen cases, each appended to `results` as it comes; those that are there are not run again."""
+    """Records that `work` makes of the chosen cases, each appended to `results` as it comes.
+
+    Those that are there are not run again.
+    """
     records = finished(results)
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     missing = sorted((c for c in chosen if c.name not in records), key=lambda c: c.key)
