@@ -88,6 +88,10 @@ def test_many_effects_are_matched_one_to_one_and_partial_ones_count():
     text = report([r])
     assert "90 % [60, 98] of 10" in text and "| names beyond those hidden, a case | 1.00 |" in text
     assert "| names (`one of` is one) of what was not hidden | 10 % [2, 40] of 10 |" in text
+    left = r["ladder"][-1]["heldout_error"]
+    text = report([r | {"oracle": {"heldout_error": left / 3.0, "floor": r["floor"]}}, r])
+    assert "| ... at most twice the oracle's | 0 % [0, 79] of 1 |" in text
+    assert f"| {left / 3.0 / r['floor']:.3g} | 0 of 0 |" in text, "beside what the search leaves, what the truth does"
 
 
 def test_what_is_tentative_is_no_name_and_a_class_is_right_where_it_holds_the_truth():

@@ -9,11 +9,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 from contact_cases import Case
 from contact_make import folders
+from runner import commit
 
 HERE = Path(__file__).resolve().parent
 TIMEOUT = 1200.0  # s a process
@@ -57,16 +57,6 @@ def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
     if status != 0:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}, None
     return record, done.stdout
-
-
-@cache
-def commit() -> str | None:
-    """Short hash of the checkout's commit, `-dirty` where it was changed since; None outside of a checkout."""
-    command = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return None
 
 
 def _cpu() -> float:

@@ -10,6 +10,7 @@ import tempfile
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 from cases import Case
@@ -48,12 +49,22 @@ def diagnose(root: Path, case: Case) -> dict:
         "--validate", str(last), "--out", str(out), "--overwrite", "--quiet", "--threads", "1",
     ])  # fmt: skip
     record: dict = {"case": case.name, "kind": case.kind, "mode": case.mode, "hidden": [asdict(h) for h in case.hidden]}
-    record["seconds"] = round(seconds, 1)
+    record |= {"seconds": round(seconds, 1), "commit": commit()}
     if status != 0:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
     found = json.loads((out / "diagnosis.json").read_text())
     record |= {key: found[key] for key in ("verdict", "effects", "ladder", "unexplained")}
     return record | {"floor": found["noise_floor"]["value"]}
+
+
+@cache
+def commit() -> str | None:
+    """Short hash of the checkout's commit, `-dirty` where it was changed since; None outside of a checkout."""
+    command = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
 
 
 def references(root: Path, case: Case, baseline: bool = False) -> dict:

@@ -203,19 +203,24 @@ def _many(crowd: Sequence[Record], strange: Sequence[Record], failed: Sequence[R
         _row("names beyond those hidden, a case", f"{extras:.2f}"),
         _row("95 % intervals that hold the truth", share(coverage(crowd))),
         _row("held-out error over the oracle's, median", _median(r["to_oracle"] for r in crowd)),
+        _row("... at most twice the oracle's", share(r["to_oracle"] <= 2 for r in crowd if r["to_oracle"] is not None)),
         _row("library only: verdicts", _verdicts(crowd)),
         _row("something unknown beside them: verdicts", _verdicts(strange)),
         _row("median processor seconds a diagnosis", _median(r["seconds"] for r in (*crowd, *strange))),
         "",
-        _row("case", "hidden", "named", "of them `one of`", "false", "tentative", "verdict", "error / floor", "s"),
-        _row(*["---"] * 9),
-    ]
+        _row("case", "control", "hidden", "named", "of them `one of`", "false", "tentative", "verdict",
+             "error / floor", "with the truth", "intervals that hold", "s"),
+        _row(*["---"] * 12),
+    ]  # fmt: skip
     for r in (*crowd, *strange):
-        ratio = [f"{step['heldout_error'] / r['floor']:.3g}" for step in (r["ladder"][0], r["ladder"][-1])]
-        unsure = len(r["effects"]) - r["sure"]
-        counts = (len(r["hidden"]), r["sure"], r["classes"], r["false_names"], unsure)
-        cells = (*counts, r["verdict"], " to ".join(ratio), r["seconds"])
-        lines.append(_row(r["case"], *cells))
+        first, last = (r["ladder"][k]["heldout_error"] / r["floor"] for k in (0, -1))
+        inside, truth = coverage([r]), r.get("oracle")
+        lines.append(_row(
+            r["case"], r["mode"], len(r["hidden"]), r["sure"], r["classes"], r["false_names"],
+            len(r["effects"]) - r["sure"], r["verdict"], f"{first:.3g} to {last:.3g}",
+            f"{truth['heldout_error'] / truth['floor']:.3g}" if truth else "",
+            f"{sum(inside)} of {len(inside)}", f"{r['seconds']:.0f}",
+        ))  # fmt: skip
     return "\n".join(lines) + "\n"
 
 
