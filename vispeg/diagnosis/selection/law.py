@@ -159,24 +159,28 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
     losses = search.judge.losses([f.world for f in fits])
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)
-    trial = Trial(Score(starts[k], 0.0), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
-    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
+    trial = Trial(Score(starts[k], 0.0, out=(simple,)), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
+    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z, simple.effect):
         search.say(f"{starts[k].label} stands behind {simple.label}")
         search.take(state, trial, [trial], n_fixed)
 
 
-def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -> bool:
+def _stands_behind(search: Search, state: State, trial: Trial, crossed: float, simple: str) -> bool:
     """Whether a richer effect removes most of what the simple one leaves: over the noise, which no effect removes.
 
     `crossed`: standard errors of its gain with the cross-fitted blocks. Where it is a small share of all, noise
-    included, chance might make it, so more is asked.
+    included, chance might make it, so more is asked. One that turns into the simple one where it is absent is there by
+    that gain itself: its interval counts what the form of both leaves.
     """
     gain, judge = trial.gain, search.judge
+    contained = simple in effect(trial.score.placed.effect).contains
     most = gain.mean > DECISIVE * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
-    if not most or not present(trial.fit, -1):
+    if not most or not (contained or present(trial.fit, -1)):
         return False
     if gain.relative > DECISIVE:
-        return gain.z > stats.norm.isf(0.05)
-    if gain.relative < search.evidence.least_gain or gain.z < HELD_OUT or crossed < stats.norm.isf(DISCOVERIES):
+        return (crossed if contained else gain.z) > stats.norm.isf(0.05)
+    if contained or gain.relative < search.evidence.least_gain or gain.z < HELD_OUT:
+        return False
+    if crossed < stats.norm.isf(DISCOVERIES):
         return False
     return bic_gain(search.evidence, state.world, state.residual, trial.fit) > 0

@@ -92,10 +92,15 @@ class State:
         removed = [best.gain.mean / best.score.count for best, _ in self.steps if best.gain.mean > 0]
         return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
 
-    def removed_by(self, placed: EffectInstance) -> float:
-        """Held-out excess that an effect removed when it was accepted; all of it for one of the user's model."""
-        gains = [b.gain.mean / b.score.count for b, _ in self.steps if b.score.has(placed)]
-        return gains[-1] if gains else max(self.first - 1.0, 1e-9)
+    def removed_by(self, placed: EffectInstance, before: int | None = None) -> float:
+        """Held-out excess that an effect removed when it was accepted, with what those removed in whose place it came;
+        all of it for one of the user's model. Steps from number `before` on do not count.
+        """
+        for k in range(len(self.steps) if before is None else before)[::-1]:
+            best = self.steps[k][0]
+            if best.score.has(placed):
+                return (best.gain.mean + sum(self.removed_by(e, k) for e in best.score.out)) / best.score.count
+        return max(self.first - 1.0, 1e-9)
 
 
 def without(world: World, effects: Sequence[EffectInstance]) -> World:

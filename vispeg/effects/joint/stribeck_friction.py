@@ -26,6 +26,7 @@ class StribeckFriction(Effect):
 
     telling = ("excess",)
     contains = ("coulomb_friction",)
+    grows_from = {"coulomb_friction": {"coulomb": "torque"}}
 
     def friction(self, state, x, p):
         return p["coulomb"] + p["excess"] * np.exp(-((x.dq / p["velocity"]) ** 2))
