@@ -100,7 +100,8 @@ def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_t
     spread = np.random.default_rng(2).uniform(0.9, 1.1, (40, 1))
     spread /= spread.mean()
     state = SimpleNamespace(loss=25.0 * rotor * spread, world=World(), residual=None)
-    better = SimpleNamespace(loss=25.0 * play * spread, fit=None)
+    score = Score(EffectInstance.of("backlash", "elbow"), 0.0, out=(EffectInstance.of("rotor_inertia", "elbow"),))
+    better = SimpleNamespace(loss=25.0 * play * spread, fit=None, score=score)
     better.gain = judge().gain(state.loss, better.loss)
     search = SimpleNamespace(judge=judge(), evidence=SimpleNamespace(least_gain=0.02))
     assert law._stands_behind(search, state, better, better.gain.z) == stands  # type: ignore[arg-type]

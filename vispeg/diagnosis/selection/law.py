@@ -160,12 +160,12 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
     k = int(np.argmin([search.judge.mean(loss) for loss in losses]))
     crossed = state.cross, search.cross.loss_of(fits[k], fits[k].residual)
     trial = Trial(Score(starts[k], 0.0, out=(simple,)), fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
-    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z, simple.effect):
+    if _stands_behind(search, state, trial, search.judge.gain(state.loss, losses[k], crossed).z):
         search.say(f"{starts[k].label} stands behind {simple.label}")
         search.take(state, trial, [trial], n_fixed)
 
 
-def _stands_behind(search: Search, state: State, trial: Trial, crossed: float, simple: str) -> bool:
+def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -> bool:
     """Whether a richer effect removes most of what the simple one leaves: over the noise, which no effect removes.
 
     `crossed`: standard errors of its gain with the cross-fitted blocks. Where it is a small share of all, noise
@@ -173,7 +173,7 @@ def _stands_behind(search: Search, state: State, trial: Trial, crossed: float, s
     that gain itself: its interval counts what the form of both leaves.
     """
     gain, judge = trial.gain, search.judge
-    contained = simple in effect(trial.score.placed.effect).contains
+    contained = any(e.effect in effect(trial.score.placed.effect).contains for e in trial.score.out)
     most = gain.mean > DECISIVE * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
     if not most or not (contained or present(trial.fit, -1)):
         return False
