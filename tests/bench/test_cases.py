@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from cases import GRID, SIZES, cases, choose
+from cases import DEV, GRID, SIZES, cases, choose
 from make import folders, make
 
 from vispeg.core.errors import UserError
@@ -22,7 +22,7 @@ def test_standard_list_covers_every_effect_at_three_sizes():
 
 def test_same_seed_same_cases_and_scored_differ_from_dev():
     assert cases() == cases()
-    scored, dev = cases(), cases(dev=True)
+    scored, dev = cases(), cases(DEV)
     assert [c.name for c in scored] == [c.name for c in dev]
     assert not {c.key for c in scored} & {c.key for c in dev}
     assert all(a.hidden != b.hidden for a, b in zip(scored, dev, strict=True) if a.hidden)
@@ -35,15 +35,15 @@ def test_larger_means_larger():
 
 
 def test_limit_thins_evenly_and_a_misspelling_is_explained():
-    few = choose((), dev=True, limit=10)
+    few = choose((), DEV, limit=10)
     assert len(few) == 10 and {c.kind for c in few} >= {"single", "none"}
     with pytest.raises(UserError, match="no case matches"):
-        choose(("colomb_friction/*",), dev=True)
+        choose(("colomb_friction/*",), DEV)
 
 
 def test_recordings_do_not_give_the_secret_away(tmp_path, monkeypatch):
     monkeypatch.setattr("make.DURATION", 1.5)
-    (case,) = choose(("backlash/joint3/large",), dev=True)
+    (case,) = choose(("backlash/joint3/large",), DEV)
     make(tmp_path, [case], say=lambda text: None)
     for folder in folders(tmp_path, case):
         text = (folder / "recording.yaml").read_text()
@@ -58,7 +58,7 @@ def test_cases_of_many_effects_hide_six_to_twenty_places_once_each():
     from cases import FEWEST, MANY_COUNT, MOST, UNKNOWN, many
 
     found = many()
-    assert len(found) == MANY_COUNT and found == many() and found != many(dev=True)
+    assert len(found) == MANY_COUNT and found == many() and found != many(DEV)
     assert sum(c.kind == "strange" for c in found) == 5
     for case in found:
         library = [(h.effect, h.where) for h in case.hidden if h.effect not in UNKNOWN]

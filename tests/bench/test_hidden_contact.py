@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arm import rigid
 from contact_arm import apparent, forward, joints, quaternion, rotation_vector
-from contact_cases import GRID, cases, hide
+from contact_cases import DEV, GRID, cases, hide
 from contact_geometry import GROUP, Shape, contacts
 from contact_make import path_error, stream, wrench
 from contact_motions import MOTIONS, SETS, path
@@ -202,7 +202,7 @@ def test_every_effect_changes_what_is_measured_and_null_changes_nothing():
     assert all(c.truth != NOMINAL for c in singles)
     assert hide(NOMINAL, "contact_friction", {"scale": 1.0}) == NOMINAL
     assert len({c.key for c in cases()}) == len(cases())
-    assert {c.seed for c in cases()} != {c.seed for c in cases(dev=True)}
+    assert {c.seed for c in cases()} != {c.seed for c in cases(DEV)}
 
 
 def test_sensors_err_as_they_say():

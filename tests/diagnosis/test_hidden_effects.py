@@ -6,7 +6,7 @@ The plant is not the model's code (scripts/bench/hidden_effects): another step s
 from __future__ import annotations
 
 import pytest
-from cases import choose
+from cases import DEV, choose
 from make import folders, make
 
 from vispeg.diagnosis.run import diagnose
@@ -29,7 +29,7 @@ AS_WELL = [
 
 
 def verdict(name: str, folder) -> dict:
-    (case,) = choose((name,), True, None)
+    (case,) = choose((name,), DEV)
     make(folder, [case])
     first, second, last = (load(f) for f in folders(folder, case))
     return diagnose(World(), [first, second], [last], nthread=1, plan_next=False).record

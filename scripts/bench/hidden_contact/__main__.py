@@ -6,7 +6,8 @@
     python scripts/bench/hidden_contact --make DIR --reference
 
 The plant shares no code with the model and is not MuJoCo: analytic peg and hole, Hunt-Crossley contact, its own
-integrator. Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
+integrator. Cases are deterministic by seed. `--dev` draws them with a
+seed that is not scored, `--dev 901` with that: tune only on those.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ import json  # noqa: E402
 
 def main() -> int:
     """Parses, makes, runs, reports."""
+    from contact_cases import DEV, SCORED, choose
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
     parser.add_argument("--cases", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
-    parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--dev", nargs="?", type=int, const=DEV, metavar="SEED", help="a seed of development")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
     parser.add_argument("--reference", action="store_true", help="fit the true effects instead of searching for them")
@@ -38,14 +41,16 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     parser.add_argument("--json", type=Path, default=None, help="also write the records, as JSON")
     args = parser.parse_args()
-    from contact_cases import choose
     from contact_make import folders, make
     from contact_runner import diagnose, finished, reference, run
     from contact_score import references, report
 
-    root = args.make / ("dev" if args.dev else "scored")
+    if args.dev == SCORED:
+        parser.error(f"--dev {SCORED} is the seed that is scored")
+    seed = SCORED if args.dev is None else args.dev
+    root = args.make / ("scored" if args.dev is None else f"dev-{seed}")
     try:
-        chosen = choose(tuple(args.cases), args.dev, args.limit)
+        chosen = choose(tuple(args.cases), seed, args.limit)
     except ValueError as error:
         print(error, file=sys.stderr)
         return 2

@@ -25,7 +25,7 @@ import json  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 
 import numpy as np  # noqa: E402
-from contact_cases import Case, choose  # noqa: E402
+from contact_cases import SCORED, Case, choose  # noqa: E402
 from contact_plant import COARSE, DOWN, FINE, MOUTH, RATE, TIP, Plant, Truth, held  # noqa: E402
 
 from vispeg.core.effect import EffectInstance  # noqa: E402
@@ -140,7 +140,7 @@ def main() -> int:
     rows = []
     print("| case | error of peak force, nominal → corrected | of duration | success: plant, nominal, corrected |")
     print("|---|---|---|---|")
-    for case in choose(tuple(args.cases), False, None):
+    for case in choose(tuple(args.cases), SCORED, None):
         true = tuple(EffectInstance.of(h["effect"], h["where"], **h["params"]) for h in case.hidden)
         r = compare(case, true if args.model is None else load_model(args.model).effects, args.episodes)
         rows.append(r)

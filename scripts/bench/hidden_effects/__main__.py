@@ -6,7 +6,8 @@
     python scripts/bench/hidden_effects --make DIR --many --run --limit 8
     python scripts/bench/hidden_effects --make DIR --many --reference
 
-Cases are deterministic by seed. `--dev` uses seeds that are never scored: tune only on those.
+Cases are deterministic by seed. `--dev` draws them with a seed that is not scored, `--dev 901` with
+that: tune only on those.
 """
 
 from __future__ import annotations
@@ -25,12 +26,14 @@ import argparse  # noqa: E402
 
 def main() -> int:
     """Parses, makes, runs, reports."""
+    from cases import DEV, SCORED, choose
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
     parser.add_argument("--many", action="store_true", help="cases of 6 to 20 effects at once")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
-    parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--dev", nargs="?", type=int, const=DEV, metavar="SEED", help="a seed of development")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
     parser.add_argument("--reference", action="store_true", help="fit the true effects, as an oracle")
@@ -39,20 +42,22 @@ def main() -> int:
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     args = parser.parse_args()
-    from cases import choose
     from make import folders, make
     from runner import refer, run
     from score import report
 
     from vispeg.core.errors import UserError
 
-    root = args.make / ("dev" if args.dev else "scored")
+    if args.dev == SCORED:
+        parser.error(f"--dev {SCORED} is the seed that is scored")
+    seed = SCORED if args.dev is None else args.dev
+    root = args.make / ("scored" if args.dev is None else f"dev-{seed}")
     try:
         if args.baseline and not (args.run and args.reference):
             raise UserError("--baseline goes with --run and --reference")
         if args.workers < 1:
             raise UserError("--workers must be at least 1", got=args.workers)
-        chosen = choose(tuple(args.only), args.dev, args.limit, args.many)
+        chosen = choose(tuple(args.only), seed, args.limit, args.many)
         if args.list:
             print("\n".join(f"{c.name}  [{c.mode}]" for c in chosen))
             return 0

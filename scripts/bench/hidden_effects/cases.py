@@ -14,7 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
 SIZES = {"small": 0.3, "medium": 1.0, "large": 2.5}
-SEEDS = {"scored": 20272, "dev": 4711}
+SCORED, DEV = 20272, 4711  # seeds; any other is of development, too
 TORQUE = np.array([2.0, 2.0, 1.2, 1.2, 0.3, 0.3, 0.06])  # N m: a medium friction or bias
 DAMPING = np.array([4.0, 4.0, 2.5, 2.5, 0.5, 0.5, 0.06])  # N m s/rad
 SPRING = np.array([6.0, 6.0, 4.0, 4.0, 0.6, 0.6, 0.08])  # N m/rad
@@ -148,9 +148,8 @@ def _case(name: str, kind: str, places: list[tuple[str, str, float]], seed: int)
     return Case(name, hidden, kind, str(mode), seed)
 
 
-def cases(dev: bool = False, grid: bool = False) -> list[Case]:
-    """The standard list, or with `grid` every place of every effect; `dev` draws from a seed that is never scored."""
-    seed = SEEDS["dev" if dev else "scored"]
+def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
+    """The standard list, or with `grid` every place of every effect."""
     out = []
     for kind, family in (("single", GRID), ("unknown", UNKNOWN)):
         for effect, (standard, allowed) in family.items():
@@ -162,9 +161,8 @@ def cases(dev: bool = False, grid: bool = False) -> list[Case]:
     return out + [_case(f"none/{i:02d}", "none", [], seed) for i in range(NONE_COUNT)]
 
 
-def many(dev: bool = False) -> list[Case]:
+def many(seed: int = SCORED) -> list[Case]:
     """Cases of 6 to 20 effects at once, at 0.6 to 1.8 of a medium size."""
-    seed = SEEDS["dev" if dev else "scored"]
     places = [(effect, where, weight) for effect, (targets, weight) in ARM.items() for where in targets]
     weights = np.array([weight for *_, weight in places])
     out = []
@@ -181,14 +179,14 @@ def many(dev: bool = False) -> list[Case]:
     return out
 
 
-def choose(only: tuple[str, ...], dev: bool, limit: int | None = None, crowded: bool = False) -> list[Case]:
+def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, crowded: bool = False) -> list[Case]:
     """The standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
 
     With `crowded`, of the cases with many effects.
     """
-    found = many(dev) if crowded else cases(dev)
+    found = many(seed) if crowded else cases(seed)
     if only:
-        pool = found if crowded else cases(dev, grid=True)
+        pool = found if crowded else cases(seed, grid=True)
         found = [c for c in pool if any(fnmatch.fnmatch(c.name, pattern) for pattern in only)]
         if not found:
             raise UserError("no case matches", got=" ".join(only), choices=sorted({c.name.split("/")[0] for c in pool}))
