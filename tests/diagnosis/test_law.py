@@ -13,7 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import laws, refined
 from vispeg.diagnosis.selection.search import Search
-from vispeg.effects.joint.hysteresis import yielding
+from vispeg.effects.common.presliding import yielding
 from vispeg.identify.inverse import MOTION_HZ, STICK, TorqueEvidence
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control

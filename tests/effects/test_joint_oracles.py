@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from vispeg.core.effect import effect, searchable
 from vispeg.core.seeds import stream
-from vispeg.effects.joint.hysteresis import YIELDS
+from vispeg.effects.common.presliding import YIELDS
 from vispeg.sim.state import DriveState
 
 FLOATING = pendulum(0.0)  # no weight: `SWING ddq = tau`
@@ -176,17 +176,18 @@ def test_torque_along_a_path_is_that_of_its_steps_however_long_it_took(name):
 
     def state(q):
         return DriveState(
-            1e-6, 1e-6, q[None], np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 2)), np.full((1, 2), 9.0)
+            1e-6, 1e-6, q[None], np.zeros((1, 2)), np.zeros((1, 2)), np.full((1, 2), -4.0), np.full((1, 2), 9.0)
         )
 
     carried, steps = kind.start(state(path[0]), p), []
     for q in path:
         steps.append(kind.torque(carried, state(q), p)[0])
-    np.testing.assert_allclose(kind.along(path, p), steps, atol=1e-9)
+    x, every = state(path[0]), np.arange(len(path))
+    np.testing.assert_allclose(kind.along(path, every, x, p), steps, atol=1e-9)
     twice = np.repeat(path, 2, axis=0)
-    np.testing.assert_allclose(kind.along(twice, p)[::2], steps, atol=1e-9)
+    np.testing.assert_allclose(kind.along(twice, 2 * every, x, p), steps, atol=1e-9)
     none = {k: np.full((1, 2), v) for k, v in ((k, param.absent) for k, param in kind.params.items())}
-    assert not np.any(kind.along(path, none)), "null"
+    assert not np.any(kind.along(path, every, x, none)), "null"
 
 
 @pytest.mark.parametrize(

@@ -131,8 +131,15 @@ class Effect(ABC):
         """Torque (nsim, nj) on the link that no actuator commands, N m."""
         raise NotImplementedError
 
-    def along(self, path: np.ndarray, p: Values) -> np.ndarray:
-        """`torque` (n, nj) N m along a measured path (n, nj) rad, of what remembers the path, not its time."""
+    def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
+        """`torque` (m, nj) N m of what remembers the path, not its time, of a measured motion.
+
+        Args:
+            path: (n, nj) rad.
+            at: (m,) which of its samples are asked for.
+            x: the motion there; `x.tau` what the link needs.
+            p: values of one world.
+        """
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:

@@ -112,7 +112,7 @@ class EffectLoop:
         out = None
         for a in self.torques:
             if a.effect.overrides("along"):
-                out = total(out, a.effect.along(path, a.p)[at])
+                out = total(out, a.effect.along(path, at, x, a.p))
             elif not a.effect.overrides("start"):
                 out = total(out, a.effect.torque(None, x, a.p))
         return out
