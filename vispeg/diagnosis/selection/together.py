@@ -20,6 +20,7 @@ LEAST = 0.02  # share of the error left that one more effect must promise to rem
 LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another
 TIE = 0.03  # of the best gain: candidates this close are equals
 PRIOR = 0.5  # of the best gain in a joint, from which on what every arm has there is taken instead
+LOAD = 0.9  # the same of a link's mass or centre, in whose place a load at the flange is taken
 BETTER = 0.995  # of the error left, that an exchange must leave at most
 LOOKED = 8  # candidates whose bounds are looked at, at each step
 ROUNDS = 3  # of exchanges after one addition
@@ -69,7 +70,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
     equal = [f for f in candidates if f[0] >= (1 - TIE) * top]
     best = min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
     placed = [e.placed for e in dictionary.entries]
-    common = [f for f in candidates if usual(placed[f[1]], placed[best[1]]) and f[0] >= PRIOR * best[0]]
+    common = [f for f in candidates if f[0] >= prior(placed[f[1]], placed[best[1]]) * best[0]]
     return max(common, default=best)
 
 
@@ -78,9 +79,20 @@ def _least(dictionary: Dictionary, k: int) -> float:
     return LINK if effect(placed.effect).family == "body" and placed.where != "base" else LEAST
 
 
-def usual(a: EffectInstance, b: EffectInstance) -> bool:
-    """Whether a is what every arm has in a joint, and b sits in the same joint and is not."""
-    return a.where == b.where and bool(effect(a.effect).common) and not effect(b.effect).common
+def prior(a: EffectInstance, b: EffectInstance) -> float:
+    """Share of the gain of b from which on a is taken instead; infinite where it never is.
+
+    Every arm has friction and a rotor in every joint; and its links are as their maker says, what it holds is not.
+    """
+    if a.where == b.where and effect(a.effect).common and not effect(b.effect).common:
+        return PRIOR
+    return LOAD if effect(a.effect).moments and of_link(b) else np.inf
+
+
+def of_link(placed: EffectInstance) -> bool:
+    """Whether it is the mass or centre of a link."""
+    kind = effect(placed.effect)
+    return kind.family == "body" and not kind.moments and placed.where != "base"
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
@@ -94,7 +106,7 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
             if candidate is None or dictionary.entries[candidate[1]].key == dictionary.entries[k].key:
                 continue
             other = dictionary.entries[candidate[1]].placed
-            worth = candidate[0] * (PRIOR if usual(dictionary.entries[k].placed, other) else 1.0)
+            worth = candidate[0] * min(1.0, prior(dictionary.entries[k].placed, other))
             if without - candidate[0] < BETTER * error and worth > without - error:
                 chosen[chosen.index(k)], error, moved = candidate[1], without - candidate[0], True
         if not moved:
