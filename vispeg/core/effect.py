@@ -132,13 +132,8 @@ class Effect(ABC):
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """`torque` (m, nj) N m of what remembers the path, not its time, of a measured motion.
-
-        Args:
-            path: (n, nj) rad.
-            at: (m,) which of its samples are asked for.
-            x: the motion there; `x.tau` what the link needs.
-            p: values of one world.
+        """`torque` (m, nj) N m of what remembers the path, not its time: at samples `at` (m,) of a measured path (n, nj)
+        rad, where the motion is `x` and the links need `x.tau`.
         """
         raise NotImplementedError
 

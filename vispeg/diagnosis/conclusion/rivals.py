@@ -13,7 +13,7 @@ from vispeg.diagnosis.selection.accept import DECISIVE, equal
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
-from vispeg.diagnosis.selection.together import usual
+from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
 
 EXCHANGES = 3  # at most
@@ -52,7 +52,7 @@ def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], Non
 def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
     """Whether a rival belongs in the place of the effect `label`."""
     (accepted,) = [e for e in state.world.effects if e.label == label]
-    least = 0.0 if usual(rival.score.placed, accepted) else BETTER
+    least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else BETTER
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 

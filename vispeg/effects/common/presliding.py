@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vispeg.sim.state import DriveState
-
 PARTS = np.array([-0.75, -0.25, 0.25, 0.75])  # by how much of the mean the yields differ from it, at a spread of 1
 
 
@@ -22,13 +20,13 @@ def slack(q: np.ndarray) -> np.ndarray:
     return np.repeat(q[..., None], len(PARTS), axis=-1)
 
 
-def softened(stiffness: np.ndarray, x: DriveState) -> np.ndarray:
+def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray:
     """Stiffness (nsim, nj) N m/rad that a step can follow, of what is stiffer than that on a light link.
 
     Springs taken at the whole step are of second order and lose no energy; the leapfrog is stable for (omega h)^2 under
     4, and this keeps it under 2.
     """
-    return stiffness / (1.0 + 0.5 * stiffness * x.h**2 / x.inertia)
+    return stiffness / (1.0 + 0.5 * stiffness * h**2 / inertia)
 
 
 def pull(

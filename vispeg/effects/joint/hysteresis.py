@@ -29,7 +29,7 @@ class Hysteresis(Effect):
         return slack(x.q)
 
     def torque(self, state, x, p):
-        return pull(state, x.q, softened(p["stiffness"], x), p["torque"], p["spread"])
+        return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["torque"], p["spread"])
 
     def along(self, path, at, x, p):
         torque, stiffness, spread = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in self.params)

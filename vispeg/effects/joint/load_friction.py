@@ -32,7 +32,7 @@ class LoadFriction(Effect):
         return slack(x.q)
 
     def torque(self, state, x, p):
-        return pull(state, x.q, softened(p["stiffness"], x), p["coefficient"] * np.abs(x.tau))
+        return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["coefficient"] * np.abs(x.tau))
 
     def along(self, path, at, x, p):
         load = np.abs(x.tau)
