@@ -132,8 +132,9 @@ class Effect(ABC):
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """`torque` (m, nj) N m of what remembers the path, not its time: at samples `at` (m,) of a measured path (n, nj)
-        rad, where the motion is `x` and the links need `x.tau`.
+        """`torque` (m, nj) N m of what remembers the path, not its time.
+
+        At samples `at` (m,) of a measured path (n, nj) rad; the motion there is `x`, and `x.tau` what the links need.
         """
         raise NotImplementedError
 
