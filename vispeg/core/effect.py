@@ -31,8 +31,7 @@ class Effect(ABC):
     called. All arrays are SI and radians; joint arrays are (nsim, nj).
 
     Class attributes:
-        name: the name in model files.
-        family: the folder of the library that it stands in.
+        name, family: the name in model files; the folder of the library that it stands in.
         searchable: False if a diagnosis of an arm does not search it, though its family is one of an arm.
         params: its parameters.
         writes: the MjModel fields that `write` may touch; a test holds it to that.
@@ -53,6 +52,7 @@ class Effect(ABC):
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
         torqueless: True if no torque is missing at the joint, so that the effect is searched at every joint.
         common: effects of one word, which every arm has in every joint, are tried in all joints at once.
+        conservative: True where its torque is one of the joint's angle alone, which no form of friction leaves.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -64,6 +64,7 @@ class Effect(ABC):
     searchable: ClassVar[bool] = True
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
+    conservative: ClassVar[bool] = False
     common: ClassVar[str] = ""
     moments: ClassVar[tuple[str, ...]] = ()
     torqueless: ClassVar[bool] = False

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
 CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
+OF_ANGLE = 0.2  # the same where the torque is one of the angle alone, which no form of friction leaves
 REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
 ALONE = 0.8  # share of the held-out squared error from which on one effect comes alone, before several at a time
@@ -46,7 +47,8 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
     alike = [e for e in stays if _alike(e, t.score.placed)]
     beside = max(alike, key=state.removed_by, default=None)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-    if beside is not None and refines < REFINEMENT and t.gain.relative < CLEAR:
+    clear = OF_ANGLE if effect(t.score.placed.effect).conservative else CLEAR
+    if beside is not None and refines < REFINEMENT and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
     if share < search.least_share:
         return f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"

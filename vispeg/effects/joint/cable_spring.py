@@ -17,6 +17,7 @@ class CableSpring(Effect):
 
     name = "cable_spring"
     family = "joint"
+    conservative = True
     moments = ("reference",)
     params = {
         "stiffness": Param(0.0, 0.0, 60.0, "N m/rad", start=1.0, doc="of the cable"),

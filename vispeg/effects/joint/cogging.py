@@ -18,6 +18,7 @@ class Cogging(Effect):
     name = "cogging"
     family = "joint"
     smooth = False
+    conservative = True
     params = {
         "amplitude": Param(0.0, 0.0, 10.0, "N m", start=0.3, doc="of the ripple"),
         "poles": Param(12.0, 2.0, 200.0, "1/rev", start=12.0, shape=True, scale="log", doc="periods a joint turn"),
