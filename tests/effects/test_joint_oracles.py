@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from vispeg.core.effect import effect, searchable
 from vispeg.core.seeds import stream
-from vispeg.effects.common.presliding import PARTS
+from vispeg.effects.common.presliding import YIELDS
 from vispeg.sim.state import DriveState
 
 FLOATING = pendulum(0.0)  # no weight: `SWING ddq = tau`
@@ -143,15 +143,14 @@ def test_hysteresis_is_a_spring_before_it_slips():
     np.testing.assert_allclose(q, exact, atol=0.02 * np.abs(exact).max())
 
 
-@pytest.mark.parametrize("spread", [1.0, 0.4])
-def test_hysteresis_drags_its_anchors_once_they_slip(spread):
+def test_hysteresis_drags_its_anchors_once_they_slip():
     """Maxwell elements by SciPy: `ds_i/dt = k dq`, s_i clipped at its share of the torque, through two reversals."""
     stiffness, limit, push = 150.0, 1.0, 3.0
-    robot, levels = FLOATING, limit * (1 + spread * PARTS)
+    robot, levels = FLOATING, limit * YIELDS
     time = np.arange(600) / 1000.0
     command = push * np.sin(2 * np.pi * 2.5 * time)
     segment = drive(robot, "torque", command=command[:, None], seconds=0.6)
-    y = one(robot, hinge("hysteresis", torque=limit, stiffness=stiffness, spread=spread), segment, observer=False)
+    y = one(robot, hinge("hysteresis", torque=limit, stiffness=stiffness), segment, observer=False)
 
     def rates(t, s):
         dq, springs = s[1], s[2:]

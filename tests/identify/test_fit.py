@@ -138,7 +138,7 @@ def test_global_search_needs_no_start_and_repeats():
         return values(run_together([job], ev.residuals)[0].world)
 
     first = search()
-    np.testing.assert_allclose(first[:2], [0.8, 60.0], rtol=0.06)  # the spread of yields shows least
+    np.testing.assert_allclose(first, [0.8, 60.0], rtol=0.05)
     np.testing.assert_array_equal(search(), first)
     with pytest.raises(ValueError, match="random generator"):
         run_together([fit_job(ev, start, [0], method="cma")], ev.residuals)

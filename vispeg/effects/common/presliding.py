@@ -1,9 +1,9 @@
 """Presliding: springs side by side that yield one after the other, as gear teeth and cable sheaths do before they slip.
 
 Maxwell-slip elements, `torque = mean(clip(stiffness (q - z_i), +-r_i level))`, each anchor z_i dragged along once its
-element slips. Their yields r_i are spread evenly, by a `spread` of 1 up to twice their mean: so the torque bends
-smoothly after a reversal, as presliding is measured to do. With a spread of 0 it has the corner of a single element.
-MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for each
+element slips. Their yields r_i are spread evenly up to twice their mean: so the torque bends smoothly after a reversal,
+as presliding is measured to do, where one element has a corner. All of them have yielded after twice
+`level / stiffness`. MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for each
 candidate. Source: Iwan, Journal of Applied Mechanics 33(4), 1966, the even distribution; for friction Al-Bender,
 Lampaert and Swevers, IEEE Trans. Automatic Control 50(11), 2005, eq. (3).
 """
@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-PARTS = np.array([-0.75, -0.25, 0.25, 0.75])  # by how much of the mean the yields differ from it, at a spread of 1
+YIELDS = np.array([0.25, 0.75, 1.25, 1.75])  # of the level: at which each element slips; their mean is 1
 
 
 def slack(q: np.ndarray) -> np.ndarray:
     """Anchors (nsim, nj, 4) rad of elements without torque at q (nsim, nj) rad."""
-    return np.repeat(q[..., None], len(PARTS), axis=-1)
+    return np.repeat(q[..., None], len(YIELDS), axis=-1)
 
 
 def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray:
@@ -29,9 +29,7 @@ def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray
     return stiffness / (1.0 + 0.5 * stiffness * h**2 / inertia)
 
 
-def pull(
-    anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.ndarray, spread: np.ndarray | float = 1.0
-) -> np.ndarray:
+def pull(anchors: np.ndarray, q: np.ndarray, stiffness: np.ndarray, level: np.ndarray) -> np.ndarray:
     """Torque (nsim, nj) N m of the elements at q; drags the `anchors` (nsim, nj, 4) of those that slip, in place.
 
     Args:
@@ -39,17 +37,16 @@ def pull(
         q: (nsim, nj) rad.
         stiffness: of all elements before any slips, N m/rad.
         level: torque when all of them slip, N m.
-        spread: of their yields, from 0 to 1.
     """
-    q, reach = q[..., None], (level / stiffness)[..., None] * (1.0 + np.asarray(spread)[..., None] * PARTS)
+    q, reach = q[..., None], (level / stiffness)[..., None] * YIELDS
     stretched = np.clip(q - anchors, -reach, reach)
     anchors[:] = q - stretched
     return -stiffness * stretched.mean(axis=-1)
 
 
-def yielding(path: np.ndarray, reach: float, spread: float = 1.0) -> np.ndarray:
+def yielding(path: np.ndarray, reach: float) -> np.ndarray:
     """Mean stretch (n,) of the elements, which yield at `reach` in the mean, along a path (n,) that begins without."""
-    return np.mean([stretch(path, reach * r) for r in 1.0 + spread * PARTS], axis=0)
+    return np.mean([stretch(path, reach * r) for r in YIELDS], axis=0)
 
 
 def stretch(path: np.ndarray, reach: float) -> np.ndarray:

@@ -20,7 +20,6 @@ class Hysteresis(Effect):
     params = {
         "torque": Param(0.0, 0.0, 30.0, "N m", start=0.5, doc="torque at which all elements slip"),
         "stiffness": Param(200.0, 5.0, 3000.0, "N m/rad", start=200.0, shape=True, scale="log", doc="before any slips"),
-        "spread": Param(1.0, 0.0, 1.3, "1", start=1.0, shape=True, doc="of what yields: 0 all at once, 1 by and by"),
     }
     smooth = False
     contains = ("coulomb_friction",)
@@ -29,11 +28,11 @@ class Hysteresis(Effect):
         return slack(x.q)
 
     def torque(self, state, x, p):
-        return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["torque"], p["spread"])
+        return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["torque"])
 
     def along(self, path, at, x, p):
-        torque, stiffness, spread = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in self.params)
-        bent = [yielding(q, r, s)[at] for q, r, s in zip(path.T, torque / stiffness, spread, strict=True)]
+        torque, stiffness = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in self.params)
+        bent = [yielding(q, r)[at] for q, r in zip(path.T, torque / stiffness, strict=True)]
         return -stiffness * np.stack(bent, axis=1)
 
     def guesses(self, look):
