@@ -13,7 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.run import diagnose
-from vispeg.diagnosis.selection.accept import in_order
+from vispeg.diagnosis.selection.accept import in_order, refusal
 from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
@@ -60,6 +60,14 @@ def trial(label: str, loss: float, at_bound: bool = False, rejected: str = "") -
     return Trial(Score(placed, 1.0), fit, np.full((40, 1), 25.0 * loss), gain, rejected)  # type: ignore[arg-type]
 
 
+def body(label: str, where: str, loss: float) -> Trial:
+    """The same of an effect of bodies at its start."""
+    placed = EffectInstance.of(label, where, **{k: p.start for k, p in effect(label).params.items()})
+    named = trial("viscous_friction", loss)
+    fit = SimpleNamespace(**{**vars(named.fit), "world": World().add(placed)})
+    return replace(named, score=Score(placed, 1.0), fit=fit)  # type: ignore[arg-type]
+
+
 def judge() -> Judge:
     evidence = SimpleNamespace(
         blocks=lambda seconds: np.repeat(np.arange(40), 25),
@@ -82,6 +90,27 @@ def test_a_value_at_its_bound_stands_behind_whatever_else_passes():
     gone = friction.fit.world.effects[0].with_values(damping=0.0)
     null = replace(friction, fit=SimpleNamespace(**{**vars(friction.fit), "world": World().add(gone)}))
     assert in_order(judge(), state, [limit, null])[0] is null, "null is no bound: a group's members may end there"
+
+
+def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_parameters():
+    state = State(World(), np.full((40, 1), 25e3), np.zeros(1))
+    load, centre = body("payload", "flange", 151.0), body("link_com", "link7", 150.0)
+    assert in_order(judge(), state, [centre, load])[0] is load
+    clear = body("link_com", "link7", 100.0)
+    assert in_order(judge(), state, [clear, load])[0] is clear, "unless the data tell them apart"
+
+
+@pytest.mark.parametrize(("name", "passes"), [("cogging", True), ("cable_spring", True), ("load_friction", False)])
+def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remove_it(name, passes):
+    """2 % of what friction removed, 40 % of what is left: form of friction, or a torque of the angle."""
+    state = State(
+        World().add(EffectInstance.of("viscous_friction", "elbow", damping=1.0)), np.full((40, 1), 25e3), np.zeros(1)
+    )
+    state.removed_by = lambda placed: 2e4  # type: ignore[method-assign]
+    search = SimpleNamespace(least_share=0.001, evidence=SimpleNamespace(least_gain=0.01), holds=lambda state, t: True)
+    t = replace(trial(name, 600.0), gain=Gain(400.0, 9.0, 0.4))
+    text = refusal(search, state, t, 3.0, True)  # type: ignore[arg-type]
+    assert text == "its interval includes no effect" if passes else text.startswith("only refines")
 
 
 @pytest.mark.parametrize(("at_bound", "remains"), [(True, 90.0), (False, 90.0), (False, 110.0), (False, 1.1)])

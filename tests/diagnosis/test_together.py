@@ -279,3 +279,18 @@ def test_what_helps_one_fold_alone_is_not_proposed(toy):
     assert together(Dictionary(y, [toy["a"], turned, toy["b"]], None, folds), most=8) is None
     alone = Dictionary(y, [turned], None, folds)
     assert alone.crossed([0]) > alone.total and together(alone, most=8) is None
+
+
+def test_a_load_is_taken_in_the_place_of_a_links_centre_that_is_hardly_better(toy):
+    """A load that promises 95 % of what the centre of the last link does; and one that promises half of it."""
+    rng = stream(5, "load")
+    centre, other = rng.standard_normal((2, N))
+    friction = toy["friction"]
+    y = 2.0 * centre + 2.0 * friction.columns[:, 0] + toy["noise"]
+    for share, taken in ((0.99, "payload"), (0.7, "link_com")):
+        load = share * centre + np.sqrt(1 - share**2) * other
+        signatures = [
+            signature("link_com", "link7", "x", centre, 0.01), signature("payload", "flange", "mass", load), friction
+        ]  # fmt: skip
+        proposal = together(Dictionary(y, signatures, None), most=2)
+        assert {e.effect for e in proposal.members} == {taken, "coulomb_friction"}

@@ -18,7 +18,7 @@ from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled
 from vispeg.sim.placement import activate
 from vispeg.sim.rollout import simulate
-from vispeg.sim.state import Fields
+from vispeg.sim.state import DriveState, Fields
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.words import completed
 from vispeg.worlds.world import World
@@ -181,3 +181,18 @@ def test_a_size_that_is_named_stands_alone():
             for other, param in kind.params.items():
                 alone = param.start if param.shape or other == magnitude else param.null
                 assert full[other] == alone, f"{name}: {magnitude} given, {other}"
+
+
+@pytest.mark.parametrize("name", [n for n, kind in REGISTRY.items() if kind.conservative])
+def test_a_conservative_torque_is_one_of_the_angle_alone(name):
+    """Whatever the speed, the load or what was before: so it takes no work out of a closed path."""
+    kind, rng = REGISTRY[name], stream(4, "conservative", name)
+    if not kind.overrides("torque"):
+        assert kind.writes <= {"jnt_stiffness", "qpos_spring"}, "a spring of MuJoCo's"
+        return
+    q, p = rng.uniform(-1.0, 1.0, (5, 7)), {k: np.full((5, 7), param.start) for k, param in kind.params.items()}
+    ways = [DriveState(1e-3, 1e-3, q, *rng.standard_normal((3, 5, 7)), np.ones((5, 7))) for _ in range(3)]
+    first, *others = [kind.torque(kind.start(x, p), x, p) for x in ways]
+    assert np.any(first)
+    for other in others:
+        np.testing.assert_array_equal(other, first)
