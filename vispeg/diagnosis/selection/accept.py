@@ -13,7 +13,7 @@ from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
 from vispeg.diagnosis.selection.state import State, Trial, without
-from vispeg.diagnosis.selection.together import of_link
+from vispeg.diagnosis.selection.together import of_centre
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
@@ -72,7 +72,7 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= ALONE and sound(t)]
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
-        first = min(alike, key=lambda t: (doubtful(t), links(t), parameters(t.fit.world), float(t.loss.sum())))
+        first = min(alike, key=lambda t: (doubtful(t), centres(t), parameters(t.fit.world), float(t.loss.sum())))
         passed.remove(first)
         passed.insert(0, first)
     refused = sorted((t for t in trials if t.rejected), key=lambda t: float(t.loss.sum()))
@@ -98,9 +98,9 @@ def doubtful(t: Trial) -> bool:
     return entangled or any(at_bound(e) for e in _own(t))
 
 
-def links(t: Trial) -> int:
-    """How many of a candidate's effects say that a link is not as its maker says: the fewer, the likelier."""
-    return sum(of_link(e) for e in _own(t))
+def centres(t: Trial) -> int:
+    """How many of a candidate's effects say that a link is not as its maker says, with a load's worth of numbers."""
+    return sum(of_centre(e) for e in _own(t))
 
 
 def _own(t: Trial) -> Sequence[EffectInstance]:
