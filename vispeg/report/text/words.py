@@ -231,9 +231,14 @@ def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
         return f"{who} {verb} the held-out recordings {reach}; {why}."
     effects = rows(values, "effects")
     if len(effects) > MOST_NAMED:
-        unsure = "all of them" if len(classes) == len(effects) else f"{len(classes)} of them"
-        what = f"{len(effects)} effects explain the held-out recordings {reach}"
-        return f"{what}; these recordings cannot tell {unsure} from others."
+        tentative = len(_tentative(values))
+        counts = [
+            (len(effects) - len(classes) - tentative, "named"),
+            (len(classes), "that these recordings cannot tell from others"),
+            (tentative, "tentative"),
+        ]
+        kinds = join([f"{n} {kind}" for n, kind in counts if n])
+        return f"{len(effects)} effects explain the held-out recordings {reach}: {kinds}."
     clear = [sized(e) for e in effects if not rows(e, "indistinguishable_from")]
     beside = f", beside {join(clear)}" if clear else ""
     either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
