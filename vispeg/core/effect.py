@@ -44,15 +44,15 @@ class Effect(ABC):
         posed: True where it is the pose of a part, which an arm's kinematics, a little off, seem to change as well.
         remembers: True where what it did once remains, so that no part of a recording shows it.
         shown_by: contact motions (`vispeg record`) that excite it; empty: any.
-        told_from: effects it may be confused with -> the motion that separates them; either of the two may state it.
-        told_by: parameter -> the motion that separates it from those, if that is another one.
+        told_from, told_by: effects it may be confused with -> the motion that separates them; parameter -> another one.
         needs: what a contact recording must contain to excite it, a key of `contact_check.NEEDS`; empty: not checked.
         grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
         torqueless: True if no torque is missing at the joint, so that the effect is searched at every joint.
         common: effects of one word, which every arm has in every joint, are tried in all joints at once.
-        conservative: True where its torque is one of the joint's angle alone, which no form of friction leaves.
+        conservative: True where what it adds in a joint is of the angle alone, which no form of friction leaves.
+        likelier: effects that are taken in its place where data hardly tell them apart: what an arm holds is not known.
         shared: True where one value for all joints (`where: all`) is the natural first guess.
     """
 
@@ -65,6 +65,7 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     conservative: ClassVar[bool] = False
+    likelier: ClassVar[tuple[str, ...]] = ()
     common: ClassVar[str] = ""
     moments: ClassVar[tuple[str, ...]] = ()
     torqueless: ClassVar[bool] = False
@@ -106,7 +107,7 @@ class Effect(ABC):
         """Sets model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
 
     def stable_step(self, p: Mapping[str, float]) -> float:
-        """Greatest physics step, s, at which its own motion stays stable with these values."""
+        """Greatest physics step, s, at which its own motion stays stable and exact with these values."""
         return float("inf")
 
     def start(self, x: Any, p: Values) -> Any:
@@ -133,10 +134,9 @@ class Effect(ABC):
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """`torque` (m, nj) N m of what remembers the path, not its time.
+        """`torque` (m, nj) N m of what remembers the path, not its time, at samples `at` (m,) of a path (n, nj) rad.
 
-        At samples `at` (m,) of a measured path (n, nj) rad; the motion there is `x`, and `x.tau` what the links need.
-        """
+        The motion there is `x`, and `x.tau` what the links need."""
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:

@@ -49,7 +49,7 @@ def diagnose(root: Path, case: Case) -> dict:
         "--validate", str(last), "--out", str(out), "--overwrite", "--quiet", "--threads", "1",
     ])  # fmt: skip
     record: dict = {"case": case.name, "kind": case.kind, "mode": case.mode, "hidden": [asdict(h) for h in case.hidden]}
-    record |= {"seconds": round(seconds, 1), "commit": commit()}
+    record |= {"seed": case.seed, "seconds": round(seconds, 1), "commit": commit()}
     if status != 0:
         return record | {"verdict": "failed", "effects": [], "message": text[-2000:]}
     found = json.loads((out / "diagnosis.json").read_text())
@@ -80,7 +80,7 @@ def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
 
     Of cases that hide effects of the library alone. Each is appended to `results` as it comes; what is there is kept.
     """
-    known = _read(results)
+    known = _read(results, {c.seed for c in chosen})
     some = [c for c in chosen if c.kind in KNOWN]
     lock = threading.Lock()
 
@@ -103,15 +103,16 @@ def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _read(results: Path) -> dict[str, dict]:
-    """The records in a file of results by case; a line cut short by a kill is run again."""
+def _read(results: Path, seeds: set[int]) -> dict[str, dict]:
+    """The records of these seeds in a file of results, by case; a line cut short by a kill is run again."""
     known: dict[str, dict] = {}
     for line in results.read_text().splitlines() if results.exists() else []:
         try:
             record = json.loads(line)
         except json.JSONDecodeError:
             continue
-        known[record["case"]] = record
+        if record.get("seed") in {None, *seeds}:
+            known[record["case"]] = record
     return known
 
 
@@ -126,7 +127,7 @@ def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> 
 
 def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
     """Records of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
-    known = _read(results)
+    known = _read(results, {c.seed for c in chosen})
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     lacking = [c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)]
     missing = sorted(lacking, key=lambda c: c.key)

@@ -13,7 +13,6 @@ from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
 from vispeg.diagnosis.selection.state import State, Trial, without
-from vispeg.diagnosis.selection.together import of_centre
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
 LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
 CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
-OF_ANGLE = 0.2  # the same where the torque is one of the angle alone, which no form of friction leaves
+CLEAR_OF_ANGLE = 0.2  # the same where the torque is one of the angle alone, which no form of friction leaves
 REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
 DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
 ALONE = 0.8  # share of the held-out squared error from which on one effect comes alone, before several at a time
@@ -47,7 +46,8 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
     alike = [e for e in stays if _alike(e, t.score.placed)]
     beside = max(alike, key=state.removed_by, default=None)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-    clear = OF_ANGLE if effect(t.score.placed.effect).conservative else CLEAR
+    of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in alike)
+    clear = CLEAR_OF_ANGLE if of_angle else CLEAR
     if beside is not None and refines < REFINEMENT and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
     if share < search.least_share:
@@ -72,7 +72,9 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= ALONE and sound(t)]
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
-        first = min(alike, key=lambda t: (doubtful(t), centres(t), parameters(t.fit.world), float(t.loss.sum())))
+        first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
+        instead = [t for t in alike if likelier(t, first) and doubtful(t) <= doubtful(first)]
+        first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
         passed.remove(first)
         passed.insert(0, first)
     refused = sorted((t for t in trials if t.rejected), key=lambda t: float(t.loss.sum()))
@@ -98,9 +100,10 @@ def doubtful(t: Trial) -> bool:
     return entangled or any(at_bound(e) for e in _own(t))
 
 
-def centres(t: Trial) -> int:
-    """How many of a candidate's effects say that a link is not as its maker says, with a load's worth of numbers."""
-    return sum(of_centre(e) for e in _own(t))
+def likelier(t: Trial, first: Trial) -> bool:
+    """Whether a candidate adds one effect, which is likelier than the one that another adds."""
+    singles = not t.score.beside and not first.score.beside
+    return singles and _own(t)[0].effect in effect(_own(first)[0].effect).likelier
 
 
 def _own(t: Trial) -> Sequence[EffectInstance]:

@@ -20,7 +20,7 @@ LEAST = 0.02  # share of the error left that one more effect must promise to rem
 LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another
 TIE = 0.03  # of the best gain: candidates this close are equals
 PRIOR = 0.5  # of the best gain in a joint, from which on what every arm has there is taken instead
-LOAD = 0.9  # the same of a link's centre, in whose place a load at the flange is taken
+LIKELIER = 0.9  # the same of an effect in whose place a likelier one is taken (`Effect.likelier`)
 BETTER = 0.995  # of the error left, that an exchange must leave at most
 LOOKED = 8  # candidates whose bounds are looked at, at each step
 ROUNDS = 3  # of exchanges after one addition
@@ -86,13 +86,7 @@ def prior(a: EffectInstance, b: EffectInstance) -> float:
     """
     if a.where == b.where and effect(a.effect).common and not effect(b.effect).common:
         return PRIOR
-    return LOAD if effect(a.effect).moments and of_centre(b) else np.inf
-
-
-def of_centre(placed: EffectInstance) -> bool:
-    """Whether it is the centre of a link; of its mass alone a load is the richer form, not the likelier one."""
-    kind = effect(placed.effect)
-    return kind.family == "body" and not kind.moments and placed.where != "base" and len(kind.magnitudes) > 1
+    return LIKELIER if a.effect in effect(b.effect).likelier else np.inf
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:

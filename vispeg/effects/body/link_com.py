@@ -14,6 +14,7 @@ class LinkCom(Effect):
 
     name = "link_com"
     family = "body"
+    likelier = ("payload",)
     params = {
         axis: Param(0.0, -0.15, 0.15, "m", start=0.01, doc=f"shift along the body's {axis} axis") for axis in "xyz"
     }

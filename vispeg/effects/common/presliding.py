@@ -1,6 +1,6 @@
 """Presliding: springs side by side that yield one after the other, as gear teeth and cable sheaths do before they slip.
 
-Maxwell-slip elements, `torque = mean(clip(stiffness (q - z_i), +-r_i level))`, each anchor z_i dragged along once its
+Maxwell-slip elements, `torque = -mean(clip(stiffness (q - z_i), +-r_i level))`, each anchor z_i dragged along once its
 element slips. Their yields r_i are spread evenly up to twice their mean: so the torque bends smoothly after a reversal,
 as presliding is measured to do, where one element has a corner. All of them have yielded after twice
 `level / stiffness`. MuJoCo's own mechanism is a fixed tendon with `springyield`, which needs a compiled model for each
@@ -24,7 +24,7 @@ def softened(stiffness: np.ndarray, inertia: np.ndarray, h: float) -> np.ndarray
     """Stiffness (nsim, nj) N m/rad that a step can follow, of what is stiffer than that on a light link.
 
     Springs taken at the whole step are of second order and lose no energy; the leapfrog is stable for (omega h)^2 under
-    4, and this keeps it under 2.
+    4, and this keeps it under 2 for a joint alone.
     """
     return stiffness / (1.0 + 0.5 * stiffness * h**2 / inertia)
 

@@ -31,7 +31,7 @@ class Hysteresis(Effect):
         return pull(state, x.q, softened(p["stiffness"], x.inertia, x.h), p["torque"])
 
     def along(self, path, at, x, p):
-        torque, stiffness = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in self.params)
+        torque, stiffness = (np.broadcast_to(np.ravel(p[k]), path.shape[1:]) for k in ("torque", "stiffness"))
         bent = [yielding(q, r)[at] for q, r in zip(path.T, torque / stiffness, strict=True)]
         return -stiffness * np.stack(bent, axis=1)
 
