@@ -1,9 +1,10 @@
 """The scorer on hand-made diagnoses whose marks are known."""
 
+import json
 from types import SimpleNamespace
 
 import pytest
-from runner import refer
+from runner import _read, refer
 from score import coverage, judge, report, wilson
 
 
@@ -109,7 +110,14 @@ def test_errors_of_the_truth_are_kept_and_only_of_what_the_library_has(tmp_path,
     asked = []
     answer = {"oracle": {"heldout_error": 3e-5, "floor": 2e-5, "params": {}}}
     monkeypatch.setattr("runner.references", lambda root, case: asked.append(case.name) or answer)
-    chosen = [SimpleNamespace(name=k, kind=k) for k in ("single", "many", "unknown")]
+    chosen = [SimpleNamespace(name=k, kind=k, seed=1) for k in ("single", "many", "unknown")]
     for _ in range(2):
         text = refer(tmp_path, chosen, tmp_path / "references.jsonl", 1)
     assert asked == ["single", "many"] and "| many | 1.5 |" in text and "unknown" not in text
+
+
+def test_records_of_another_seed_are_not_these(tmp_path):
+    lines = [{"case": "a", "verdict": "adequate", "seed": 901}, {"case": "b", "verdict": "adequate"}]
+    (tmp_path / "results.jsonl").write_text("\n".join(map(json.dumps, lines)) + '\n{"case": "c", "verd')
+    assert set(_read(tmp_path / "results.jsonl", {901})) == {"a", "b"}
+    assert set(_read(tmp_path / "results.jsonl", {902})) == {"b"}, "what says no seed is of before it was recorded"

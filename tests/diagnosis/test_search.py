@@ -96,16 +96,24 @@ def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_p
     state = State(World(), np.full((40, 1), 25e3), np.zeros(1))
     load, centre = body("payload", "flange", 151.0), body("link_com", "link7", 150.0)
     assert in_order(judge(), state, [centre, load])[0] is load
+    other = body("servo", "joint4", 151.0)
+    assert in_order(judge(), state, [other, centre])[0] is centre, "of others than the likelier one the least error"
     clear = body("link_com", "link7", 100.0)
     assert in_order(judge(), state, [clear, load])[0] is clear, "unless the data tell them apart"
 
 
-@pytest.mark.parametrize(("name", "passes"), [("cogging", True), ("cable_spring", True), ("load_friction", False)])
-def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remove_it(name, passes):
+@pytest.mark.parametrize(
+    ("name", "passes", "beside"),
+    [
+        ("cogging", True, "viscous_friction"),
+        ("cable_spring", True, "viscous_friction"),
+        ("load_friction", False, "viscous_friction"),
+        ("cogging", False, "cable_spring"),
+    ],
+)
+def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remove_it(name, passes, beside):
     """2 % of what friction removed, 40 % of what is left: form of friction, or a torque of the angle."""
-    state = State(
-        World().add(EffectInstance.of("viscous_friction", "elbow", damping=1.0)), np.full((40, 1), 25e3), np.zeros(1)
-    )
+    state = State(World().add(EffectInstance.of(beside, "elbow")), np.full((40, 1), 25e3), np.zeros(1))
     state.removed_by = lambda placed: 2e4  # type: ignore[method-assign]
     search = SimpleNamespace(least_share=0.001, evidence=SimpleNamespace(least_gain=0.01), holds=lambda state, t: True)
     t = replace(trial(name, 600.0), gain=Gain(400.0, 9.0, 0.4))

@@ -222,3 +222,19 @@ def test_a_joint_torque_sensor_reads_what_moves_the_link(world):
     inner = slice(100, -5)
     error = y.tau_joint[0, inner, 0] - expected[inner]
     assert np.sqrt(np.mean(error**2)) < 0.02 * np.ptp(expected[inner])
+
+
+def test_friction_under_a_changing_load_is_along_a_path_what_its_steps_make():
+    """Load and path swing at different rates; the memory of the mean load is right to some percent of the level."""
+    kind, at = effect("load_friction"), np.arange(4000)
+    q, load = 0.4 * np.sin(at / 300.0)[:, None], (3.0 + np.sin(at / 170.0))[:, None]
+    p = {"coefficient": np.full((1, 1), 0.2), "stiffness": np.full((1, 1), 1e3)}
+
+    def state(q, tau):
+        return DriveState(1e-6, 1e-6, q, np.zeros_like(q), np.zeros_like(q), tau, np.full_like(q, 9.0))
+
+    carried = kind.start(state(q[:1], load[:1]), p)
+    steps = np.concatenate([kind.torque(carried, state(a[None], b[None]), p) for a, b in zip(q, load, strict=True)])
+    error = kind.along(q, at, state(q, load), p) - steps
+    assert np.sqrt(np.mean(error**2)) < 0.05 * np.sqrt(np.mean(steps**2))
+    assert np.abs(steps).max() > 0.75 and np.abs(steps[np.abs(steps) > 0.3]).std() > 0.1, "the load matters"

@@ -118,6 +118,9 @@ def test_a_verdict_names_few_effects_and_counts_many(count):
         assert (f"{count} effects" in said) == (count > words.MOST_NAMED) and len(said) < 300
     if count > words.MOST_NAMED:
         assert said.endswith(f"{count - 1} named and 1 that these recordings cannot tell from others.")
+        found[1] |= {"tentative": True}
+        said = words.verdict({"verdict": "ambiguous", "effects": found})
+        assert said.endswith(f"{count - 2} named, 1 that these recordings cannot tell from others and 1 tentative.")
 
 
 def test_what_is_tentative_is_counted_and_a_class_is_named_as_one_of():
