@@ -6,8 +6,8 @@
     python scripts/bench/hidden_contact --make DIR --reference
 
 The plant shares no code with the model and is not MuJoCo: analytic peg and hole, Hunt-Crossley contact, its own
-integrator. Cases are deterministic by seed. `--dev` draws them with a
-seed that is not scored, `--dev 901` with that: tune only on those.
+integrator. Cases are deterministic by seed. `--dev` draws them with a seed that is not scored, `--dev 901` with that:
+tune only on those.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
     lock = threading.Lock()
 
     def work(case: Case) -> None:
-        found = {"case": case.name} | references(root, case)
+        found = {"case": case.name, "seed": case.seed} | references(root, case)
         with lock, results.open("a") as file:
             known[case.name] = found
             file.write(json.dumps(found) + "\n")

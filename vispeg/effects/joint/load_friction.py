@@ -1,9 +1,9 @@
 """Load-dependent friction: the gear's dry friction grows with the torque it carries.
 
 `level = coefficient |tau|`, tau the torque handed to the link in the last physics step. Below that level the teeth
-bend, which a good encoder sees. Sources: Duclusaud et al., "Extended
-friction models for the physics simulation of servo actuators" (BAM), 2024, model M4's load term; the presliding is that
-of `vispeg.effects.common.presliding` (Iwan 1966).
+bend, which a good encoder sees. Sources: Duclusaud et al., "Extended friction models for the physics simulation of
+servo actuators" (BAM), 2024, model M4's load term; the presliding is that of `vispeg.effects.common.presliding` (Iwan
+1966).
 """
 
 from __future__ import annotations
