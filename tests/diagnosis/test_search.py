@@ -17,6 +17,7 @@ from vispeg.diagnosis.selection.accept import in_order, refusal
 from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
+from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
@@ -93,13 +94,31 @@ def test_a_value_at_its_bound_stands_behind_whatever_else_passes():
 
 
 def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_parameters():
-    state = State(World(), np.full((40, 1), 25e3), np.zeros(1))
     load, centre = body("payload", "flange", 151.0), body("link_com", "link7", 150.0)
+    alone = State(World(), np.full((40, 1), 25e3), np.zeros(1))
+    assert in_order(judge(), alone, [centre, load])[0] is centre, "one thing wrong with an arm may be a link as well"
+    state = replace(alone, fit=load.fit)
     assert in_order(judge(), state, [centre, load])[0] is load
+    mass = body("link_mass", "link7", 150.0)
+    assert in_order(judge(), state, [mass, load])[0] is load
     other = body("servo", "joint4", 151.0)
     assert in_order(judge(), state, [other, centre])[0] is centre, "of others than the likelier one the least error"
     clear = body("link_com", "link7", 100.0)
     assert in_order(judge(), state, [clear, load])[0] is clear, "unless the data tell them apart"
+
+
+@pytest.mark.parametrize(
+    ("blocks", "drop", "holds"), [(15, 190.0, True), (15, 100.0, False), (14, 190.0, False), (18, 100.0, True)]
+)
+def test_a_large_gain_in_few_blocks_of_time_shows_in_held_out_recordings(blocks, drop, holds):
+    """Some of 40 blocks gain, the others lose a little: 14, 15 and 18 are 0.8, 1.1 and 2.1 standard errors."""
+    number = np.arange(40.0)
+    before = np.where(number < blocks, 200.0, 100.0)
+    after = before - np.where(number < blocks, drop + number / 100, -3.0 - number / 100)
+    search = Shown()
+    search.judge = judge()
+    tried = replace(trial("viscous_friction", 100.0), loss=after[:, None])
+    assert search.holds(State(World(), before[:, None], np.zeros(1)), tried) == holds
 
 
 @pytest.mark.parametrize(
@@ -182,6 +201,28 @@ def test_what_stands_at_a_bound_stays_where_nothing_better_comes_in(recordings):
     state = search.start(World(recordings[0].robot).add(shadow), 0)
     search.advance = lambda other, n_fixed: False  # type: ignore[method-assign]
     assert not cast_out(search, state, 0) and [e.effect for e in state.world.effects] == ["torque_gain"]
+
+
+def test_a_lag_of_one_joint_beside_one_of_all_goes_where_the_search_gets_further_without_it(recordings):
+    """A lag of one joint that was taken for its friction; alone, with none of all joints beside it, it stays."""
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search.fits = lambda worlds, n_fixed, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    bare, friction = World(recordings[0].robot), EffectInstance.of("coulomb_friction", "shoulder", torque=0.8)
+    one = EffectInstance.of("actuator_lag", "shoulder", time_constant=1e-4)
+    every = EffectInstance.of("command_delay", "all", delay=1e-4)
+    tried = []
+
+    def advance(other, n_fixed):
+        tried.append(other.world)
+        fit = held(search, other.world.add(friction))
+        other.take(fit, search.judge.losses([fit.world])[0])
+        return True
+
+    search.advance = advance  # type: ignore[method-assign]
+    assert not cast_out(search, search.start(bare.add(one), 0), 0) and not tried
+    state = search.start(bare.add(every, one), 0)
+    assert cast_out(search, state, 0) and tried == [bare.add(every)]
+    assert [e.label for e in state.world.effects] == ["command_delay(all)", "coulomb_friction(shoulder)"]
 
 
 def held(search: Search, world: World) -> Fit:

@@ -28,6 +28,8 @@ ALONE = 0.8  # share of the held-out squared error from which on one effect come
 DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
 CORRELATED = 0.9  # of two effects' estimates, from which on a candidate that explains as much is preferred
 HELD_OUT = 1.645  # sigma on the held-out recordings alone, whatever the cross-fitted ones say
+LARGE = 0.4  # share of the held-out squared error that a fit of other recordings hardly removes by chance, and then ...
+HELD_OUT_LARGE = 1.0  # ... sigma: a recording of 5 s has twenty blocks of time, and the whole gain may lie in few
 
 
 def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> list[Trial]:
@@ -73,7 +75,8 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
-        instead = [t for t in alike if likelier(t, first) and doubtful(t) <= doubtful(first)]
+        crowded = state.fit is not None  # one thing wrong with an arm is as well a link as what it holds
+        instead = [t for t in alike if crowded and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
         passed.remove(first)
         passed.insert(0, first)

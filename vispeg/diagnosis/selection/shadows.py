@@ -1,8 +1,8 @@
-"""Effects of joints and drives at their bounds: shadows of something else.
+"""Effects that are shadows of others: a joint's or a drive's at a bound, one joint's own delay beside one of all.
 
-One that came in with others goes out again at once. Where a search ends it goes on without the others, and what is
-better stays: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none of the
-three gains beside it: one out, and several in.
+One at a bound that came in with others goes out again at once. Where a search ends it goes on without the others, and
+what is better stays: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none
+of the three gains beside it: one out, and several in. A lag of a wrist mimics its rotor's inertia in the same way.
 """
 
 from __future__ import annotations
@@ -36,16 +36,18 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
 
 
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
-    """Takes out of a state what stands at a bound where a search without it gets further; whether it did."""
-    gone = _stuck(state, n_fixed)
-    if not gone or state.fit is None:
+    """Takes a kind of shadows out of a state where a search without them gets further; whether it did."""
+    if state.fit is None:
         return False
-    search.say(f"going on without {', '.join(e.label for e in gone)}: at a bound")
-    other = lacking(search, state, gone, n_fixed)
-    if not overtakes(search, state, other, n_fixed, STEPS):
-        return False
-    become(state, other)
-    return True
+    for gone, why in ((_stuck(state, n_fixed), "at a bound"), (_again(state, n_fixed), "all joints have one")):
+        if not gone:
+            continue
+        search.say(f"going on without {', '.join(e.label for e in gone)}: {why}")
+        other = lacking(search, state, gone, n_fixed)
+        if overtakes(search, state, other, n_fixed, STEPS):
+            become(state, other)
+            return True
+    return False
 
 
 def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: int) -> bool:
@@ -60,6 +62,12 @@ def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: i
 
 def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family in ("joint", "drive") and at_bound(e)]
+
+
+def _again(state: State, n_fixed: int) -> list[EffectInstance]:
+    """Delays and the like of single joints beside one of all joints."""
+    shared = [e for e in state.world.effects[n_fixed:] if effect(e.effect).shared]
+    return [e for e in shared if e.where != "all"] if any(e.where == "all" for e in shared) else []
 
 
 def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:

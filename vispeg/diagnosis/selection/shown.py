@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from vispeg.diagnosis.selection.accept import HELD_OUT, refusal
+from vispeg.diagnosis.selection.accept import HELD_OUT, HELD_OUT_LARGE, LARGE, refusal
 from vispeg.diagnosis.selection.judge import Gain, Judge, adds
 from vispeg.diagnosis.selection.prune import needed
 from vispeg.diagnosis.selection.state import State, Trial
@@ -28,7 +28,8 @@ class Shown:
 
     def holds(self, state: State, trial: Trial) -> bool:
         """Whether what a trial adds shows in the held-out recordings alone, block by block."""
-        return self.judge.gain(state.loss, trial.loss).z >= HELD_OUT
+        gain = self.judge.gain(state.loss, trial.loss)
+        return gain.z >= (HELD_OUT if gain.relative < LARGE else HELD_OUT_LARGE)
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Why a fitted trial may not pass; empty where it may."""

@@ -2,7 +2,7 @@
 
 Forward: the effect that lowers the linear model's error most, each fold predicted by the others, comes in. Of those
 within TIE the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias), or what an
-effect calls likelier than itself, comes before what is hardly better. After each, every effect is asked whether another
+effect calls likelier than itself, comes before what is little better. After each, every effect is asked whether another
 one would do better in its place, those that were accepted before included, so that an early wrong guess does not stay.
 Then what carries nothing goes out.
 
@@ -21,7 +21,7 @@ LEAST = 0.02  # share of the error left that one more effect must promise to rem
 LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another
 TIE = 0.03  # of the best gain: candidates this close are equals
 PRIOR = 0.5  # of the best gain in a joint, from which on what every arm has there is taken instead
-LIKELIER = 0.9  # the same of an effect in whose place a likelier one is taken (`Effect.likelier`)
+LIKELIER = 0.8  # the same of an effect in whose place a likelier one is taken (`Effect.likelier`)
 BETTER = 0.995  # of the error left, that an exchange must leave at most
 LOOKED = 8  # candidates whose bounds are looked at, at each step
 ROUNDS = 3  # of exchanges after one addition

@@ -19,6 +19,7 @@ class LinkMass(Effect):
 
     name = "link_mass"
     family = "body"
+    likelier = ("payload",)
     params = {"mass": Param(0.0, -3.0, 6.0, "kg", start=0.3, doc="added to the nominal mass")}
     writes = frozenset({"body_mass", "body_inertia"})
 
