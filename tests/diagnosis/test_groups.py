@@ -87,6 +87,19 @@ def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_
     assert len(here.world.effects) == len(HIDDEN) and not here.slight and not open_ended(here, 0)
 
 
+def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched, monkeypatch):
+    search, state = searched
+    (fit,) = search.fits([state.world.add(EffectInstance.of("joint_bias", "elbow"))], 0)
+    here = replace(state)
+    here.take(fit, search.judge.losses([fit.world])[0])
+    here.cross = search.cross.loss_of(fit, fit.residual)
+    gain = search.judge.gain
+    monkeypatch.setattr(search.judge, "gain", lambda *losses: replace(gain(*losses), z=9.0))
+    monkeypatch.setattr(search, "needed", lambda *args: False)
+    prune.prune(search, here, 0)
+    assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
+
+
 def start(name):
     return {m: effect(name).params[m].start for m in effect(name).magnitudes}
 

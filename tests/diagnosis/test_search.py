@@ -14,7 +14,7 @@ from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection.accept import in_order, refusal
-from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.judge import FARTHEST, Gain, Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
@@ -97,6 +97,8 @@ def test_of_equals_a_load_comes_before_the_centre_of_a_link_though_it_has_more_p
     load, centre = body("payload", "flange", 151.0), body("link_com", "link7", 150.0)
     alone = State(World(), np.full((40, 1), 25e3), np.zeros(1))
     assert in_order(judge(), alone, [centre, load])[0] is centre, "one thing wrong with an arm may be a link as well"
+    some = body("payload", "flange", 301.0), body("link_com", "link7", 300.0)
+    assert in_order(judge(), alone, [*some])[0] is some[0], "where one leaves much, more is wrong"
     state = replace(alone, fit=load.fit)
     assert in_order(judge(), state, [centre, load])[0] is load
     mass = body("link_mass", "link7", 150.0)
@@ -223,6 +225,30 @@ def test_a_lag_of_one_joint_beside_one_of_all_goes_where_the_search_gets_further
     state = search.start(bare.add(every, one), 0)
     assert cast_out(search, state, 0) and tried == [bare.add(every)]
     assert [e.label for e in state.world.effects] == ["command_delay(all)", "coulomb_friction(shoulder)"]
+
+
+def test_where_much_is_left_the_joint_with_the_greatest_error_is_asked_again_for_what_every_arm_has(recordings):
+    """A lag of the shoulder, whose friction is missing; beside it something that stays. With its friction, none."""
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    search.fits = lambda worlds, n_fixed, **how: [held(search, w) for w in worlds]  # type: ignore[method-assign]
+    friction = EffectInstance.of("coulomb_friction", "shoulder", torque=0.8)
+    elbow = EffectInstance.of("encoder_offset", "elbow", offset=1e-6)
+    lag, tried = EffectInstance.of("actuator_lag", "shoulder", time_constant=1e-4), []
+
+    def advance(other, n_fixed):
+        tried.append(other.world)
+        fit = held(search, other.world.add(friction))
+        other.take(fit, search.judge.losses([fit.world])[0])
+        return True
+
+    search.advance = advance  # type: ignore[method-assign]
+    bare = World(recordings[0].robot)
+    state = search.start(bare.add(elbow, lag), 0)
+    assert search.judge.mean(state.loss) > FARTHEST
+    assert cast_out(search, state, 0) and tried == [bare.add(elbow)]
+    assert [e.label for e in state.world.effects] == ["encoder_offset(elbow)", "coulomb_friction(shoulder)"]
+    explained = search.start(bare.add(elbow, lag, friction), 0)
+    assert search.judge.mean(explained.loss) < FARTHEST and not cast_out(search, explained, 0)
 
 
 def held(search: Search, world: World) -> Fit:

@@ -13,7 +13,7 @@ from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import FARTHEST, Verdict, decide
+from vispeg.diagnosis.conclusion.verdict import Verdict, decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
@@ -33,7 +33,7 @@ from vispeg.diagnosis.record import (
     with_origin,
 )
 from vispeg.diagnosis.schema import DiagnosisRecord
-from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.judge import FARTHEST, Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.share import Share

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
 from vispeg.diagnosis.evidence.roles import Roles
+from vispeg.diagnosis.selection.judge import FARTHEST
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
 EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
-# However bad the nominal model was, an identified one leaves no more than this in any kind of channel, over its floor:
-FARTHEST = 100.0
 MARK = 1.25  # of what least squares of base parameters leaves, up to which an identified model may leave too
 
 

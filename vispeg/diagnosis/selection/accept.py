@@ -75,8 +75,8 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
-        crowded = state.fit is not None  # one thing wrong with an arm is as well a link as what it holds
-        instead = [t for t in alike if crowded and likelier(t, first) and doubtful(t) <= doubtful(first)]
+        more = state.fit is not None or first.gain.relative < ALONE  # what is wrong alone may be a link as well
+        instead = [t for t in alike if more and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
         passed.remove(first)
         passed.insert(0, first)

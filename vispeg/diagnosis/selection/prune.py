@@ -3,7 +3,8 @@
 What a fit would be without an effect follows from its derivatives, so each is asked for without a rollout on the fitted
 recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit. What the fitted
 recordings alone call useless goes only if the held-out error does not rise beyond its standard error. What the held-out
-recordings want, though it removes no visible share, stays, and is no name.
+recordings want, though it removes no visible share, stays, and is no name; unless it may be absent, and removes next to
+nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from scipy import stats
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.selection.accept import DISCOVERIES
 from vispeg.diagnosis.selection.cross import reduced
-from vispeg.diagnosis.selection.judge import Gain
+from vispeg.diagnosis.selection.judge import Gain, present
 from vispeg.diagnosis.selection.state import State, without
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ SURE = 2.0  # sigma by which a member of a group must lower the error to stay
 ABLE = 1.645  # the same for an effect that passed a test of its own
 WORSE = 0.05  # of the held-out squared error, by which it may rise when something that it does not need goes out
 RISE = 1.0  # standard errors of the held-out error, by which it may rise when what it was not asked of goes out
+NOTHING = 0.002  # of the held-out squared error: what removes less, and may be absent, goes out however surely it does
 LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
@@ -94,7 +96,9 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
     hardly = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
-    weak = [i for i in hardly if search.judge.gain(losses[i], state.loss).z < stats.norm.isf(DISCOVERIES)]
+    chance = stats.norm.isf(DISCOVERIES)
+    nil = [i for i in hardly if gains[i].relative < NOTHING and not present(fit, places[i])]
+    weak = nil or [i for i in hardly if search.judge.gain(losses[i], state.loss).z < chance]
     if not weak:
         state.slight = frozenset(state.world.effects[places[i]].label for i in hardly)
         return []

@@ -1,4 +1,5 @@
-"""Effects that are shadows of others: a joint's or a drive's at a bound, one joint's own delay beside one of all.
+"""Effects that are shadows of others: a joint's or a drive's at a bound, one joint's own delay beside one of all, and
+where much is left what not every arm has in the joint with the greatest error.
 
 One at a bound that came in with others goes out again at once. Where a search ends it goes on without the others, and
 what is better stays: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none
@@ -16,6 +17,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
+from vispeg.diagnosis.selection.judge import FARTHEST
 from vispeg.diagnosis.selection.state import State, without
 
 if TYPE_CHECKING:
@@ -39,7 +41,12 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
     """Takes a kind of shadows out of a state where a search without them gets further; whether it did."""
     if state.fit is None:
         return False
-    for gone, why in ((_stuck(state, n_fixed), "at a bound"), (_again(state, n_fixed), "all joints have one")):
+    kinds = {
+        "at a bound": _stuck(state, n_fixed),
+        "all joints have one": _again(state, n_fixed),
+        "what every joint has comes first where the error is greatest": _odd(search, state, n_fixed),
+    }
+    for why, gone in kinds.items():
         if not gone:
             continue
         search.say(f"going on without {', '.join(e.label for e in gone)}: {why}")
@@ -68,6 +75,16 @@ def _again(state: State, n_fixed: int) -> list[EffectInstance]:
     """Delays and the like of single joints beside one of all joints."""
     shared = [e for e in state.world.effects[n_fixed:] if effect(e.effect).shared]
     return [e for e in shared if e.where != "all"] if any(e.where == "all" for e in shared) else []
+
+
+def _odd(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
+    """What not every arm has in the joint with the greatest error, where so much is left that something is wrong."""
+    if search.judge.mean(state.loss) <= FARTHEST * search.judge.floor(state.world):
+        return []
+    worst = search.evidence.items[0].robot.joints[int(np.argmax(state.loss.sum(axis=0)))]
+    added = state.world.effects[n_fixed:]
+    odd = [e for e in added if e.where == worst and not effect(e.effect).common]
+    return odd if len(odd) < len(added) else []
 
 
 def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
