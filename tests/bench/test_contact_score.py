@@ -68,13 +68,15 @@ def test_the_plain_fall_is_of_squared_errors_weighed_by_time():
 
 
 def test_what_is_finished_is_neither_made_nor_run_again(tmp_path):
-    """A line that a kill cut short and a run that failed are no results."""
+    """A line that a kill cut short, a run that failed and one of another seed are no results."""
     results = tmp_path / "results.jsonl"
     whole, failed = record([], [], "adequate", "none"), record([], [], "failed") | {"case": "y"}
     lines = [json.dumps(r) for r in (whole, failed)]
+    lines.append(json.dumps(whole | {"case": "z", "seed": 1}))
     results.write_text("\n".join([*lines, lines[0][: len(lines[0]) // 2]]))
-    assert finished(results) == {"x": whole} and finished(tmp_path / "none") == {}
-    case = SimpleNamespace(name="x", key="k")
+    assert finished(results, 2) == {"x": whole} and finished(tmp_path / "none", 2) == {}
+    assert set(finished(results, 1)) == {"x", "z"}
+    case = SimpleNamespace(name="x", key="k", seed=2)
     assert run(tmp_path / "no recordings", [case], results) == [whole]
 
 

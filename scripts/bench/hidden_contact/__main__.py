@@ -63,7 +63,7 @@ def main() -> int:
         print("\n".join(f"{c.name}  [{c.kind}]" for c in chosen))
         return 0
     results = args.results or root / ("references.jsonl" if args.reference else "results.jsonl")
-    there = finished(results) if args.run or args.reference else {}
+    there = finished(results, seed) if args.run or args.reference else {}
     make(root, [c for c in chosen if c.name not in there], say=lambda text: print(text, file=sys.stderr, flush=True))
     if not (args.run or args.reference):
         for case in chosen:

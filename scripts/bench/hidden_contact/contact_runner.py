@@ -46,7 +46,7 @@ def reference(root: Path, case: Case) -> dict:
 def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
     """The record that a process for a case begins, and what it printed; None where it failed, as the record says."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
-    record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "commit": commit()}
+    record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "seed": case.seed, "commit": commit()}
     begin, before = time.monotonic(), _cpu()
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False)
@@ -65,8 +65,11 @@ def _cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def finished(results: Path) -> dict[str, dict]:
-    """The records in a file of results, by the name of their case; a line cut short by a kill is no record."""
+def finished(results: Path, seed: int) -> dict[str, dict]:
+    """The records of a seed in a file of results, by the name of their case; a line cut short by a kill is no record.
+
+    One without a seed is of the time before they had one, and taken.
+    """
     records: dict[str, dict] = {}
     if results.exists():
         for line in results.read_text().splitlines():
@@ -74,7 +77,7 @@ def finished(results: Path) -> dict[str, dict]:
                 record = json.loads(line)
             except json.JSONDecodeError:
                 continue
-            if record["verdict"] != "failed":
+            if record["verdict"] != "failed" and record.get("seed", seed) == seed:
                 records[record["case"]] = record
     return records
 
@@ -84,7 +87,7 @@ def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Cas
 
     Those that are there are not run again.
     """
-    records = finished(results)
+    records = finished(results, chosen[0].seed) if chosen else {}
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     missing = sorted((c for c in chosen if c.name not in records), key=lambda c: c.key)
     results.parent.mkdir(parents=True, exist_ok=True)
