@@ -96,6 +96,10 @@ def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_it
     gain = search.judge.gain
     monkeypatch.setattr(search.judge, "gain", lambda *losses: replace(gain(*losses), z=9.0))
     monkeypatch.setattr(search, "needed", lambda *args: False)
+    with monkeypatch.context() as patch:
+        patch.setattr(prune, "present", lambda *args: True)
+        prune.prune(search, here, 0)
+    assert {e.label for e in here.world.effects} > {e.label for e in HIDDEN}, "what is there stays"
     prune.prune(search, here, 0)
     assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
 

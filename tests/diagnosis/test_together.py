@@ -281,7 +281,7 @@ def test_what_helps_one_fold_alone_is_not_proposed(toy):
     assert alone.crossed([0]) > alone.total and together(alone, most=8) is None
 
 
-def test_a_load_is_taken_in_the_place_of_a_links_centre_that_is_hardly_better(toy):
+def test_a_load_is_taken_in_the_place_of_a_links_centre_that_is_not_much_better(toy):
     """A load that promises 85 % of what the centre of the last link does; and one that promises 76 %."""
     rng = stream(5, "load")
     centre, other = rng.standard_normal((2, N))

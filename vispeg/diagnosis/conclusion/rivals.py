@@ -17,7 +17,7 @@ from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
 
 EXCHANGES = 3  # at most
-BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none for what every arm has in that joint
+BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none where it goes before (`prior`)
 FAR = 3.0  # times what the chosen effect leaves over the noise, by which a rival is far from it
 MOST = 3  # rivals of one of many effects that are fitted
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold

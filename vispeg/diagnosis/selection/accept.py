@@ -28,8 +28,8 @@ ALONE = 0.8  # share of the held-out squared error from which on one effect come
 DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
 CORRELATED = 0.9  # of two effects' estimates, from which on a candidate that explains as much is preferred
 HELD_OUT = 1.645  # sigma on the held-out recordings alone, whatever the cross-fitted ones say
-LARGE = 0.4  # share of the held-out squared error that a fit of other recordings hardly removes by chance, and then ...
-HELD_OUT_LARGE = 1.0  # ... sigma: a recording of 5 s has twenty blocks of time, and the whole gain may lie in few
+LARGE = 0.4  # share of the held-out squared error that a fit of other recordings hardly removes by chance
+HELD_OUT_LARGE = 1.0  # sigma on the held-out recordings where so much goes: a gain may lie in few of their blocks
 
 
 def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> list[Trial]:
@@ -75,8 +75,9 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
-        more = state.fit is not None or first.gain.relative < ALONE  # what is wrong alone may be a link as well
-        instead = [t for t in alike if more and likelier(t, first) and doubtful(t) <= doubtful(first)]
+        # what is wrong alone may as well be a link
+        others = state.fit is not None or first.gain.mean < ALONE * (judge.mean(state.loss) - 1.0)
+        instead = [t for t in alike if others and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
         passed.remove(first)
         passed.insert(0, first)

@@ -14,7 +14,8 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.loops.stirred import reading_noise
 from vispeg.worlds.world import World
 
-# However bad the given model was, an identified one leaves no more noise variances than this in any kind of channel:
+# However bad the given model was, an identified one leaves no more than this in any kind of channel, over its floor;
+# where the mean over all is more, a search asks again (`shadows`):
 FARTHEST = 100.0
 CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 

@@ -26,7 +26,7 @@ SURE = 2.0  # sigma by which a member of a group must lower the error to stay
 ABLE = 1.645  # the same for an effect that passed a test of its own
 WORSE = 0.05  # of the held-out squared error, by which it may rise when something that it does not need goes out
 RISE = 1.0  # standard errors of the held-out error, by which it may rise when what it was not asked of goes out
-NOTHING = 0.002  # of the held-out squared error: what removes less, and may be absent, goes out however surely it does
+NOTHING = 0.1  # of the least visible share: what may be absent and removes less goes out, however surely it does
 LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
@@ -96,9 +96,13 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
     hardly = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
-    chance = stats.norm.isf(DISCOVERIES)
-    nil = [i for i in hardly if gains[i].relative < NOTHING and not present(fit, places[i])]
-    weak = nil or [i for i in hardly if search.judge.gain(losses[i], state.loss).z < chance]
+    nothing, chance = NOTHING * search.evidence.least_gain, stats.norm.isf(DISCOVERIES)
+    weak = [
+        i
+        for i in hardly
+        if (gains[i].relative < nothing and not present(fit, places[i]))
+        or search.judge.gain(losses[i], state.loss).z < chance
+    ]
     if not weak:
         state.slight = frozenset(state.world.effects[places[i]].label for i in hardly)
         return []

@@ -1,9 +1,11 @@
-"""Effects that are shadows of others: a joint's or a drive's at a bound, one joint's own delay beside one of all, and
-where much is left what not every arm has in the joint with the greatest error.
+"""Effects that are shadows of others, which are missing.
 
-One at a bound that came in with others goes out again at once. Where a search ends it goes on without the others, and
-what is better stays: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together, and none
-of the three gains beside it: one out, and several in. A lag of a wrist mimics its rotor's inertia in the same way.
+- At a bound: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together.
+- A delay of one joint beside one of all joints: a lag of a wrist mimics its rotor's inertia.
+- Where much is left, in the joint with the greatest error: what not every arm has there.
+
+None of what is missing gains beside a shadow: one out, and several in. So where a search ends it goes on without them,
+and what is better stays. A shadow at a bound that came in with others goes out again at once.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.judge import FARTHEST
 from vispeg.diagnosis.selection.state import State, without
@@ -38,17 +40,22 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
 
 
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
-    """Takes a kind of shadows out of a state where a search without them gets further; whether it did."""
+    """Takes a kind of shadows out of a state where a search without them gets further; whether it did.
+
+    The same are not asked for twice beside the same effects: no search goes round in a circle.
+    """
     if state.fit is None:
         return False
     kinds = {
         "at a bound": _stuck(state, n_fixed),
-        "all joints have one": _again(state, n_fixed),
-        "what every joint has comes first where the error is greatest": _odd(search, state, n_fixed),
+        "all joints have a delay": _again(state, n_fixed),
+        "not what every arm has, in the joint with the greatest error": _uncommon(search, state, n_fixed),
     }
     for why, gone in kinds.items():
-        if not gone:
+        asked = (state.world.label, *(e.label for e in gone))
+        if not gone or asked in state.cast_out:
             continue
+        state.cast_out.add(asked)
         search.say(f"going on without {', '.join(e.label for e in gone)}: {why}")
         other = lacking(search, state, gone, n_fixed)
         if overtakes(search, state, other, n_fixed, STEPS):
@@ -73,18 +80,24 @@ def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
 
 def _again(state: State, n_fixed: int) -> list[EffectInstance]:
     """Delays and the like of single joints beside one of all joints."""
-    shared = [e for e in state.world.effects[n_fixed:] if effect(e.effect).shared]
-    return [e for e in shared if e.where != "all"] if any(e.where == "all" for e in shared) else []
+    every = any(effect(e.effect).shared and e.where == "all" for e in state.world.effects)
+    return [e for e in state.world.effects[n_fixed:] if every and effect(e.effect).shared and e.where != "all"]
 
 
-def _odd(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
-    """What not every arm has in the joint with the greatest error, where so much is left that something is wrong."""
+def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
+    """What not every arm has in the joint with the greatest error, where so much is left that something is wrong.
+
+    None where that joint has all that every arm has; nor where nothing else came in, for a search begins so.
+    """
     if search.judge.mean(state.loss) <= FARTHEST * search.judge.floor(state.world):
         return []
     worst = search.evidence.items[0].robot.joints[int(np.argmax(state.loss.sum(axis=0)))]
+    lacks = [name for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]
+    if not any(effect(name).common for name in lacks):
+        return []
     added = state.world.effects[n_fixed:]
-    odd = [e for e in added if e.where == worst and not effect(e.effect).common]
-    return odd if len(odd) < len(added) else []
+    gone = [e for e in added if e.where == worst and not effect(e.effect).common]
+    return gone if len(gone) < len(added) else []
 
 
 def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:

@@ -50,6 +50,7 @@ class State:
     missing: list[MissingTorque] = field(default_factory=list)
     opened: World | None = None  # the user's model with its partial effects fitted anew
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # cross-fitted loss on the fitted recordings
+    cast_out: set[tuple[str, ...]] = field(default_factory=set)  # labels of worlds, and of what they were tried without
     slight: frozenset[str] = frozenset()  # labels of what held-out data want, though it removes no visible share
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:

@@ -2,9 +2,9 @@
 
 Forward: the effect that lowers the linear model's error most, each fold predicted by the others, comes in. Of those
 within TIE the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias), or what an
-effect calls likelier than itself, comes before what is little better. After each, every effect is asked whether another
-one would do better in its place, those that were accepted before included, so that an early wrong guess does not stay.
-Then what carries nothing goes out.
+effect calls likelier than itself, comes before what is not much better. After each, every effect is asked whether
+another one would do better in its place, those that were accepted before included, so that an early wrong guess does
+not stay. Then what carries nothing goes out.
 
 Source of the forward step: Chen, Billings and Luo, International Journal of Control 50(5), 1989.
 """
