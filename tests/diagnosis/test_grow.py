@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from loops import ARM, drive, recorded
@@ -10,7 +12,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.judge import Gain, Judge
-from vispeg.diagnosis.selection.law import grow
+from vispeg.diagnosis.selection.law import _stands_behind, grow
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.identify.evidence import Evidence
@@ -42,6 +44,19 @@ def test_friction_that_falls_with_speed_takes_the_place_of_dry_friction(hidden, 
         assert search.judge.mean(state.loss) < 0.5 * before
         assert found.params["excess"].value == pytest.approx(0.25, rel=0.2)
         assert state.steps[-1][0].score.out[0].label == DRY.label
+
+
+@pytest.mark.parametrize(
+    ("left", "crossed", "alone", "stands"),
+    [(10.0, 1.7, 2.0, True), (10.0, -0.8, 3.3, True), (10.0, 1.6, 2.3, False), (60.0, 9.0, 9.0, False)],
+)
+def test_what_contains_dry_friction_shows_cross_fitted_or_surely_on_held_out_recordings(left, crossed, alone, stands):
+    """`left` of 100 noise variances; standard errors at which 5 and 1 % pass by chance are 1.64 and 2.33."""
+    judged = SimpleNamespace(mean=lambda loss: 100.0, floor=lambda world: 1.0)
+    trial = Trial(Score(FALLING, 0.0, out=(DRY,)), None, np.zeros(0), Gain(100.0 - left, alone, 1.0 - left / 100.0))  # type: ignore[arg-type]
+    state = State(World(), np.zeros(0), np.zeros(0))
+    search = SimpleNamespace(judge=judged, evidence=SimpleNamespace(least_gain=0.02))
+    assert _stands_behind(search, state, trial, crossed) == stands  # type: ignore[arg-type]
 
 
 def test_what_an_effect_removed_counts_what_it_took_the_place_of():

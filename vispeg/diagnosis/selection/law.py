@@ -178,7 +178,8 @@ def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -
     if not most or not (contained or present(trial.fit, -1)):
         return False
     if gain.relative > DECISIVE:
-        return (crossed if contained else gain.z) > stats.norm.isf(0.05)
+        sure = contained and gain.z > stats.norm.isf(DISCOVERIES)  # a straight line predicts folds ill far from its fit
+        return sure or (crossed if contained else gain.z) > stats.norm.isf(0.05)
     if contained or gain.relative < search.evidence.least_gain or gain.z < HELD_OUT:
         return False
     if crossed < stats.norm.isf(DISCOVERIES):
