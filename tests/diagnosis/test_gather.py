@@ -39,19 +39,6 @@ def test_a_load_takes_the_place_of_what_the_last_links_were_given():
     assert not gathered(search, state, 0), "links have nothing any more"
 
 
-def test_a_load_that_stands_there_stays_alone_where_links_cancel_a_part_of_it():
-    """Two links are not asked for; three are, if what is left without them is no worse by a search of one step."""
-    links = [EffectInstance.of("link_com", f"link{k}", x=1e-3) for k in (5, 6)]
-    search, state = searched(LOAD, [LOAD, *links])
-    assert not gathered(search, state, 0) and len(state.world.effects) == 3
-    search, state = searched(LOAD, [LOAD.with_values(x=0.05), *links, HEAVIER])
-    heavy = search.fits([World("iiwa14").add(LOAD.with_values(x=0.05), *links, HEAVIER)], 0, iterations=1)[0]
-    state.take(heavy, search.judge.losses([heavy.world])[0])
-    before = search.judge.mean(state.loss)
-    assert gathered(search, state, 0)
-    assert [e.label for e in state.world.effects] == ["payload(flange)"] and search.judge.mean(state.loss) < before
-
-
 def test_a_heavy_link_is_no_load():
     """What a link was given rightly stays."""
     search, state = searched(HEAVIER, [HEAVIER])

@@ -1,8 +1,7 @@
 """One body in the place of what several links were given: one in, several out.
 
 A load at the flange comes in as masses and centres of the last links where each step takes the best effect beside what
-stands. No exchange of one for one leads from there to the load, which has fewer parameters than they have together. Nor
-does one where the load came in with them, and they cancel a part of it.
+stands. No exchange of one for one leads from there to the load, which has fewer parameters than they have together.
 """
 
 from __future__ import annotations
@@ -18,37 +17,30 @@ if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
 
 STEPS = 1  # that a search with the body may take to be better
-MANY = 3  # effects of links, beside a body that came in with them, that are asked for together
 
 
 def gathered(search: Search, state: State, n_fixed: int) -> bool:
     """Puts a body with a mass and a place in the place of all that links were given, where that is better; whether it
-    was. One that stands there already stays alone where links remove less beside it than one effect must.
+    was.
     """
     links = of_links(search, state, n_fixed)
     if not links or state.fit is None:
         return False
     kinds = [kind.name for kind in searchable().values() if kind.family == "body" and kind.moments]
     places = [p for p in candidates(search.evidence, state.world, []) if p[0] in kinds]
-    stands = any(e.effect in kinds for e in state.world.effects)
-    asked = (state.world.label, *(e.label for e in links))
-    if asked in state.cast_out or not (places or (stands and len(links) >= MANY)):
+    if not places:
         return False
-    state.cast_out.add(asked)
-    search.say(f"{', '.join(kinds)} in the place of {', '.join(e.label for e in links)}")
+    search.say(f"{', '.join(name for name, _ in places)} in the place of {', '.join(e.label for e in links)}")
     other = lacking(search, state, links, n_fixed)
-    if places:
-        scores: list[Score] = search.screened_alone(
-            other.world, other.residual, other.fit, places, search.missing(other.world)
-        )
-        trials = search.try_all(other, scores, n_fixed, search.tested(state)) if scores else []
-        best = next((t for t in trials if not t.rejected), None)
-        if best is None:
-            return False
-        search.take(other, best, trials, n_fixed)
-    lost = search.judge.gain(other.loss, state.loss).relative
-    simpler = stands and other.fit is not None and lost < search.evidence.least_gain
-    if not simpler and not overtakes(search, state, other, n_fixed, STEPS):
+    scores: list[Score] = search.screened_alone(
+        other.world, other.residual, other.fit, places, search.missing(other.world)
+    )
+    trials = search.try_all(other, scores, n_fixed, search.tested(state)) if scores else []
+    best = next((t for t in trials if not t.rejected), None)
+    if best is None:
+        return False
+    search.take(other, best, trials, n_fixed)
+    if not overtakes(search, state, other, n_fixed, STEPS):
         return False
     become(state, other)
     return True
