@@ -1,4 +1,6 @@
-"""A servo and a limit of one joint, of which each alone is refused, are found together; fits start at guesses."""
+"""Several effects of one joint, of which each alone is refused, are found together; fits of limits start at guesses."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,10 +9,12 @@ from loops import pendulum
 from vispeg.api.fit import fit
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.starts import begun
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.pairs import pairs
+from vispeg.diagnosis.selection.pairs import all_common, pairs
 from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import Trial
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import Motion
 from vispeg.identify.record import controller, record
@@ -72,3 +76,60 @@ def test_a_fit_without_a_start_value_begins_where_it_has_a_slope(search):
     assert out.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.02)
     named = fit(robot, recordings, [LIMIT], method="least-squares", iterations=1, threads=1)
     assert named.effects[0].params["rate"].value == pytest.approx(1.0, rel=0.1)
+
+
+EVERY_ARM_HAS = (
+    EffectInstance.of("viscous_friction", "hinge", damping=0.3),
+    EffectInstance.of("rotor_inertia", "hinge", inertia=0.05),
+    EffectInstance.of("joint_bias", "hinge", torque=-0.4),
+)
+
+
+@pytest.fixture(scope="module")
+def driven() -> Search:
+    """A pendulum under torques alone, with all that every arm has."""
+    robot, time = pendulum(), np.arange(300) / 100.0
+    motions = []
+    for k in range(2):
+        goal = 0.6 * np.sin(2 * np.pi * (0.6 + 0.3 * k) * time)
+        motion = Motion("sine", time, goal[:, None], np.gradient(goal, time)[:, None])
+        world, loop = World(robot.source, None, EVERY_ARM_HAS), controller(robot, "torque", 100.0, np.zeros(1))
+        motions.append(record(world, motion, loop, {"q": 1e-4, "dq": 1e-3}, stream(k, "sine")))
+    return Search(Evidence(motions[:1]), Judge(Evidence(motions[1:], h_max=1e-3)))
+
+
+def stuck(search: Search, state, rejected: str = "") -> Trial:
+    """A voltage limit at its bound, that passed."""
+    limit = EffectInstance.of("torque_speed_limit", "hinge", stall=0.05, no_load=0.3)
+    fit = SimpleNamespace(world=state.world.add(limit))
+    return Trial(Score(limit, 1.0), fit, state.loss, search.judge.gain(state.loss, state.loss), rejected)
+
+
+def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven, monkeypatch):
+    state = driven.start(World(pendulum().source))
+    monkeypatch.setattr(driven, "step_at", lambda *args: [stuck(driven, state)])
+    best, *_ = driven.step(state, 0)
+    assert not best.rejected and {e.effect for e in EVERY_ARM_HAS} <= {e.effect for e in best.score.members}
+    assert best.gain.relative > 0.99
+    found = {e.effect: e for e in best.fit.world.effects}
+    for truth in EVERY_ARM_HAS:
+        for name, v in truth.params.items():
+            assert found[truth.effect].params[name].value == pytest.approx(v.value, rel=0.05)
+
+
+def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven, monkeypatch):
+    state = driven.start(World(pendulum().source))
+    monkeypatch.setattr(driven, "step_at", lambda *args: [stuck(driven, state, "refused")])
+    kinds = [{e.effect for e in t.score.members} for t in driven.step(state, 0)]
+    assert all("joint_bias" not in names for names in kinds)
+
+
+def test_what_every_arm_has_is_one_candidate_with_more_than_its_best_member(driven):
+    state = driven.start(World(pendulum().source))
+    (score,) = all_common(driven, state, state.missing)
+    alone = driven.screened_alone(
+        state.world, state.residual, None, [(e.effect, e.where) for e in score.members], state.missing
+    )
+    assert score.gain > max(s.gain for s in alone) and {e.where for e in score.members} == {"hinge"}
+    none_left = driven.start(World(pendulum().source, None, score.members))
+    assert not all_common(driven, none_left, none_left.missing)

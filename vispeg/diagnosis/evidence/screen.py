@@ -91,7 +91,7 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
     """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
-    top = scores[0].gain
+    top = scores[0].gain if scores else 0.0
     return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
 
 

@@ -1,6 +1,7 @@
-"""Two effects at once in one joint, where neither shows without the other: a slow servo whose goals are limited too.
+"""Several effects at once in one joint, where none shows without the others.
 
-An effect that vanishes far away (`Effect.distant`) has no slope at null, so a fit of two cannot start there: it starts
+Friction, rotor inertia and bias of a wrist that is driven by torques; or a slow servo whose goals are limited too. An
+effect that vanishes far away (`Effect.distant`) has no slope at null, so a fit of two cannot start there: it starts
 at what the data suggest for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different
 places, so several start, and the held-out recordings choose.
 """
@@ -13,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.core.effect import Effect, EffectInstance, searchable
+from vispeg.core.effect import Effect, EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.evidence.signatures import guessed
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
@@ -53,6 +54,15 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
         first, second = (EffectInstance.of(name, joints[worst], **values) for name, values in members)
         out.append(Score(first, gain, (second,)))
     return [s for s in out if s.gain > 0]
+
+
+def all_common(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
+    """What every arm has, all of it at once, in the joint that misses most."""
+    joints = search.evidence.items[0].robot.joints
+    worst = joints[int(np.argmax(joint_z(missing)))]
+    places = [(name, where) for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]
+    group = [(name, where) for name, where in places if effect(name).common]
+    return search.screened(state.world, state.residual, state.fit, [], missing, [group]) if len(group) > 1 else []
 
 
 def _kinds(search: Search, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:

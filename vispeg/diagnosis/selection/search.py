@@ -16,7 +16,7 @@ from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
 from vispeg.diagnosis.selection.loop import Loop
-from vispeg.diagnosis.selection.pairs import pairs
+from vispeg.diagnosis.selection.pairs import all_common, pairs
 from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
@@ -97,16 +97,20 @@ class Search(Loop[State, Trial], Shown, Proposals):
         """Screens the library against the state, fits the best, judges them; the ones that pass come first.
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
-        torque they may hide, only where nothing passes there; then the first places count as tested too. Where one
-        joint alone comes first, and nothing passes but at a bound, two effects at once are tried in it. What all joints
-        may have is then tried, too, and in the first step unless what passes leaves no more than noise.
+        torque they may hide, only where nothing passes there; then the first places count as tested too. Where nothing
+        passes but at a bound, several at once are tried in the joint that misses most: what every arm has, and where it
+        alone comes first two effects. What all joints may have is then tried, too, and in the first step unless what
+        passes leaves no more than noise.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
-        trials = trials if common or passes(trials) else self.paired(state, n_fixed, missing, len(near)) + trials
+        if not passes(trials):
+            scores = [] if common else shortlist(pairs(self, state, missing), BEST)
+            scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
+            trials = self.try_all(state, scores, n_fixed, len(near)) + trials
         every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
         if every and not (passes(trials) and (state.fit is not None or self.arrived(trials))):
             trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
@@ -118,11 +122,6 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def arrived(self, trials: Sequence[Trial]) -> bool:
         """Whether the first of them leaves nothing to look for: one effect in one joint was all."""
         return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= AT_FLOOR - 1.0
-
-    def paired(self, state: State, n_fixed: int, missing: Sequence[MissingTorque], tested: int) -> list[Trial]:
-        """Two effects at once in the joint that misses most, fitted from several starts and judged."""
-        scores = pairs(self, state, missing)
-        return self.try_all(state, shortlist(scores, BEST), n_fixed, tested) if scores else []
 
     def scored(self, state: State) -> list[Score]:
         """The candidates beside a state, best first by the share of the fitted error that each promises to explain."""
@@ -230,7 +229,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
         scores = self.screened_alone(state.world, state.residual, state.fit, places, self.missing(state.world))
-        return (shortlist(scores, 5) if scores else []), len(places)
+        return shortlist(scores, 5), len(places)
 
     def fits(
         self,
