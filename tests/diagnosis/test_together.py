@@ -244,6 +244,10 @@ def test_a_value_at_its_bound_is_not_proposed():
     mass = Signature(probe, ("mass",), np.ones((N, 4)), ("x", "y", "z"))
     assert mass.possible([1.0, 0.5, 0.0, 0.1])
     assert not mass.possible([0.01, 0.5, 0.0, 0.1]), "a moment without a mass is no payload"
+    rotor = EffectInstance.of("rotor_inertia", "joint7", inertia=0.002)
+    small = Signature(rotor, ("inertia",), np.ones((N, 1)))
+    assert small.possible([1.0]) and not small.possible([-0.1]), "next to null, which is no bound, is a small wrist's"
+    assert small.possible([2400.0]) and not small.possible([5.0 / 0.002])
     state = State(World().add(EffectInstance.of("torque_gain", "joint1", gain=0.5)), np.zeros((1, 1)), np.zeros(N))
     assert tentative(state, 0, [], []) == {"torque_gain(joint1)"}
 

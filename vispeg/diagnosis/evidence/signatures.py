@@ -47,11 +47,12 @@ class Signature:
         return np.array([*reach, *[(-np.inf, np.inf)] * len(self.moments)]).T
 
     def possible(self, coefficients: Sequence[float]) -> bool:
-        """Whether every value that these coefficients mean lies inside its bounds, and none at one of them."""
+        """Whether every value that these coefficients mean lies inside its bounds, and none at one that is not null."""
         kind, count = effect(self.probe.effect), len(self.names)
         low, high = self.bounds[:, :count]
-        inside = [a + EDGE * (b - a) < c < b - EDGE * (b - a) or abs(c) < EDGE
-                  for a, b, c in zip(low, high, coefficients, strict=False)]  # fmt: skip
+        values = self.probe.params
+        inside = [a <= c <= b and not _at_edge(p := kind.params[m], p.null + c * (values[m].value - p.null))
+                  for m, a, b, c in zip(self.names, low, high, coefficients, strict=False)]  # fmt: skip
         shifts = {m: STEP * c / max(abs(coefficients[0]), 1e-12)
                   for m, c in zip(self.moments, coefficients[count:], strict=False)}  # fmt: skip
         for m, shift in shifts.items():

@@ -56,7 +56,7 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
         return f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
     if t.gain.relative < search.evidence.least_gain:
         return f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
-    if t.gain.z < (level if t.gain.relative < DECISIVE else stats.norm.isf(0.05)):
+    if t.gain.z < (level if t.gain.relative < LARGE else stats.norm.isf(0.05)):
         return f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
     if not search.holds(state, t):
         return "it does not show in the held-out recordings alone"
