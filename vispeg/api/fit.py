@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ import numpy as np
 from vispeg.api.inputs import Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.result import Result
 from vispeg.api.rooms.pictures import border_evidence_of, photographed
+from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.likely import intervals
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.evidence.starts import begun
@@ -133,6 +135,8 @@ def fit(
         world = begun(evidence, world, unstated)
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
+    if isinstance(evidence, ContactEvidence):  # a squared residual of contact is no parabola
+        result = replace(result, fit=replace(result.fit, world=intervals(evidence, result.fit)[0]))
     record, final = fit_record(inputs.world, result, free, evidence, judged)
     record = finite(record | {"provenance": stamp})
     drawn = {}

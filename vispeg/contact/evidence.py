@@ -70,7 +70,7 @@ class ContactEvidence(Evidence):
         size = np.abs(difference)
         return size >= max(1.0, TIE * float(size.max(initial=0.0)))
 
-    def errors(self, cost: float) -> float:
+    def variance(self, cost: float) -> float:
         """Variance of errors that an effect is judged by where a fit leaves `cost`, both in units of floors.
 
         Floors allow for errors that a good sensor has not. Where less is left, that is what counts, but as what may

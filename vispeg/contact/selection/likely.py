@@ -129,7 +129,7 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
     size = np.sqrt(np.maximum(np.diag(info), FLAT))
     value, vector = np.linalg.eigh(info / np.outer(size, size))
     inverse = (vector / np.maximum(value, 1e-8)) @ vector.T / np.outer(size, size)
-    least = evidence.lasting * evidence.errors(fit.cost)
+    least = evidence.lasting * evidence.variance(fit.cost)
     apart = disagreement(fit, [i.measured.size for i in evidence.items])
     steps = np.abs(fit.space.steps(fit.u))
     out = []

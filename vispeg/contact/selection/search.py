@@ -86,7 +86,7 @@ class ContactSearch(Search):
 
         Never less than contacts that come and go make.
         """
-        return max(self.evidence.correlated * self.evidence.errors(cost) * quantile, CHATTER * self.evidence.rough)
+        return max(self.evidence.correlated * self.evidence.variance(cost) * quantile, CHATTER * self.evidence.rough)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Up to so many effects: floors count errors that a good sensor does not have, so what is within them may

@@ -53,7 +53,7 @@ def surely(evidence: ContactEvidence, drop: float) -> float:
 
     A fit lowers it by d^2 + 2 d e, e being an error along the trace, of the variance that acceptance goes by.
     """
-    error = float(stats.norm.ppf(POWER) * np.sqrt(evidence.correlated * evidence.errors(1.0)))
+    error = float(stats.norm.ppf(POWER) * np.sqrt(evidence.correlated * evidence.variance(1.0)))
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 

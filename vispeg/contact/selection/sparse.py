@@ -29,7 +29,7 @@ def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[W
         before = evidence.absent
         smaller = refit(_without(evidence, fit, some))
         more = float(smaller.residual @ smaller.residual - fit.residual @ fit.residual)
-        if more <= evidence.lasting * evidence.errors(fit.cost) * stats.chi2.isf(LEVEL, len(some)):
+        if more <= evidence.lasting * evidence.variance(fit.cost) * stats.chi2.isf(LEVEL, len(some)):
             return sparse(evidence, smaller, n_fixed, refit)
         evidence.absent = before
     return fit
