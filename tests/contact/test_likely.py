@@ -33,7 +33,7 @@ class Line:
     """Evidence whose residual is a straight line about a fit."""
 
     lasting, correlated = 6.0, 3.0
-    errors = ContactEvidence.errors
+    variance = ContactEvidence.variance
 
     def __init__(self, fit):
         self.fit = fit
