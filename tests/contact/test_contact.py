@@ -293,3 +293,17 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
         and not search.holds(state, trial(1.0))
         and not search.holds(state, trial(-10.0))
     )
+
+
+def test_a_tared_sensor_reads_nothing_in_free_air():
+    """Zeroed once: the constant is unknown, and what is found is the same."""
+    raw = recorded((FRICTION,))
+    start = np.mean(raw.ft[:100], axis=0)
+    tared = replace(raw, ft=raw.ft - start, wrench=WrenchSensor(tared=True))
+    given, told = (evidence_of([rec]).residuals([World(), World().add(FRICTION)]) for rec in (raw, tared))
+    for a, b in zip(given, told, strict=True):
+        assert np.sqrt(np.mean((a - b) ** 2)) < 0.1 * np.sqrt(np.mean(a**2))
+    with pytest.raises(UserError, match="reads the tool's weight.* '0.. N at the start'"):
+        evidence_of([replace(tared, wrench=WrenchSensor())])
+    with pytest.raises(UserError, match="reads nothing"):
+        evidence_of([replace(raw, wrench=WrenchSensor(tared=True))])

@@ -12,7 +12,7 @@ from vispeg.contact.errors.floors import floors
 from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.hand import Grasp
 from vispeg.contact.path import Path, along
-from vispeg.contact.phases import Phases, phases
+from vispeg.contact.phases import Phases, phases, tool_mass
 from vispeg.contact.sensor import hand_world, readings, stands_for
 from vispeg.contact.thin import thinned
 from vispeg.contact.torques import calm
@@ -21,6 +21,7 @@ from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.model import GRAVITY
 from vispeg.robots.scene import Scene
 from vispeg.sim.external import External
 from vispeg.sim.segments.segment import Segment
@@ -129,9 +130,7 @@ def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: in
     out = [_item(t, felt, scene, np.flatnonzero(number == n), each, hold, nthread) for n in episodes]
     out = [i for i in out if i is not None]
     if not out:
-        raise UserError(
-            "no episode begins in free air", file=rec.path, expected="0.3 s or more before the first contact"
-        )
+        raise _no_free_air(t, np.flatnonzero(number == episodes[0]))
     return out
 
 
@@ -140,7 +139,7 @@ def _item(
 ) -> ContactItem | None:
     rec = t.recording
     path = along(t.scene, rec, t.wrench, rows, H_MAX, t.believed)
-    phase = phases(t.scene, felt, path, BLOCK)
+    phase = phases(t.scene, felt, path, BLOCK, _tared(rec))
     if phase is None:
         return None
     phase = thinned(phase, seconds)
@@ -155,7 +154,26 @@ def _item(
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
     answer = displaced(item, nominal, nthread)
-    valid = np.isfinite(measured) & phase.valid[:, None]
+    told = phase.valid & ~(phase.resting & _tared(rec))  # a zero that was set tells nothing
+    valid = np.isfinite(measured) & told[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
     return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
+
+
+def _no_free_air(t: Touching, rows: np.ndarray) -> UserError:
+    """What the first episode reads where it begins, and what it should."""
+    start = t.wrench[rows[: max(1, round(0.1 * t.recording.rate_hz))], :3]
+    reads = "nothing" if _tared(t.recording) else f"the tool's weight, {GRAVITY * tool_mass(t.scene):.1f} N up"
+    return UserError(
+        "no episode begins in free air",
+        file=t.recording.path,
+        expected=f"0.3 s or more before the first contact, in which `ft` reads {reads}: sign, unit, frame and tare as "
+        "`wrench` says",
+        got=f"{np.linalg.norm(np.nanmean(start, axis=0)):.1f} N at the start",
+    )
+
+
+def _tared(rec: Recording) -> bool:
+    """Whether the tool's weight at the start was taken off with the sensor's zero."""
+    return rec.wrench is not None and rec.wrench.tared is True

@@ -85,8 +85,11 @@ class Phases:
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
 
 
-def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | None:
-    """Those of a path along which the tool touched what `touch` says; None where it does not begin in free air."""
+def phases(scene: Scene, touch: Touch, path: Path, block: float, tared: bool = False) -> Phases | None:
+    """Those of a path along which the tool touched what `touch` says; None where it does not begin in free air.
+
+    There a sensor reads the tool's weight, and one that was `tared` nothing.
+    """
     size = max(1, round(block / path.step))
     m = len(path.time) // size
     at = path.rows[np.clip(np.searchsorted(path.clock, path.time[: m * size]), 0, len(path.clock) - 1)]
@@ -102,7 +105,7 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     first, still = (int(np.argmax(flag)) if flag.any() else m for flag in (touching, moving))
     blocks = min(first - 1, still - 1, round(LONGEST / block))
     begin = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0)
-    weight = _tool_mass(scene) * axes[0].apply(np.array(scene.spec().option.gravity))
+    weight = (not tared) * tool_mass(scene) * axes[0].apply(np.array(scene.spec().option.gravity))
     if np.linalg.norm(begin + weight) > PRESSED or blocks * block < SHORTEST:
         return None
     time = (np.arange(m) + 0.5) * size * path.step
@@ -115,6 +118,7 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float) -> Phases | Non
     return Phases(time, code, rest, slice(0, blocks * size), size, speed, middle, near, *everything)
 
 
-def _tool_mass(scene: Scene) -> float:
+def tool_mass(scene: Scene) -> float:
+    """Mass of tool and part, kg, as the cell has them."""
     model = scene.nominal.compile()
     return float(sum(model.body_mass[b] for b in range(model.nbody) if model.body(b).name in ("tool", scene.held)))
