@@ -1,12 +1,16 @@
 """`vispeg effects`: every effect is listed with what a user needs, and one is explained, and drawn where asked."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from vispeg.cli.main import BLAS_THREADS, main
 from vispeg.core.effect import REGISTRY
 from vispeg.identify.signature import signature
 
@@ -71,3 +75,13 @@ def test_no_effect_no_picture(refused):
     refused(["effects", "payload", "--where", "joint3", "--out", "."], "no such place", "flange")
     refused(["effects", "payload", "--where", "flange"], "--where", "--out")
     refused(["effects", "--out", "pictures"], "--out", "NAME")
+
+
+def test_a_command_works_with_one_blas_thread_unless_it_is_told_otherwise(monkeypatch, capsys):
+    """Threads of small problems only wait for one another; what the user sets stays."""
+    monkeypatch.delenv(BLAS_THREADS, raising=False)
+    assert main(["effects", "payload"]) == 0 and os.environ[BLAS_THREADS] == "1"
+    monkeypatch.setenv(BLAS_THREADS, "3")
+    assert main(["effects", "payload"]) == 0 and os.environ[BLAS_THREADS] == "3"
+    code = "import sys, vispeg.cli.main; assert 'numpy' not in sys.modules, 'too late to say how many threads it has'"
+    subprocess.run([sys.executable, "-c", code], check=True)

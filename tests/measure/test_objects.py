@@ -1,10 +1,14 @@
 """Masses, centres, friction, bounces and fixtures that are known, read by noisy instruments."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.measure import com, friction, mass, restitution, stiffness
+from vispeg.core.seeds import stream
+from vispeg.measure import com, friction, from_recordings, mass, restitution, stiffness
 from vispeg.measure.readings import Readings, read
 
 G = 9.81
@@ -164,3 +168,22 @@ def test_units_in_a_column_s_name(tmp_path):
     deg = friction.measure(read(tmp_path / "a.csv", ("angle_deg=0.1",), ()), rng()).results[0]
     rad = friction.measure(read(tmp_path / "b.csv", (f"angle={np.deg2rad(0.1)}",), ()), rng()).results[0]
     assert (deg.value, deg.u) == pytest.approx((rad.value, rad.u))
+
+
+def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeypatch):
+    """Down with a rising force, then there and back: on the way down nothing slides, and each turn sticks a moment."""
+    rate, mu = 500.0, 0.3
+    time = np.arange(int(6 * rate)) / rate
+    way = np.interp(time, [0, 1, 2, 2.5, 4, 5.5, 6], [0.02, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    x = np.interp(time, [0, 2.5, 4.0, 5.5, 6], [0.0, 0.0, 0.03, 0.0, 0.0])
+    load = np.interp(time, [0, 1.5, 2, 6], [0.0, 0.0, 8.0, 8.0])
+    slip = np.interp(time, [2.5, 2.6, 4.0, 4.1, 5.5, 5.6], [0, 1, 1, -1, -1, 0])
+    ft = np.zeros((len(time), 6))
+    ft[:, 2], ft[:, 0] = -load, mu * load * slip
+    ft[:, :3] += stream(3, "slide").normal(scale=0.05, size=(len(time), 3))
+    pose = np.column_stack([x, 0 * x, way, np.tile([0.0, 1.0, 0.0, 0.0], (len(time), 1))])
+    rec = SimpleNamespace(time=time, rate_hz=rate, ft=ft)
+    monkeypatch.setattr(from_recordings, "_opened", lambda path: (rec, pose))
+    read = from_recordings.slides([Path("slide")]).columns
+    assert len(read["normal"]) == 2, "a stroke there and one back"
+    assert read["tangential"] / read["normal"] == pytest.approx(mu, rel=0.02)

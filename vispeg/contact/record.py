@@ -126,8 +126,19 @@ def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> li
     return out
 
 
-def separating(world: World, rivals: Sequence[Rivals], unseen: Sequence[NotExcited]) -> NextMotion | None:
-    """The motion to record next: what tells a world's effect from its rival, or shows most of what was not excited."""
+def separating(
+    world: World,
+    rivals: Sequence[Rivals],
+    unseen: Sequence[NotExcited],
+    pairs: Sequence[tuple[EffectInstance, EffectInstance]] = (),
+) -> NextMotion | None:
+    """The motion to record next: what tells a world's effect from its rival, or from another one of its `pairs`, or
+    shows most of what was not excited.
+    """
+    for a, b in pairs:
+        motion = apart(a, b.effect)
+        if motion:
+            return {"motion": motion, "why": f"tells {a.label} from {b.label}"}
     for r in rivals:
         chosen = next(e for e in world.effects if e.label == r.label)
         for t in r.equals:

@@ -14,7 +14,7 @@ from vispeg.contact.law import unsure
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
-from vispeg.contact.selection import layer
+from vispeg.contact.selection import entangled, layer
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
@@ -81,7 +81,8 @@ def diagnose_contact(
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
-    verdict = layer.judged(verdict, corrected, n_fixed)
+    pairs = entangled.entangled(state.fit, n_fixed)
+    verdict = entangled.judged(layer.judged(verdict, corrected, n_fixed), pairs)
     final = with_origin(
         corrected,
         n_fixed,
@@ -99,7 +100,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_fixed, rivals, fitted_world),
+        "effects": entangled.beside(effects(final, n_fixed, rivals, fitted_world), pairs),
         "ladder": ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -109,7 +110,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "shows_from": shows_from(shows),
         "closed_loop": replayed,
-        "next_experiment": separating(fitted_world, rivals, unseen),
+        "next_experiment": separating(fitted_world, rivals, unseen, pairs),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

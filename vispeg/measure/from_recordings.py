@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
 from vispeg.measure.readings import Readings
@@ -19,7 +20,8 @@ from vispeg.sim.compiled import flange_pose
 
 REST, STILL = 0.5, 2e-3  # s that count as rest, rad of all joints within that time
 FREE, TOUCH = 1.0, 1.0  # s of free air, N above which it touches
-SPEED, STROKE = 2e-3, 0.1  # m/s and s of a stroke that counts
+SPEED, STROKE = 2e-3, 0.3  # m/s across the flange's axis, and s, of a stroke that counts
+SMOOTH = 0.05  # s over which a speed is a mean
 
 
 def at_rest(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
@@ -51,15 +53,18 @@ def slides(paths: Sequence[Path]) -> Readings:
     for at, path in enumerate(paths):
         rec, pose = _opened(path)
         force, moved = _unbiased(rec, path), np.gradient(pose[:, :3], rec.time, axis=0)
-        smooth = np.stack([np.convolve(v, np.ones(9) / 9, "same") for v in moved.T], axis=1)
+        across = Rotation.from_quat(pose[:, 3:], scalar_first=True).inv().apply(moved)[:, :2]  # pressing is no slide
+        width = max(1, round(SMOOTH * rec.rate_hz))
+        smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
         sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
         strokes = [s for s in _stretches(sliding) if rec.time[s][-1] - rec.time[s][0] >= STROKE]
         if not strokes:
             what = f"nothing slides: no {STROKE:g} s above {SPEED:g} m/s and {TOUCH:g} N"
             raise UserError(what, file=path)
         for s in strokes:
-            mean = force[s].mean(axis=0)
-            rows.append((abs(float(mean[2])), float(np.hypot(mean[0], mean[1])), float(at)))
+            normal, tangential = np.abs(force[s, 2]), np.hypot(force[s, 0], force[s, 1])
+            load = float(np.median(normal))  # where a stroke turns, and before it slips, the ratio falls for a moment
+            rows.append((load, load * float(np.median(tangential / normal)), float(at)))
     table = np.array(rows)
     columns = {"normal": table[:, 0], "tangential": table[:, 1]}
     if len(paths) > 1:

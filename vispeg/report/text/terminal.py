@@ -144,7 +144,8 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     worst = [
         f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
     ]
-    if comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2:
+    near = comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2
+    if near and all(float(row.get("times_floor") or 0.0) <= words.NEAR_FLOOR for row in rows(comparison, "joints")):
         whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
         out.append(Line(f"{whose} is at the noise floor everywhere"))
     elif worst:
