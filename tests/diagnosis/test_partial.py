@@ -11,6 +11,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
+from vispeg.identify.evidence import Evidence
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 
@@ -68,3 +71,18 @@ def test_a_mark_in_a_model_file_is_true_or_false(tmp_path, mark):
         load_model(file)
     file.write_text(model_text(World(effects=(friction,))))
     assert mark not in file.read_text() and not getattr(load_model(file).effects[0], mark)
+
+
+def test_partial_effects_stay_as_given_where_a_new_fit_is_worse_on_what_was_not_fitted(recordings):
+    """A recording of another friction, which is fitted alone, does not overrule the model."""
+    given = World(recordings[0].robot).add(EffectInstance.of("coulomb_friction", "hinge", torque=0.8))
+    robot, t = pendulum(), np.arange(900) * 5e-3
+    q = 0.4 * (1 - np.cos(2 * np.pi * 0.7 * t))[:, None]
+    s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
+    other = recorded(robot, robot.source, hinge("coulomb_friction", torque=1.4), s, stream(9, 0))
+    search = Search(Evidence([other]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    state = search.start(given, 0)
+    assert state.world.effects[0].params["torque"].value == pytest.approx(0.8, rel=1e-6)
+    right = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)))
+    off = given.add(EffectInstance.of("coulomb_friction", "hinge", torque=0.5))
+    assert right.start(off, 0).world.effects[0].params["torque"].value == pytest.approx(0.8, abs=0.1)

@@ -141,7 +141,8 @@ def diagnose(
         if unjudged is not None:
             upcoming = repeated(unjudged.alone)
         else:
-            upcoming, more = next_experiment(search, state, rivals, verdict.verdict, seed)
+            named = [r for r in rivals if r.equals and r.label not in unsure]  # what is tentative comes after them
+            upcoming, more = next_experiment(search, state, named or rivals, verdict.verdict, seed)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,

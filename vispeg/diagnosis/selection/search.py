@@ -64,8 +64,10 @@ class Search(Loop[State, Trial], Shown, Proposals):
         state = State(world, loss, residual, first=self.judge.mean(loss))
         if n_fixed is not None and n_fixed < len(world.effects):
             self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
-            (fit,) = self.fits([world], n_fixed)
-            state.take(fit, self.judge.losses([fit.world])[0])
+            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)  # and as they are given
+            losses = self.judge.losses([f.world for f in fits])
+            fit, loss = min(zip(fits, losses, strict=True), key=lambda p: float(p[1].sum()))
+            state.take(fit, loss)
             state.opened, state.cross = fit.world, self.cross.loss_of(fit, fit.residual)
             return state
         state.missing, state.cross = self.missing(world), self.cross.loss(residual)
@@ -84,7 +86,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         if trial.score.beside:
             dismissed(self, state, before.loss, trial.score, n_fixed)
         else:
-            self._grow(state, trial.score.placed, n_fixed)
+            grow(self, state, trial.score.placed, n_fixed)  # a richer effect may do better
         prune(self, state, n_fixed)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
@@ -285,10 +287,6 @@ class Search(Loop[State, Trial], Shown, Proposals):
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
-
-    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
-        """Puts a richer effect in the place of the one just added, where it does better."""
-        grow(self, state, placed, n_fixed)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:

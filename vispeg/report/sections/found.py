@@ -27,9 +27,9 @@ def context(record: Record) -> Mapping[str, object]:
     return {
         "glance": [_glance(e) for e in sorted(everything, key=lambda e: bool(e.get("tentative")))],
         "folded": len(everything) > MOST_OPEN,
-        "effects": [_effect(e) for e in record.rows("effects") if not e.get("partial")],
+        "effects": [_effect(e) for e in record.rows("effects") if not (e.get("partial") or e.get("tentative"))],
         "partial": [_effect(e) for e in listed if not e.get("tentative")],
-        "tentative": [_effect(e) for e in listed if e.get("tentative")],
+        "tentative": [_effect(e) for e in everything if e.get("tentative")],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
     }
