@@ -38,13 +38,13 @@ def judged(verdict: Verdict, pairs: Sequence[Pair]) -> Verdict:
     return Verdict("ambiguous", f"these recordings determine only a combination of {named}", partial=verdict.partial)
 
 
-def beside(found: list[FoundEffect], pairs: Sequence[Pair]) -> list[FoundEffect]:
+def beside(effects: list[FoundEffect], pairs: Sequence[Pair]) -> list[FoundEffect]:
     """The effects of a record, each with what it is determined in combination with."""
     for a, b in [*pairs, *((b, a) for a, b in pairs)]:
-        entry = next(e for e in found if (e["effect"], e["where"]) == (a.effect, a.where))
+        entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
         other = {"effect": b.effect, "where": b.where}
         entry["indistinguishable_from"] += [] if other in entry["indistinguishable_from"] else [other]
-    return found
+    return effects
 
 
 def _correlation(fit: Fit, i: int, j: int) -> float:

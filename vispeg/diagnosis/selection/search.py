@@ -86,7 +86,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         if trial.score.beside:
             dismissed(self, state, before.loss, trial.score, n_fixed)
         else:
-            grow(self, state, trial.score.placed, n_fixed)  # a richer effect may do better
+            self._grow(state, trial.score.placed, n_fixed)
         prune(self, state, n_fixed)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
@@ -287,6 +287,9 @@ class Search(Loop[State, Trial], Shown, Proposals):
             loss = self.judge.losses([fit.world])[0]
         state.take(fit, loss)
         state.cross = self.cross.loss_of(fit, fit.residual)
+
+    def _grow(self, state: State, placed: EffectInstance, n_fixed: int) -> None:
+        grow(self, state, placed, n_fixed)
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:
