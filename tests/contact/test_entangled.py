@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vispeg.contact.record import separating
-from vispeg.contact.selection.entangled import beside, entangled, judged
+from vispeg.contact.selection.entangled import beside, entangled, judged, tilted
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.worlds.world import World
@@ -23,7 +23,7 @@ def fitted(a, b, correlation):
 
 
 def test_a_heavier_tool_and_a_weaker_sensor_are_one_combination():
-    pairs = entangled(fitted(TOOL, GAIN, -0.93), 0)
+    pairs = entangled(fitted(TOOL, GAIN, -0.93), 0, True)
     assert pairs == [(TOOL, GAIN)]
     verdict = judged(Verdict("identified", "both"), pairs)
     assert verdict.verdict == "ambiguous" and TOOL.label in verdict.reason and GAIN.label in verdict.reason
@@ -38,5 +38,16 @@ def test_a_heavier_tool_and_a_weaker_sensor_are_one_combination():
 )
 def test_others_are_not(a, b, correlation, n_fixed):
     """Hardly correlated, no effects that look alike, or what the user gave."""
-    assert entangled(fitted(a, b, correlation), n_fixed) == []
+    assert entangled(fitted(a, b, correlation), n_fixed, True) == []
     assert judged(Verdict("identified", "both"), []).verdict == "identified"
+
+
+def test_a_tool_that_hangs_straight_does_not_tell_its_weight_from_the_sensors_gain():
+    """Whatever the estimates say: one attitude, one weight."""
+    hanging, leaning = np.zeros((50, 6)), np.zeros((50, 6))
+    leaning[:, 3], leaning[:, 4] = np.linspace(0, 0.3, 50), np.linspace(0, 0.3, 50)
+    items = [SimpleNamespace(path=SimpleNamespace(place=place)) for place in (hanging, leaning)]
+    assert not tilted(items[:1]) and tilted(items)
+    weak = fitted(TOOL, GAIN, 0.1)
+    assert entangled(weak, 0, False) == [(TOOL, GAIN)] and entangled(weak, 0, True) == []
+    assert entangled(fitted(FRICTION, GAIN, 0.1), 0, False) == []

@@ -154,8 +154,8 @@ def _item(
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
     answer = displaced(item, nominal, nthread)
-    shown = phase.valid & ~(phase.resting & _tared(rec))  # a zero that was set tells nothing
-    valid = np.isfinite(measured) & shown[:, None]
+    counts = phase.valid & ~(phase.resting & _tared(rec))  # a zero that was set tells nothing
+    valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
     return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)

@@ -81,7 +81,7 @@ def diagnose_contact(
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
-    pairs = entangled.entangled(state.fit, n_fixed)
+    pairs = entangled.entangled(state.fit, n_fixed, entangled.tilted(evidence.items))
     verdict = entangled.judged(layer.judged(verdict, corrected, n_fixed), pairs)
     final = with_origin(
         corrected,

@@ -6,28 +6,37 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.contact.items import ContactItem
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import FoundEffect
 from vispeg.diagnosis.selection.accept import CORRELATED
 from vispeg.identify.fit import Fit
+from vispeg.recordings.checks.contact_check import TILT
 
 Pair = tuple[EffectInstance, EffectInstance]
 
 
-def entangled(fit: Fit | None, n_fixed: int) -> list[Pair]:
-    """Pairs of added effects that need another motion to be told apart (`Effect.told_from`), and whose estimates are
-    correlated.
+def entangled(fit: Fit | None, n_fixed: int, tilted: bool) -> list[Pair]:
+    """Pairs of added effects that need another motion to be told apart (`Effect.told_from`), where the tool was not
+    `tilted` as that of free air does, or where their estimates are correlated.
     """
     if fit is None:
         return []
     out = []
     for i, a in enumerate(fit.world.effects):
         for j, b in enumerate(fit.world.effects[i + 1 :], i + 1):
-            alike = b.effect in effect(a.effect).told_from or a.effect in effect(b.effect).told_from
-            if i >= n_fixed and alike and _correlation(fit, i, j) > CORRELATED:
+            motion = effect(a.effect).told_from.get(b.effect) or effect(b.effect).told_from.get(a.effect)
+            unseen = motion == "free" and not tilted
+            if i >= n_fixed and motion and (unseen or _correlation(fit, i, j) > CORRELATED):
                 out.append((a, b))
     return out
+
+
+def tilted(items: Sequence[ContactItem]) -> bool:
+    """Whether the tool was tilted as far as tells its weight from a sensor's zero and gain."""
+    turns = [i.path.place[:, 3:5] for i in items]  # intrinsic x, y, z: the axis leans by what x and y make
+    return any(float(np.cos(t).prod(axis=1).min()) <= np.cos(TILT) for t in turns)
 
 
 def judged(verdict: Verdict, pairs: Sequence[Pair]) -> Verdict:
