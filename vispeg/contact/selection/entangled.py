@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.contact.items import ContactItem
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import Verdict
-from vispeg.diagnosis.schema import FoundEffect
+from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.diagnosis.selection.accept import CORRELATED
 from vispeg.identify.fit import Fit
 from vispeg.recordings.checks.contact_check import TILT
@@ -51,7 +51,7 @@ def beside(effects: list[FoundEffect], pairs: Sequence[Pair]) -> list[FoundEffec
     """The effects of a record, each with what it is determined in combination with."""
     for a, b in [*pairs, *((b, a) for a, b in pairs)]:
         entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
-        other = {"effect": b.effect, "where": b.where}
+        other: Place = {"effect": b.effect, "where": b.where}
         entry["indistinguishable_from"] += [] if other in entry["indistinguishable_from"] else [other]
     return effects
 
