@@ -7,7 +7,7 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.constancy import PARTS, changes
+from vispeg.diagnosis.evidence.constancy import PARTS, _magnitudes, changes
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
@@ -104,3 +104,10 @@ def test_friction_at_one_angle_alone_is_none(items):
     (change,) = changes(items, fit, 0, left(fit))
     assert (change.label, change.over) == ("coulomb_friction(joint1)", "position")
     assert change.parts[-1] > 1.5 > 0.5 > change.parts[0]
+
+
+def test_a_servo_is_not_judged_by_a_gain_that_may_be_null():
+    """Its bandwidth tells it, and that vanishes on no straight line; friction is judged by its torque."""
+    space = Space(World().add(EffectInstance.of("servo", "joint1"), FRICTION), range(2))
+    fit = SimpleNamespace(world=space.world, space=space)
+    assert _magnitudes(fit, 0) == [] and len(_magnitudes(fit, 1)) == 1

@@ -80,8 +80,11 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
 
 
 def _magnitudes(fit: Fit, index: int) -> list[int]:
-    """Axes of an effect's magnitudes, of those that vanish on a straight line."""
-    names = effect(fit.world.effects[index].effect).magnitudes
+    """Axes of an effect's magnitudes, of those that vanish on a straight line; none where these do not tell it."""
+    kind = effect(fit.world.effects[index].effect)
+    if any(kind.params[name].scale != "linear" for name in kind.telling):  # a servo, whose gain may be null
+        return []
+    names = kind.magnitudes
     mine = [(i, a) for i, a in enumerate(fit.space.axes) if a.index == index and a.name in names]
     return [i for i, a in mine if a.param.scale == "linear" and not a.param.shape]
 

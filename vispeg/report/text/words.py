@@ -107,7 +107,9 @@ def verdict(values: Mapping[str, Any]) -> str:
         return "The model is adequate: no known effect improves its prediction of the held-out recordings."
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
-        reach = "down to the noise floor" if down else "as far as any known effect can"
+        times = against_floor(last, floor) if last is not None else ""
+        above = f"down to {times}" if times else "best of what is known"
+        reach = "down to the noise floor" if down else above
         what = named(names) if names else "The model"
         return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
     if kind == "ambiguous":
