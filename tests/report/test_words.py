@@ -60,7 +60,7 @@ def test_unknown_errors_are_said_to_be_unknown(record):
 def test_down_to_the_noise_floor_only_where_it_is():
     named = {"verdict": "identified", "effects": [{"effect": "payload", "where": "flange"}]}
     assert "down to the noise floor" in words.verdict(_ladder(1e-2, 1.1e-4, **named))
-    assert "down to 1.5 × the noise floor" in words.verdict(_ladder(1e-2, 1.5e-4, **named))
+    assert "down to 1.50 × the noise floor" in words.verdict(_ladder(1e-2, 1.5e-4, **named))
     assert "down to the noise floor" not in words.verdict(_ladder(1e-2, 1.1e-4, floor=None, **named))
 
 
