@@ -154,10 +154,10 @@ def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remo
 def test_several_are_tried_at_a_time_where_one_joint_comes_first_and_its_best_is_not_all_there_is(
     recordings, monkeypatch, at_bound, remains
 ):
-    """A light wrist far off hides what the other joints miss: its best shadow must not be taken for want of others,
-    nor where much remains beside it. What leaves noise alone was all, and nothing else is tried.
-    """
+    """A light wrist hides what others miss: its shadow is not taken for want of them, nor where much remains beside it.
+    What leaves noise alone was all, and nothing else is tried."""
     monkeypatch.setattr(searching, "suspects", lambda lacks, joints: ["elbow"])
+    monkeypatch.setattr(searching, "all_common", lambda *_: [])  # tests/diagnosis/test_pairs.py
     search, asked = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:]))), []
     alone, rest = trial("torque_speed_limit", remains, at_bound), trial("coulomb_friction", 100.0)
 
