@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vispeg.report.text import contact_words, effect_words, words
+from vispeg.report.text import contact_words, effect_words, joint_errors, words
 from vispeg.report.text.quantities import interval, plain, quantity
 from vispeg.report.text.terminal import effects_table
 
@@ -62,6 +62,38 @@ def test_down_to_the_noise_floor_only_where_it_is():
     assert "down to the noise floor" in words.verdict(_ladder(1e-2, 1.1e-4, **named))
     assert "down to 1.50 × the noise floor" in words.verdict(_ladder(1e-2, 1.5e-4, **named))
     assert "down to the noise floor" not in words.verdict(_ladder(1e-2, 1.1e-4, floor=None, **named))
+
+
+def _joint(name, after, floor, channel="needed", **more):
+    return {"channel": channel, "joint": name, "floor": floor, "before": 1.0, "after": after, "unit": "N m RMS", **more}
+
+
+def test_a_joint_far_above_its_own_floor_is_named_where_all_together_stand_at_theirs():
+    """A shoulder's wide noise makes the floor of all; a wrist that is left at 30 floors of its own is not explained."""
+    named = {"verdict": "identified", "effects": [{"effect": "payload", "where": "flange"}]}
+    joints = [_joint("shoulder", 0.2, 0.4), _joint("elbow", 0.02, 0.01), _joint("wrist", 0.15, 0.005)]
+    said = words.verdict(_ladder(1e-2, 1.1e-4, channels=joints, **named))
+    assert "noise floor of all joints together (wrist is left at 30 × its own)" in said
+    assert "all joints together" not in words.verdict(_ladder(1e-2, 1.1e-4, channels=joints[:2], **named))
+    beside = [*joints[:2], _joint("wrist", 50.0, 1.0, channel="load")]
+    assert "all joints together" not in words.verdict(_ladder(1e-2, 1.1e-4, channels=beside, **named)), (
+        "a log is no joint"
+    )
+
+
+def test_a_row_a_joint_has_its_error_over_its_own_floor():
+    rows = joint_errors.table({"channels": [_joint("wrist", 0.15, 0.005, least_squares=0.3), _joint("x", 1.0, 0.0)]})
+    assert rows[0] == {
+        "joint": "wrist",
+        "reading": "torque",
+        "before": "1.00 N m RMS",
+        "after": "0.150 N m RMS",
+        "floor": "5.00 mN m RMS",
+        "times": "30",
+        "least": "0.300 N m RMS",
+    }
+    assert rows[1]["times"] == "–"
+    assert joint_errors.table({"channels": [_joint("hole", 1.0, 1.0, channel="depth")]}) == []
 
 
 def test_ambiguous_names_every_member_of_the_class():

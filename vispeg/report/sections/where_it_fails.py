@@ -1,4 +1,4 @@
-"""Shares of the residual by joint and regime, and what an unexplained rest depends on."""
+"""Shares of the residual by joint and regime, what is left of each joint, and what an unexplained rest depends on."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 from vispeg.report.drawings.figures import BEFORE
 from vispeg.report.drawings.strips import bar
 from vispeg.report.record import Record, rows
-from vispeg.report.text import words
+from vispeg.report.text import joint_errors, words
 from vispeg.report.text.quantities import number
 
 TITLE = "Where it fails"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Shares in falling order with what is left over, and the unexplained rest."""
+    """Shares in falling order with what is left over, the error of each joint, and the unexplained rest."""
     shares = sorted(record.rows("where_it_fails"), key=lambda row: -(number(row.get("share")) or 0.0))
     total = sum(number(row.get("share")) or 0.0 for row in shares)
     rest = record.mapping("unexplained")
@@ -30,6 +30,7 @@ def context(record: Record) -> Mapping[str, object]:
             for row in sorted(rows(rest, "depends_on"), key=lambda row: -(number(row.get("share")) or 0.0))
         ],
         "text": str(rest.get("text") or ""),
+        "left": joint_errors.table(record.values),
     }
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from vispeg.report.record import rows
+from vispeg.report.text import joint_errors
 from vispeg.report.text.effect_words import named as named_effect
 from vispeg.report.text.effect_words import sized
 from vispeg.report.text.quantities import fold, number, quantity
@@ -109,11 +110,11 @@ def verdict(values: Mapping[str, Any]) -> str:
         verb = "explain" if len(names) > 1 else "explains"
         times = against_floor(last, floor) if last is not None else ""
         above = f"down to {times}" if times else "best of what is known"
-        reach = "down to the noise floor" if down else above
+        reach = _down(values) if down else above
         what = named(names) if names else "The model"
         return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
     if kind == "ambiguous":
-        return _ambiguous(values, "down to the noise floor" if down else "best of what is known")
+        return _ambiguous(values, _down(values) if down else "best of what is known")
     if kind == "unexplained":
         if only := _shows_in(values):
             return f"What the model lacks shows in {only} alone: no other recording can judge what it is."
@@ -222,6 +223,12 @@ def _among(effect: Mapping[str, Any]) -> str:
 
 def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [effect for effect in rows(values, "effects") if effect.get("tentative")]
+
+
+def _down(values: Mapping[str, Any]) -> str:
+    """That all joints together stand at the noise floor, and which of them does not by itself."""
+    far = joint_errors.farthest(values)
+    return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
 
 
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
