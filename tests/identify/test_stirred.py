@@ -12,7 +12,7 @@ from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
-from vispeg.identify.loops.stirred import reading_noise, stirred
+from vispeg.identify.loops.stirred import reading_noise, stirred, within
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
@@ -57,6 +57,16 @@ def test_it_follows_from_the_noise():
     once, twice = (stirred(Evidence([replace(rec, noise={**NOISE, "dq": f * 1e-3})]), World()) for f in (1, 2))
     assert twice == pytest.approx(4 * once, rel=0.1)
     assert stirred(Evidence([recorded("position")]), World()) == 0.0
+
+
+def test_nothing_is_looked_for_under_what_magnified_noise_leaves():
+    """Noise that moves the arm by ten times its readings' own drowns small errors, and not a payload's."""
+    rec = recorded("osc")
+    loud = Evidence([replace(rec, noise={**NOISE, "dq": 0.02})])
+    assert stirred(loud, World()) > 20
+    assert within(loud, World())
+    assert not within(loud, World().add(EffectInstance.of("payload", "flange", mass=2.0)))
+    assert not within(Evidence([rec]), World()), "as quiet as usual: the tests of a search say what chance is"
 
 
 def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():

@@ -40,7 +40,7 @@ from vispeg.diagnosis.share import Share
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.soft import near
-from vispeg.identify.loops.stirred import stirred
+from vispeg.identify.loops.stirred import stirred, within
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
 from vispeg.worlds.world import World
@@ -91,7 +91,7 @@ def diagnose(
     rung = (begin.label, begin.first) if begin.read else None
     before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
-    state = search.run(begin.first, n_fixed)
+    state = search.start(begin.first, n_fixed) if within(judged, begin.first) else search.run(begin.first, n_fixed)
     say.ahead = 1
     rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]

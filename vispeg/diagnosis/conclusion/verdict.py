@@ -70,7 +70,9 @@ def decide(
         rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
         return Verdict("unexplained", text, rest, partial=True)
     if not n_added:
-        return Verdict("adequate", f"held-out error is {after:.2f} times the noise variance and no effect lowers it")
+        text = f"held-out error is {after:.2f} times the noise variance"
+        drowned = _of_readings(floor) if after <= floor else ""
+        return Verdict("adequate", text + (drowned or " and no effect lowers it"))
     names = {r.label for r in rivals if r.equals}
     if names:
         text = f"these recordings cannot tell {', '.join(sorted(names))} from other effects"
@@ -81,9 +83,13 @@ def decide(
         else f"; {100 * explained:.1f} % of the excess is explained"
         + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
     )
-    if floor > 1.05:
-        remainder += f"; {floor:.1f} are what coarse or noisy readings leave even of the right model"
+    remainder += _of_readings(floor)
     if n_added == n_read:
         text = f"the readings lie on a grid; the held-out error of {after:.2f} noise variances is what its steps leave"
         return Verdict("identified", text)
     return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")
+
+
+def _of_readings(floor: float) -> str:
+    """What coarse or noisy readings leave of the right model, in noise variances, where that is more than the noise."""
+    return f"; {floor:.1f} are what coarse or noisy readings leave even of the right model" if floor > 1.05 else ""

@@ -20,6 +20,7 @@ from vispeg.sim.rollout import ReadingNoise, simulate
 from vispeg.worlds.world import World
 
 DRAWS, SHARE = 16, 0.9
+MAGNIFIED = 10.0  # noise variances that fed-back noise leaves of the right model, from which on chance decides
 WIDER = 2.0  # times the noise: readings so much worse for their steps are coarse
 
 
@@ -56,6 +57,18 @@ def stirred(evidence: Evidence, world: World) -> float:
         total += np.where(item.valid[:, : item.nj], moved**2 - floor, 0.0).sum(axis=(1, 2))
     total = total[np.isfinite(total)]  # a draw that throws the arm away is no measure of the rest
     return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
+
+
+def within(evidence: Evidence, world: World) -> bool:
+    """Whether a world under OSC is no farther from the recordings than magnified noise in its feedback moves the arm.
+
+    A loop that comes near a singular posture magnifies noise by thousands: any small effect then moves the arm as far,
+    one way or the other, and which lowers the error is chance. Encoders that are coarse are no part of that.
+    """
+    if evidence.unit != "rad" or not any(item.recording.control.mode == "osc" for item in evidence.items):
+        return False
+    residual, more = evidence.residuals([world])[0], stirred(evidence, world)
+    return more > MAGNIFIED and float(residual @ residual) <= (1.0 + more) * evidence.count
 
 
 def _begun(item: Item, world: World, draw: int) -> World:

@@ -105,7 +105,9 @@ def verdict(values: Mapping[str, Any]) -> str:
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
     if kind == "adequate":
-        return "The model is adequate: no known effect improves its prediction of the held-out recordings."
+        if down or last is None or floor is None or not values.get("reason"):
+            return "The model is adequate: no known effect improves its prediction of the held-out recordings."
+        return f"The model is adequate: {values['reason']}."
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         times = against_floor(last, floor) if last is not None else ""
