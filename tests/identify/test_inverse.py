@@ -58,6 +58,19 @@ def test_nominal_torque_is_what_the_sensor_read(evidence):
         assert np.sqrt(np.mean(gap**2)) < 0.4  # noise is 0.2 N m
 
 
+@pytest.mark.parametrize("gap", [1, 20, 200], ids=lambda n: f"{n} rows")
+def test_missing_angles_are_left_out_and_said(gap):
+    """Beside a gap of 2, 40 or 400 ms the residual stays the sensor's noise: nothing is invented in it."""
+    rec = passively(World())
+    q = rec.q.copy()
+    q[500 : 500 + gap, 2] = np.nan
+    evidence = evidence_for(World(), [replace(rec, q=q)])
+    residual = evidence.residuals([World()])[0]
+    assert evidence.angle_rms(residual) < 0.4 and evidence.count > 100
+    (note,) = [line for line in evidence.notes if "missing" in line]
+    assert "q.joint3" in note and f"at most {gap} in a row, from 1 s on" in note
+
+
 @pytest.mark.parametrize(
     ("name", "where", "values", "extra"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from made import recording
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
@@ -164,12 +166,16 @@ def test_episodes_restart_time_but_do_not_resume(tmp_path):
     refused(write(torn, tmp_path / "torn"), "row 22", "episode")
 
 
-def test_half_may_be_missing_but_no_more(tmp_path):
-    rec = recording(40)
-    rec.q[:20, 0] = np.nan
-    assert np.isnan(load(write(rec, tmp_path / "half")).q[:, 0]).sum() == 20
-    rec.q[20, 0] = np.nan
-    refused(write(rec, tmp_path / "more"), "q.joint1", "missing")
+@pytest.mark.parametrize("signal, column", [("q", "q.joint1"), ("q_cmd", "q_cmd.joint1"), ("ft", "ft.fx")])
+def test_a_fifth_may_be_missing_but_no_more(tmp_path, signal, column):
+    """The line names the column, the share and the rows of the longest gap, as the file counts them."""
+    rec = recording(40, wrench=WrenchSensor())
+    values = getattr(rec, signal).copy()
+    values[10:18, 0] = np.nan
+    back = load(write(replace(rec, **{signal: values}), tmp_path / "fifth"))
+    assert np.isnan(getattr(back, signal)[:, 0]).sum() == 8
+    values[30, 0] = np.nan
+    refused(write(replace(rec, **{signal: values}), tmp_path / "more"), f"column {column}", "22.5%", "row 12 to row 19")
 
 
 def test_what_is_unknown_is_named_once_and_does_no_harm(folder):

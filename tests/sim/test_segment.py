@@ -63,6 +63,16 @@ def test_gaps_are_bridged_by_lines():
     assert np.isnan(q[105, 3])  # the caller's array is as it was
 
 
+def test_a_long_gap_cuts_an_episode():
+    """What the motion did for 0.2 s nobody knows: each side has a start state of its own, from readings."""
+    q = recording().q.copy()
+    q[:3, 1], q[200:300, 3], q[400:410, 5] = np.nan, np.nan, np.nan
+    first, second = segments(recording(q=q))
+    assert (first.rows[0], first.rows[-1], second.rows[0], second.rows[-1]) == (3, 199, 300, 599)
+    np.testing.assert_array_equal(second.command["q_cmd"], recording().q_cmd[300:])  # type: ignore[index]
+    np.testing.assert_allclose(second.q[0], q[300], atol=1e-4)
+
+
 def test_start_state_is_smoothed_measurement():
     """Noise of 0.1 mrad leaves the start angle and speed of a slow motion right."""
     rng = np.random.default_rng(1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
@@ -60,7 +60,7 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
     period = float(np.median(np.diff(clock)))
     step = period / np.ceil(period / longest - 1e-9)
     time = np.arange(int(np.floor(clock[-1] / step + 1e-6)) + 1) * step
-    pose = flange_pose(scene.nominal, _bridged(clock, rec.q[rows]))
+    pose = flange_pose(scene.nominal, bridged(clock, rec.q[rows]))
     turn = Rotation.from_quat(pose[:, 3:], scalar_first=True)
     first = turn[0]
     place = np.concatenate([first.inv().apply(pose[:, :3] - pose[0, :3]), _angles(first.inv() * turn)], axis=1)
@@ -70,7 +70,7 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
         return np.stack([np.interp(time, clock, v) for v in values.T], axis=1)
 
     place, rate = on_grid(calm), on_grid(rate)
-    read = on_grid(_bridged(clock, wrench[rows]))
+    read = on_grid(bridged(clock, wrench[rows]))
     off = [[e.params[a].value for a in "xyz"] for e in believed.effects if e.effect == scene.offset]
     goal = np.add(scene.target, np.sum(off, axis=0) if off else 0.0)
     return Path(step, time, pose[0, :3], pose[0, 3:], place, rate, jacobian(place[:, 3:]), read, goal, rows, clock)
@@ -97,13 +97,3 @@ def jacobian(angles: np.ndarray) -> np.ndarray:
 def _angles(turn: Rotation) -> np.ndarray:
     """Intrinsic x, y, z angles (n, 3) rad, without jumps."""
     return np.unwrap(turn.as_euler("XYZ"), axis=0)
-
-
-def _bridged(clock: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Missing readings bridged by straight lines."""
-    out = np.array(values, float)
-    for column in out.T:
-        bad = ~np.isfinite(column)
-        if bad.any() and not bad.all():
-            column[bad] = np.interp(clock[bad], clock[~bad], column[~bad])
-    return out

@@ -41,6 +41,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.soft import near
 from vispeg.identify.loops.stirred import stirred, within
+from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
 from vispeg.worlds.world import World
@@ -166,6 +167,7 @@ def diagnose(
         "correlations": correlations(state),
         "parameters_moved": moved(state),
         "windows": records([*fitted, *held_out]),
+        "missing": [line for rec in (*fitted, *held_out) for line in missing.said(rec)],
         "notes": [
             *still,
             *evidence.notes,

@@ -236,6 +236,7 @@ class DiagnosisRecord(Summary):
     correlations: NotRequired[Correlations | None]
     parameters_moved: NotRequired[list[Moved]]
     windows: NotRequired[Sequence[Mapping[str, object]]]
+    missing: NotRequired[list[str]]
     baseline: NotRequired[Summary]
     provenance: NotRequired[Mapping[str, object]]
     object: NotRequired[str]

@@ -22,6 +22,7 @@ from vispeg.identify.loops.runaway import in_hand, said
 from vispeg.identify.loops.stops import passed
 from vispeg.identify.nominal import nominal_robot, robot_of
 from vispeg.identify.space import Freedom
+from vispeg.recordings.checks import missing
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import Response, simulate
@@ -64,6 +65,7 @@ class Evidence(Freedom):
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
         self.notes = [_windows(rec) for rec in recordings if rec.chosen]
+        self.notes += [line for rec in recordings for line in missing.said(rec)]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.notes += [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
         self.notes += [OPEN.format(a.name) for a, b in zip(self.recordings, sound, strict=True) if a is not b]

@@ -18,6 +18,7 @@ from vispeg.identify.channels import Channel, Item
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.nominal import robot_of
+from vispeg.recordings.checks import missing
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
@@ -53,6 +54,7 @@ class TorqueEvidence(Evidence):
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
+        self.notes += [line for rec in recordings for line in missing.said(rec)]
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in recordings]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.items = [item for rec, contact in touched for item in _items(rec, sigma, contact)]
@@ -132,7 +134,7 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
 
 
 def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[Item]:
-    """One item an episode, each differentiated on its own.
+    """One item an episode, each differentiated on its own; one is cut where angles are missing for long.
 
     Raises:
         UserError: no torque that says what it measures, or no episode that outlasts what the filter's ends take.
@@ -146,7 +148,8 @@ def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[I
         raise UserError(f"the controller is unknown and {why}", file=header, key=key, expected=expected)
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free = np.ones(len(rec.time), bool) if contact is None else contact.free
-    items = [_item(rec, rec.tau, np.flatnonzero(number == n), sigma, free) for n in np.unique(number)]
+    runs = [run for n in np.unique(number) for run in missing.stretches(rec, np.flatnonzero(number == n))]
+    items = [_item(rec, rec.tau, run, sigma, free) for run in runs if len(run) > 1]
     items = [item for item in items if item.valid.any()]
     if not items:
         raise UserError(f"too short to compare: every episode lasts under {2 * ENDS:g} s", file=rec.path)
@@ -157,6 +160,8 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
+    read = np.isfinite(ddq).all(axis=1)
+    path, dq, ddq = (np.nan_to_num(v) for v in (path, dq, ddq))  # where it is not read, nothing is compared
     at = np.arange(len(time))[thin]
     q, dq, ddq = path[thin], dq[thin], ddq[thin]
     time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
@@ -165,7 +170,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     segment = Segment(control, 1.0 / rec.rate_hz, {}, q, dq, raw, time, rows[thin])
     segment.cache.update(ddq=ddq, path=path, at=at)
     inside = (time >= ENDS) & (time <= time[-1] - ENDS)
-    valid = np.isfinite(tau) & (inside & free[rows][thin])[:, None]
+    valid = np.isfinite(tau) & (inside & free[rows][thin] & read[thin])[:, None]
     return Item(rec, segment, robot, (Channel("needed", tau, sigma, valid),))
 
 

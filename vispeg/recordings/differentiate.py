@@ -43,6 +43,20 @@ def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarra
     return out[0], out[1], out[2]
 
 
+def bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (n, k) at times (n,) s with straight lines over what is missing, each episode by itself.
+
+    A column without any reading in an episode stays as it is there.
+    """
+    out = np.array(values, float)
+    for rows in episodes(time) if not np.isfinite(out).all() else ():
+        for k in range(out.shape[1]):
+            bad = ~np.isfinite(out[rows, k])
+            if bad.any() and not bad.all():
+                out[rows[bad], k] = np.interp(time[rows[bad]], time[rows[~bad]], out[rows[~bad], k])
+    return out
+
+
 def episodes(time: np.ndarray) -> list[np.ndarray]:
     """Row numbers of each stretch over which `time` (n,) increases."""
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) <= 0) + 1) if len(rows)]

@@ -252,7 +252,8 @@ def _check(table: Table, name: str, values: np.ndarray, columns: list[str]) -> N
 
 def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -> None:
     mode = header.control.mode
-    for name in ("q", *NEEDED[mode]):
+    felt = ("ft",) if (header.wrench is not None or header.cell is not None) and signals["ft"] is not None else ()
+    for name in ("q", *NEEDED[mode], *felt):
         values = signals[name]
         columns = columns_of(name, header.joints)
         if columns[0] not in table.names:

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.missing import MOST, longest
 from vispeg.recordings.tables.table import Table
 
 MAX_ANGLE = 4 * np.pi  # rad: no arm turns further; degrees do
-MAX_MISSING = 0.5
 UNIT_TOLERANCE = 1e-2  # of a quaternion's norm: rounding to three digits passes, a wrong order of components does not
 CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
@@ -30,15 +30,17 @@ def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tup
 
 
 def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
-    """At most half of a needed column is missing."""
+    """No more than `MOST` of a needed column is missing."""
     missing = np.array([np.mean(np.isnan(column)) for column in values.T])
     worst = int(np.argmax(missing))
-    if missing[worst] > MAX_MISSING:
+    if missing[worst] > MOST:
+        first, stop = longest(np.isnan(values[:, worst]))
+        gap = f"the longest gap is {table.row(first)} to {table.row(stop - 1)}"
         raise UserError(
-            f"{missing[worst]:.0%} of the readings are missing",
+            f"{missing[worst]:.1%} of the readings are missing ({gap})",
             file=table.file,
             key=f"column {columns[worst]}",
-            expected=f"at most {MAX_MISSING:.0%}",
+            expected=f"at most {MOST:.0%}: cut the recording there, or record it again",
         )
 
 

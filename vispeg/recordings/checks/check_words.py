@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.spikes import Spike
 from vispeg.recordings.checks.timing import Timing
 from vispeg.recordings.importers.plausible import Doubt
@@ -25,7 +26,7 @@ def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck], dou
     """Sentences on units that cannot be true, on the clock, on silent sensors, and on each joint."""
     each = [line for joint in joints for line in _joint_warnings(joint, rec)]
     units = [f"{d.said}: a unit is wrong" + (f", likely {d.likely}" if d.likely else "") for d in doubts]
-    return units + _clock_warnings(clock) + _silence_warnings(joints, rec) + each
+    return units + said(rec) + _clock_warnings(clock) + _silence_warnings(joints, rec) + each
 
 
 def _clock_warnings(clock: Timing) -> list[str]:
@@ -70,10 +71,6 @@ def _silence_warnings(joints: Sequence[JointCheck], rec: Recording) -> list[str]
 
 def _joint_warnings(joint: JointCheck, rec: Recording) -> list[str]:
     out, motion = [], joint.excitation
-    if joint.missing:
-        out.append(
-            f"{joint.missing:.1%} of the angles are missing, up to {1e3 * joint.longest_missing_s:.0f} ms in a row"
-        )
     if joint.spikes:
         out.append(_spike_words(joint.spikes))
     for count, what in (

@@ -85,6 +85,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     for a, b, r in correlations(_record(diagnosis))["strong"][:3]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
+    out += [Line(f"note: {said}") for said in diagnosis.get("missing") or ()]
     for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
         if record.get("evidence") == "contact":
             out += _contact(record)

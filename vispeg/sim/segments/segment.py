@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.checks.missing import stretches
+from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.segments.start import start_state
@@ -57,9 +58,13 @@ class Segment:
 
 
 def segments(rec: Recording) -> list[Segment]:
-    """The recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere."""
+    """The recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere.
+
+    An episode is cut where its angles are missing for long.
+    """
     episode = rec.episode if rec.episode is not None else np.zeros(len(rec.time), int)
-    return [_segment(rec, np.flatnonzero(episode == e)) for e in np.unique(episode)]
+    runs = [run for e in np.unique(episode) for run in stretches(rec, np.flatnonzero(episode == e))]
+    return [_segment(rec, run) for run in runs if len(run) > 1]
 
 
 def _segment(rec: Recording, rows: np.ndarray) -> Segment:
@@ -71,7 +76,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
 
     def on_grid(values: np.ndarray, held: bool = False) -> np.ndarray:
-        values = _filled(time, values[rows])
+        values = bridged(time, values[rows])  # a controller never saw a gap
         if same_clock:
             return values
         if held:
@@ -91,13 +96,3 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     if rec.control.mode in ("osc", "servo"):  # a redundant arm's null space, a soft servo forget their start slowly
         q[0], dq[0] = start_state(grid, raw, noise_of(rec)["q"])
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
-
-
-def _filled(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Missing readings bridged by straight lines: a controller never saw a gap."""
-    values = values.copy()
-    for column in values.T:
-        bad = ~np.isfinite(column)
-        if bad.any() and not bad.all():
-            column[bad] = np.interp(time[bad], time[~bad], column[~bad])
-    return values

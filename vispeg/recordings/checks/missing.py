@@ -1,0 +1,60 @@
+"""Readings that are missing: how many may be, where a motion is cut at them, and what is said of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.recordings.checks.quality import runs
+from vispeg.recordings.columns import NEEDED, columns_of
+from vispeg.recordings.differentiate import episodes
+from vispeg.recordings.recording import Recording
+
+MOST = 0.2  # share of a needed column: beyond it, what is bridged shapes the result
+LONG, PERIODS = 0.1, 3.5  # s, and sample periods: what a motion did in a longer gap nobody knows
+
+
+def longest(missing: np.ndarray) -> tuple[int, int]:
+    """(first, stop) of the longest run of True in (n,); (0, 0) where there is none."""
+    return max(runs(missing), key=lambda run: run[1] - run[0], default=(0, 0))
+
+
+def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
+    """Rows of one episode, cut where an angle is missing for longer than `LONG` and `PERIODS` sample periods.
+
+    Each begins and ends with a reading of every joint: a straight line over a long gap is no motion, and would be
+    taken for the state that a simulation starts from.
+    """
+    if np.isfinite(rec.q[rows]).all():
+        return [rows]
+    good = rows[np.isfinite(rec.q[rows]).all(axis=1)]
+    gap = (np.diff(rec.time[good]) > max(LONG, PERIODS / rec.rate_hz)) & (np.diff(good) > 1)
+    return [np.arange(run[0], run[-1] + 1) for run in np.split(good, np.flatnonzero(gap) + 1) if len(run)]
+
+
+def said(rec: Recording) -> list[str]:
+    """One line on what is missing of the signals that a recording is compared by; none where nothing is."""
+    parts = [part for name in compared(rec) if (part := _of(rec, name))]
+    return [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
+
+
+def compared(rec: Recording) -> tuple[str, ...]:
+    """The signals that recordings like this one are compared by."""
+    torque = ("tau",) if rec.torque_sensor != "none" else ()
+    load = ("load",) if rec.control.mode == "servo" else ()
+    wrench = ("ft",) if rec.wrench is not None or rec.cell is not None else ()
+    return ("q", *NEEDED[rec.control.mode], *torque, *load, *wrench)
+
+
+def _of(rec: Recording, name: str) -> str:
+    values = getattr(rec, name)
+    if values is None or np.isfinite(values).all():
+        return ""
+    lost = np.isnan(values)
+    j = int(np.argmax(lost.mean(axis=0)))
+    spans = [(rows[0], *longest(lost[rows, j])) for rows in episodes(rec.time)]
+    start, first, stop = max(spans, key=lambda span: span[2] - span[1])
+    first, last = start + first, start + stop - 1
+    where = f"at most {last - first + 1} in a row, from {rec.time[first]:.6g} s on"
+    others = int(lost.any(axis=0).sum()) - 1
+    beside = f" and at most as much of {others} more" if others else ""
+    return f"{lost[:, j].mean():.1%} of {columns_of(name, rec.joints)[j]} ({where}){beside}"
