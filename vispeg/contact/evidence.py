@@ -20,6 +20,7 @@ from vispeg.contact.thin import PART, driven_blocks, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
 from vispeg.identify.evidence import Evidence
+from vispeg.recordings.checks import missing
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
@@ -60,6 +61,7 @@ class ContactEvidence(Evidence):
         part = [np.repeat(~out, i.measured.shape[1]) for i, out in zip(self.items, self.left_out, strict=True)]
         self.nuisance_in_part = self.nuisance.of_rows(np.concatenate(part))
         self.notes: list[str] = notes([(t.recording, t.torques) for t in touching])
+        self.notes += [line for rec in self.recordings for line in missing.said(rec)]
         self.absent: set[tuple[str, str]] = set()
         self.floor_from = "simulated repeats with the stated noise"
         self._recent = []

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from vispeg.contact.items import Touching
 from vispeg.contact.torques import estimated, sensed
 from vispeg.recordings.cell import WrenchSensor, canonical
+from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
@@ -26,7 +27,7 @@ def touching(rec: Recording) -> Touching:
         rec, torques = estimated(rec, cell.scene)
         return Touching(rec, cell.scene, torques.wrench, cell.world, torques)
     sensor = rec.wrench or WrenchSensor()
-    turn = Rotation.from_quat(flange_pose(cell.scene.nominal, np.nan_to_num(rec.q))[:, 3:], scalar_first=True)
+    turn = Rotation.from_quat(flange_pose(cell.scene.nominal, bridged(rec.time, rec.q))[:, 3:], scalar_first=True)
     wrench = canonical(rec.ft, sensor, turn.as_matrix())
     if sensor.tared == "weight":
         wrench = wrench + _weight(cell.scene, turn)

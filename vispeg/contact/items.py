@@ -14,7 +14,7 @@ from vispeg.contact.hand import Grasp
 from vispeg.contact.path import Path, along
 from vispeg.contact.phases import Phases, phases, tool_mass
 from vispeg.contact.sensor import hand_world, readings, stands_for
-from vispeg.contact.thin import thinned
+from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
 from vispeg.contact.yielding import given_way
 from vispeg.core.errors import UserError
@@ -142,7 +142,9 @@ def _item(
     phase = phases(t.scene, felt, path, BLOCK, _tared(rec))
     if phase is None:
         return None
-    phase = thinned(phase, seconds)
+    phase = without(thinned(phase, seconds), _read(t, path))
+    if not phase.resting.any():
+        return None
     time = phase.time
     blank = np.zeros((len(time), len(rec.joints)))
     segment = Segment(
@@ -159,6 +161,14 @@ def _item(
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
     return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
+
+
+def _read(t: Touching, path: Path) -> np.ndarray:
+    """(n,) bool: steps of the path whose nearest sample has a wrench and all angles; the others are bridged."""
+    rows = path.rows[
+        np.clip(np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int), 0, None)
+    ]
+    return np.isfinite(t.wrench[rows]).all(axis=1) & np.isfinite(t.recording.q[rows]).all(axis=1)
 
 
 def _no_free_air(t: Touching, rows: np.ndarray) -> UserError:

@@ -12,6 +12,7 @@ from vispeg.recordings.regimes import IMPACT
 
 CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
 NEAR = 3  # blocks of free air before and after a contact that show when it begins
+READABLE = 0.5  # share of a block's samples whose mean stands for all of them
 FREE = 2.0  # s of free air that are driven
 PART, PIECE = 3, 12  # one in so many pieces of so many blocks is driven where many worlds are screened
 
@@ -36,6 +37,19 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     edges = np.flatnonzero(np.diff(np.r_[0, driven.astype(int), 0]))
     windows = tuple(slice(a * phase.size, b * phase.size) for a, b in zip(edges[::2], edges[1::2], strict=True))
     return replace(phase, used=used, windows=windows)
+
+
+def without(phase: Phases, read: np.ndarray) -> Phases:
+    """The phases without blocks of which more than half was not `read` (n,), and those that follow a long gap.
+
+    There a line between readings is put on the hand, which takes `LEAD` blocks to be forgotten.
+    """
+    m = len(phase.time)
+    lost = read[: m * phase.size].reshape(m, phase.size).mean(axis=1) < READABLE
+    if not lost.any():
+        return phase
+    after = np.convolve(lost, np.ones(LEAD + 1), "full")[:m] > 0
+    return replace(phase, used=phase.used & ~after, resting=phase.resting & ~lost)
 
 
 def pieces(phase: Phases) -> tuple[slice, ...]:

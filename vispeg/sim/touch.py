@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.control.laws import rotated
 from vispeg.recordings.cell import WrenchSensor, canonical, wrench_noise
-from vispeg.recordings.differentiate import episodes, smooth
+from vispeg.recordings.differentiate import bridged, episodes, smooth
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import FREE, Thresholds, regimes
 from vispeg.robots.declared import carried
@@ -76,7 +76,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
         return None
     scene = robot if isinstance(robot, Scene) else None
     arm = robot.nominal if isinstance(robot, Scene) else robot
-    q, dq, ddq = smooth(rec.time, rec.q, MOTION_HZ)
+    q, dq, ddq = smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ)
     pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))
     axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) to the base
     wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
@@ -84,7 +84,8 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     weighed = rec.wrench is not None and rec.wrench.tared == "weight"
     needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
-    contact = _zeroed(rec, residual, axes)
+    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # weight and inertia there are of a line between readings
+    contact = _zeroed(rec, bridged(rec.time, residual), axes)  # a reading that is missing ends no touch
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
     velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
