@@ -6,7 +6,7 @@ import pytest
 from scipy import signal
 
 from vispeg.core.errors import UserError
-from vispeg.measure import frequency, joint, loops, steps
+from vispeg.measure import frequency, joint, steps
 from vispeg.measure.actuator import element, inertia, simulated
 from vispeg.measure.plan import plan, table
 from vispeg.measure.steps import Servo, step_answer
@@ -152,14 +152,10 @@ def test_friction_is_the_height_of_the_loop_and_backlash_its_width():
 
 def test_intervals_of_friction_hold_the_truth():
     held = 0
-    ladder = parts()["ladder"]
-    coarse = type(ladder)(ladder.name, ladder.shows, ladder.time, ladder.offset)
     for seed in range(10):
-        strokes = loops.measured(dragged(coarse, noise=2.0, gap=0.0, seed=seed))
-        x, cov, dof = loops.line(np.array([s.speed for s in strokes]), np.array([s.friction for s in strokes]))
-        from scipy.stats import t
-
-        held += abs(x[0] - 1.2) <= t.ppf(0.975, dof) * np.sqrt(cov[0, 0])
+        trace = dragged(parts()["ladder"], gap=0.0, noise=2.0, seed=seed)
+        by_name = {q.quantity: q for q in joint.measure([trace], rng()).results}
+        held += by_name["coulomb_friction"].low <= 1.2 <= by_name["coulomb_friction"].high
     assert held >= 8
 
 

@@ -1,14 +1,14 @@
 """Ramps out and back: friction as the height of the loop of torque over angle, backlash as its width at no torque.
 
-At one angle the torque out and back differ by twice the friction, whatever gravity does there. Over speeds the halves
-lie on tau = tau_c + b v (Coulomb and viscous). Where the teeth of a gear leave each other the torque is zero, and the
-motor side turns by the gap until they meet again: the width of the loop there. A load greater than the friction keeps
-the teeth on one side, and no loop shows the gap.
+At one measured angle the torque out and back differ by twice the friction, whatever gravity does there, and by what the
+inertia takes. At equal commands they would differ by gravity too: the joint lags to both sides. Where the teeth of a
+gear leave each other the torque is zero, and the motor side turns by the gap until they meet again: the width of the
+loop there. A load greater than the friction keeps the teeth on one side, and no loop shows the gap.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,30 +17,39 @@ from vispeg.measure.trace import Trace, strokes
 SETTLING = 0.35  # of a stroke after its turn that is left out
 WITHIN = 0.5  # of the commanded speed, beyond which a joint still starts or sticks
 SMOOTH = 0.02  # s
+LOAD = 3  # degree of the polynomial in the angle that gravity is within a stroke
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One way out and back.
+    """One way out and back. Of torque, speed, acceleration and lag the halves of what differs between the ways.
 
     Attributes:
         trace, start: where and when.
-        speed: rad/s.
-        friction: half the height of the torque loop, N m; None without a torque that has a sign.
+        speed: measured, rad/s.
+        acceleration: measured, of the same rows with the same weights, rad/s^2: what is left of the start.
+        lag: q_cmd - q, rad.
+        moves: whether the joint turns at about the commanded speed; it starts or sticks otherwise.
+        readings: how many independent readings of the torque would give the height as well.
+        friction: half the height of the torque loop, N m; None without a torque that has a sign, or where it sticks.
         load: the torque in its middle, N m.
-        lag: half of (q_cmd - q) out less back, rad.
-        acceleration: half of the mean acceleration out less back, rad/s^2: what is left of the start.
+        slope: of the torque over the angle, by gravity, N m/rad.
+        stiffness: of the torque over the lag in the turn, N m/rad, while the joint hardly moves.
         gap: angle turned while the torque passes zero, rad; None where it does not or there is none.
     """
 
     trace: str
     start: float
     speed: float
-    friction: float | None
-    load: float | None
+    acceleration: float
     lag: float
-    gap: float | None
-    acceleration: float = 0.0
+    moves: bool
+    readings: float
+    friction: float | None = None
+    load: float | None = None
+    slope: float = 0.0
+    stiffness: float = 0.0
+    gap: float | None = None
 
 
 def measured(trace: Trace) -> list[Stroke]:
@@ -51,43 +60,68 @@ def measured(trace: Trace) -> list[Stroke]:
 def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: float) -> Stroke | None:
     rows = [np.arange(a, b + 1) for a, b in (out, back)]
     rows = [r[int(SETTLING * len(r)) :] for r in rows]
-    low = max(trace.q_cmd[r].min() for r in rows)
-    high = min(trace.q_cmd[r].max() for r in rows)
-    rows = [r[(trace.q_cmd[r] >= low) & (trace.q_cmd[r] <= high)] for r in rows]
+    low = max(trace.q[r].min() for r in rows)
+    high = min(trace.q[r].max() for r in rows)
+    inside = [np.flatnonzero((trace.q[r] >= low) & (trace.q[r] <= high)) for r in rows]
+    rows = [r[i[0] : i[-1] + 1] if len(i) else r[:0] for r, i in zip(rows, inside, strict=True)]
     if min(len(r) for r in rows) < 9:
         return None
     sign = 1.0 if trace.q_cmd[out[1]] > trace.q_cmd[out[0]] else -1.0
-    behind = [float((trace.q_cmd[r] - trace.q[r]).mean()) for r in rows]
-    lag = 0.5 * sign * (behind[0] - behind[1])
-    start = float(trace.time[out[0]])
-    if trace.tau is None or not trace.signed():
-        return Stroke(trace.name, start, speed, None, None, lag, None)
-    tau = [float(trace.tau[r].mean()) for r in rows]
-    motion = [_speeds(trace, r) for r in rows]
+    shares = _shares(trace, rows, sign)
+    both = np.concatenate(rows)
+    velocity = np.gradient(trace.q, trace.time)
+    turned = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
+    way, acceleration, lag = (float(shares[0] @ values[both]) for values in turned)
+    readings = 1.0 / float(shares[0] @ shares[0])
     noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
-    if any(abs(abs(v) - speed) > WITHIN * speed + noise for speeds in motion for v in speeds[:2]):
-        return Stroke(trace.name, start, speed, None, None, lag, None)
-    friction, load = 0.5 * sign * (tau[0] - tau[1]), 0.5 * (tau[0] + tau[1])
-    gap = _gap(trace, out, back, sign, friction, load)
-    return Stroke(trace.name, start, speed, friction, load, lag, gap, 0.5 * sign * (motion[0][2] - motion[1][2]))
+    moves = all(abs(abs(v) - speed) <= WITHIN * speed + noise for r in rows for v in _speeds(trace, r))
+    stroke = Stroke(trace.name, float(trace.time[out[0]]), way, acceleration, lag, moves, readings)
+    if trace.tau is None or not trace.signed() or not moves:
+        return stroke
+    height, load, slope = (float(share @ trace.tau[both]) for share in shares)
+    middle = np.arange(out[0] + (out[1] - out[0]) // 2, back[0] + (back[1] - back[0]) // 2)
+    gap = _gap(trace, middle, sign, height - abs(load))
+    return replace(
+        stroke, friction=height, load=load, slope=slope, stiffness=_stiffness(trace, middle, velocity), gap=gap
+    )
 
 
-def _speeds(trace: Trace, rows: np.ndarray) -> tuple[float, float, float]:
-    """The joint's speed in the first and in the last third of these rows, rad/s, and its mean acceleration, rad/s^2."""
+def _shares(trace: Trace, rows: list[np.ndarray], sign: float) -> np.ndarray:
+    """(3, nrow): each row's share in half the height of a loop, in its middle, in its slope over the angle.
+
+    Least squares of `height * way + polynomial(q)`, weighted by a Hann window on each way. The window and its slope
+    vanish at its ends, so that the same shares of the angle's numerical derivatives are the speed and the acceleration
+    without their noise (modulating functions: Shinbrot, Trans. ASME 79, 1957).
+    """
+    q = np.concatenate([trace.q[r] for r in rows])
+    half = max(0.5 * float(np.ptp(q)), 1e-12)
+    x = (q - 0.5 * (q.max() + q.min())) / half
+    way = np.repeat([sign, -sign], [len(r) for r in rows])
+    window = np.concatenate([np.hanning(len(r) + 2)[1:-1] for r in rows])
+    design = np.column_stack([way, np.vander(x, LOAD + 1, increasing=True)])
+    shares = np.linalg.lstsq((design.T * window) @ design, design.T * window, rcond=None)[0][:3]
+    return shares / np.array([1.0, 1.0, half])[:, None]
+
+
+def _speeds(trace: Trace, rows: np.ndarray) -> tuple[float, float]:
+    """The joint's speed in the first and in the last third of these rows, rad/s."""
     t, q, third = trace.time[rows], trace.q[rows], len(rows) // 3
     first, last = (float(np.polyfit(t[p] - t[p][0], q[p], 1)[0]) for p in (slice(0, third), slice(-third, None)))
-    return first, last, (last - first) / float(t[-1 - third // 2] - t[third // 2])
+    return first, last
 
 
-def _gap(
-    trace: Trace, out: tuple[int, int], back: tuple[int, int], sign: float, friction: float, load: float
-) -> float | None:
-    """The width of the loop at no torque: from its widths between +-1/2 and +-1/4 of the friction, as a line to 0.
+def _stiffness(trace: Trace, rows: np.ndarray, velocity: np.ndarray) -> float:
+    """Torque over q_cmd - q, N m/rad, beside what goes with the speed, by least squares."""
+    lag = trace.q_cmd[rows] - trace.q[rows]
+    design = np.column_stack([lag, velocity[rows], np.ones_like(lag)])
+    return float(np.linalg.lstsq(design, trace.tau[rows], rcond=None)[0][0])  # type: ignore[index]
+
+
+def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | None:
+    """The width of the loop at no torque: from its widths between +-1/2 and +-1/4 of `top` N m, as a line to 0.
 
     Between such levels the gear also winds up, in proportion to them.
     """
-    top = friction - abs(load)
-    middle = np.arange(out[0] + (out[1] - out[0]) // 2, back[0] + (back[1] - back[0]) // 2)
     width = max(1, round(SMOOTH / trace.period))
     tau = sign * np.convolve(trace.tau[middle], np.ones(width) / width, "same")  # type: ignore[index]
     noise = float(np.std(np.diff(trace.tau[middle]))) / np.sqrt(2.0 * width)  # type: ignore[index]
@@ -107,19 +141,3 @@ def _between(q: np.ndarray, tau: np.ndarray, level: float, width: int) -> float 
     begin = int(above[above < end][-1])
     a, b = (float(np.mean(q[max(0, k - width // 2) : k + width // 2 + 1])) for k in (begin, end))
     return abs(b - a)
-
-
-def line(
-    speed: np.ndarray, height: np.ndarray, acceleration: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Least squares of height = a + b speed, and + c acceleration where there is one.
-
-    Returns:
-        (values (2 or 3,), their covariance, degrees of freedom).
-    """
-    columns = [np.ones_like(speed), speed, *([] if acceleration is None else [acceleration])]
-    design = np.column_stack(columns)
-    x, *_ = np.linalg.lstsq(design, height, rcond=None)
-    dof = len(speed) - design.shape[1]
-    s2 = float(np.sum((height - design @ x) ** 2)) / max(dof, 1)
-    return x, s2 * np.linalg.pinv(design.T @ design), dof

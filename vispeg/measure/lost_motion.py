@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.measure import loops
+from vispeg.measure.friction_curve import friction, line, separable
 from vispeg.measure.loops import Stroke
 from vispeg.measure.trace import Trace
-from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
+from vispeg.measure.uncertainty import propagate, rectangular, repeated
 from vispeg.worlds.measurement_file import Quantity
 
 SLOW = 0.015  # rad/s, up to which a reversal shows its backlash: faster, the loop is crossed in flight
@@ -27,51 +28,36 @@ def summarise(
     if not strokes:
         return
     details["torque_speed"] = [
-        {"speed_rad_s": s.speed, "friction_nm": s.friction, "load_nm": s.load, "lag_rad": s.lag, "gap_rad": s.gap}
+        {
+            "speed_rad_s": s.speed,
+            "acceleration_rad_s2": s.acceleration,
+            "friction_nm": s.friction,
+            "load_nm": s.load,
+            "lag_rad": s.lag,
+            "gap_rad": s.gap,
+        }
         for s in sorted(strokes, key=lambda s: s.speed)
     ]
-    speed = np.array([s.speed for s in strokes])
-    width = 2.0 * np.array([s.lag for s in strokes])
-    if len(strokes) >= 3 and np.ptp(speed) > 0.5 * speed.min():
-        x, cov, dof = loops.line(speed, width)
-        mean = Input("loops at several speeds", float(x[0]), float(np.sqrt(cov[0, 0])), "A", float(dof), "t")
-    elif len(strokes) >= 2:
+    moving = [s for s in strokes if s.moves]
+    if len(moving) < len(strokes):
+        notes.append(f"{len(strokes) - len(moving)} of {len(strokes)} strokes are left out: the joint starts or sticks")
+    width = 2.0 * np.array([s.lag for s in moving])
+    if separable(moving):
+        mean = line(moving, width).input("loops at several speeds", 0)
+    elif len(moving) >= 2:
         mean = repeated("loops", width)
         notes.append("loops of one speed: the lost motion holds the servo's lag too")
     else:
         return
-    results.append(propagate("lost_motion", "rad", lambda x: x, [mean], rng, repeats=len(strokes)))
-    torque = [s for s in strokes if s.friction is not None]
+    results.append(propagate("lost_motion", "rad", lambda x: x, [mean], rng, repeats=len(moving)))
+    torque = [s for s in moving if s.friction is not None]
     if not torque:
         silent = [t.why for t in traces if t.tau is None]
         why = silent[0] if len(silent) == len(traces) else "the load has no sign"
         notes.append(f"{why}: friction and backlash are not told apart; the lost motion is the sum of what they do")
         return
-    _friction(torque, results, notes, rng)
+    friction(torque, traces, results, notes, details, rng)
     _backlash([s for s in torque if s.speed <= SLOW], results, notes, traces, rng)
-
-
-def _friction(torque: Sequence[Stroke], results: list[Quantity], notes: list[str], rng: np.random.Generator) -> None:
-    speed, height = np.array([s.speed for s in torque]), np.array([s.friction for s in torque], float)
-    if len(torque) < 3 or np.ptp(speed) <= 0.5 * speed.min():
-        if len(torque) >= 2:
-            inputs = [repeated("loops", height)]
-            results.append(propagate("friction", "N m", lambda x: x, inputs, rng, repeats=len(torque)))
-            notes.append("one speed: Coulomb and viscous friction are not told apart")
-        return
-    # the inertia that what is left of each start has moved is a third unknown, not determined
-    acceleration = np.array([s.acceleration for s in torque]) if len(torque) >= 6 else None
-    x, cov, dof = loops.line(speed, height, acceleration)
-    for name, unit, k in (("coulomb_friction", "N m", 0), ("viscous_friction", "N m s/rad", 1)):
-        scatter = Input("loop heights about their line", float(x[k]), float(np.sqrt(cov[k, k])), "A", float(dof), "t")
-        results.append(propagate(name, unit, lambda x: x, [scatter], rng, repeats=len(torque)))
-    slow = speed < 0.01
-    if slow.any() and (~slow).sum() >= 3:
-        y, rest, free = loops.line(speed[~slow], height[~slow])
-        excess = float(height[slow].mean() - y[0])
-        u = np.sqrt(rest[0, 0] * (1 + 1 / slow.sum()))
-        if free > 0 and excess > 3 * u > 0:
-            notes.append(f"below 0.01 rad/s {excess:.2g} N m more than the line says: Stribeck friction")
 
 
 def _backlash(

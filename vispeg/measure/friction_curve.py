@@ -1,0 +1,135 @@
+"""Friction over speed, from the heights of a joint's loops: tau_c + b v + J a, and Stribeck's term where it shows.
+
+Each height is weighted by the readings behind it. The inertia J takes what is left of the acceleration; it is a third
+unknown, not a result. Curve: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (1), (2) and (5) with exponent 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, stats
+
+from vispeg.measure.loops import Stroke
+from vispeg.measure.trace import Trace
+from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
+from vispeg.worlds.measurement_file import Quantity
+
+LEAST, WITH_INERTIA = 3, 5  # strokes for a line over speed, and for the inertia beside it
+GIVES_WAY = 0.3  # of the correction by inertia: other joints yield, so that the inertia is not one number
+SURE = 0.001  # probability, of a curve without it, of what is called Stribeck's term
+STRIBECK, STARTS = (0.005, 0.5), (0.01, 0.03, 0.1, 0.3)  # rad/s: bounds of the effect `stribeck_friction`, and between
+
+
+@dataclass(frozen=True)
+class Line:
+    """A fit: values (k,), at speed 0, over speed, over acceleration; covariance (k, k); dof; weighted squares."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    dof: int
+    rest: float
+
+    def input(self, name: str, k: int) -> Input:
+        """Value k with the scatter about the line."""
+        return Input(name, float(self.values[k]), float(np.sqrt(self.covariance[k, k])), "A", float(self.dof), "t")
+
+
+def separable(strokes: Sequence[Stroke]) -> bool:
+    """Whether their speeds tell what grows with the speed from what does not."""
+    speed = np.array([s.speed for s in strokes])
+    return len(strokes) >= LEAST and bool(np.ptp(speed) > 0.5 * speed.min())
+
+
+def line(strokes: Sequence[Stroke], values: np.ndarray, *, inertia: bool = True) -> Line:
+    """Weighted least squares of values (n,), one a stroke, over speed and, from five strokes on, acceleration."""
+    root = np.sqrt([s.readings for s in strokes])
+    design = root[:, None] * _columns(strokes, inertia)
+    x, *_ = np.linalg.lstsq(design, root * values, rcond=None)
+    dof = len(strokes) - design.shape[1]
+    rest = float(np.sum((root * values - design @ x) ** 2))
+    return Line(x, rest / max(dof, 1) * np.linalg.pinv(design.T @ design), dof, rest)
+
+
+def _columns(strokes: Sequence[Stroke], inertia: bool) -> np.ndarray:
+    rows = [(1.0, s.speed, s.acceleration) for s in strokes]
+    return np.array(rows)[:, : 3 if inertia and len(rows) >= WITH_INERTIA else 2]
+
+
+def friction(
+    strokes: Sequence[Stroke],
+    traces: Sequence[Trace],
+    results: list[Quantity],
+    notes: list[str],
+    details: dict[str, object],
+    rng: np.random.Generator,
+) -> None:
+    """Adds Coulomb and viscous friction to `results`, or their sum where all strokes have one speed."""
+    height = np.array([s.friction for s in strokes], float)
+    if not separable(strokes):
+        if len(strokes) >= 2:
+            inputs = [repeated("loops", height)]
+            results.append(propagate("friction", "N m", lambda x: x, inputs, rng, repeats=len(strokes)))
+            notes.append("one speed: Coulomb and viscous friction are not told apart")
+        return
+    curve = line(strokes, height)
+    corrections = curve.values[:2] - line(strokes, height, inertia=False).values
+    bent = _stribeck(strokes, height, curve)
+    if bent is not None:
+        curve, excess, velocity = bent
+        notes.append(
+            f"{excess:.2g} N m more at rest, which has fallen to 37 % of it at {velocity:.2g} rad/s: "
+            "Stribeck friction; coulomb_friction is what remains at speed"
+        )
+    if len(strokes) >= WITH_INERTIA:
+        details["loop_inertia_kgm2"] = float(curve.values[2])
+    for k, name, unit in ((0, "coulomb_friction", "N m"), (1, "viscous_friction", "N m s/rad")):
+        moved = GIVES_WAY * abs(float(corrections[k]))
+        inputs = [curve.input("loop heights about their curve", k), rectangular("inertia, as the arm gives way", moved)]
+        inputs += _between_rows(strokes, traces) if name == "viscous_friction" else []
+        results.append(propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=len(strokes)))  # type: ignore[arg-type]
+
+
+def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> tuple[Line, float, float] | None:
+    """The curve with Stribeck's term, its height in N m and velocity in rad/s, where an F test prefers it."""
+    if straight.dof < 5 or np.ptp(height) == 0:
+        return None
+    columns, speed = _columns(strokes, True), np.array([s.speed for s in strokes])
+    sigma = np.array([s.readings for s in strokes]) ** -0.5
+
+    def curve(_: object, *x: float) -> np.ndarray:
+        return columns @ x[:-2] + x[-2] * np.exp(-((speed / np.exp(x[-1])) ** 2))
+
+    low, high = np.full((2, columns.shape[1] + 2), [[-np.inf], [np.inf]])
+    low[-2:], high[-1] = (0.0, np.log(STRIBECK[0])), np.log(STRIBECK[1])
+    best: tuple[float, np.ndarray, np.ndarray] | None = None
+    for velocity in STARTS:
+        start = [*straight.values, 0.1 * abs(straight.values[0]), np.log(velocity)]
+        x, covariance = optimize.curve_fit(curve, speed, height, start, sigma, bounds=(low, high))
+        rest = float(np.sum(((height - curve(speed, *x)) / sigma) ** 2))
+        best = (rest, x, covariance) if best is None or rest < best[0] else best
+    rest, x, covariance = best  # type: ignore[misc]
+    dof = straight.dof - 2
+    f = 0.5 * (straight.rest - rest) / max(rest / dof, 1e-300)
+    return (
+        (Line(x, covariance, dof, rest), float(x[-2]), float(np.exp(x[-1]))) if stats.f.sf(f, 2, dof) < SURE else None
+    )
+
+
+def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[Input]:
+    """What the log does not say of the time between its rows, as errors of the viscous friction, N m s/rad.
+
+    A row's torque may be up to a row older or younger than its angle: gravity has changed by then. And a servo's own
+    loop is faster than the log: its torque jumps with each command and falls until the next, so that the torque at the
+    rows is off its mean by up to half a command's step times the loop's stiffness.
+    """
+    period = max(t.period for t in traces)
+    slope = abs(max(strokes, key=lambda s: s.speed).slope)  # of the longest way, whose height tells the most
+    inputs = [rectangular("time between angle and torque, one row", slope * period)]
+    if any(t.servo for t in traces):
+        # noise and a dead band of the encoder lower it, each at other speeds
+        stiffness = float(np.quantile([s.stiffness for s in strokes], 0.9))
+        inputs.append(rectangular("servo's torque between two rows", 0.5 * max(stiffness, 0.0) * period))
+    return inputs
