@@ -1,5 +1,7 @@
 """A measurement's file gives the measurement back, and goes into a model and a world as it is."""
 
+import warnings
+
 import numpy as np
 import pytest
 import yaml
@@ -64,6 +66,30 @@ def test_a_mass_goes_into_a_model_with_its_interval(here, capsys):
     friction()
     assert main(["add", "iiwa14", "mu.yaml", "--out", "other.yaml"]) == 2
     assert "model: mu.yaml" in capsys.readouterr().err
+
+
+def test_what_nobody_measured_of_a_payload_is_named_and_takes_part_in_widen(here, capsys):
+    """Its centre and radius have no interval: command, model and world say so; 0.3 of them is a standard deviation."""
+    said = "payload(flange) has no interval for x, y, z, radius: the same in every episode"
+    assert main(["measure", "mass", "mass.csv", "--resolution", "mass_g=1", "--out", "mass.yaml"]) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert main(["add", "iiwa14", "mass.yaml", "--out", "model.yaml"]) == 0
+    assert said in " ".join(capsys.readouterr().out.split())
+
+    def payload(**stated):
+        (here / "w.yaml").write_text(yaml.safe_dump({"format": "vispeg-world/1", "base": "nominal", "model": stated}))
+        return next(r for r in load_world("w.yaml").world.ranges if r.effect == "payload")
+
+    for file in ("mass.yaml", "model.yaml"):
+        with pytest.warns(UserWarning, match="no interval for x, y, z, radius"):
+            fixed = payload(file=file)
+        assert fixed.source.endswith("constant: x, y, z, radius") and fixed.params["z"] == 0.05
+        with pytest.warns(UserWarning, match="no interval for x, y:"):
+            wide = payload(file=file, widen=0.3)
+        assert (wide.params["z"].sd, wide.params["radius"].sd) == pytest.approx((0.3 * 0.05, 0.3 * 0.03))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert payload(file=file, widen=0).params == fixed.params
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from vispeg.report.text.summary import Block, Line, html
 from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
+from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import load_measurement
 from vispeg.worlds.model_file import load_model, model_text, placed_dict
 from vispeg.worlds.words import completed, place, values
@@ -51,7 +52,10 @@ class AddedEffects:
             params = effect(instance.effect).params
             each = ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in instance.params.items())
             lines.append(f"{instance.label}: {each}")
-        return [Line(text, path=True) for text in lines]
+        # who states a value by hand knows that it has no interval
+        measured = [e for e in self.added if any(v.low is not None for v in e.params.values())]
+        bare = [Line(constant(e, names), warning=True) for e in measured if (names := without_interval(e))]
+        return [*(Line(text, path=True) for text in lines), *bare]
 
     def _repr_html_(self) -> str:
         return html(self.summary)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ class Identified:
         widen: share of a value's distance from null that is added to its standard deviation, for what the fit cannot
             know: a model's form, another day, another specimen.
         sd: how many of the fit's standard deviations are one of the draw's.
-        explicit: whether `widen` is stated, so that a constant is meant.
+        explicit: whether `widen` is stated: if as 0, a constant is meant.
     """
 
     file: Path
@@ -65,8 +65,8 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     """A range for each effect of a model: normal about the fitted value.
 
     The standard deviation is the root of (sd * that of the interval)^2 + (widen * distance from null)^2; a shape, which
-    has no null, counts from 0. A value for which both are nothing is the same in every episode, and a warning says so
-    where the file does not state `widen`.
+    has no null, counts from 0. A value for which both are nothing is the same in every episode: its range's source says
+    so, and a warning unless `widen: 0` means it.
 
     Args:
         stated: the file, and how wide.
@@ -99,16 +99,34 @@ def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
     return tuple(_ranged(placed, stated) for placed in measurement.effects)
 
 
+def without_interval(placed: EffectInstance) -> list[str]:
+    """Parameters of an effect that nobody measured: no interval, and not the null of a magnitude that is not there."""
+    params = effect(placed.effect).params
+    if all(v.value == params[name].null for name, v in placed.params.items() if not params[name].shape):
+        return []
+    bare = [name for name, v in placed.params.items() if v.low is None]
+    return [name for name in bare if params[name].shape or placed.params[name].value != params[name].null]
+
+
+def constant(placed: EffectInstance, names: Sequence[str]) -> str:
+    """A sentence on values without an interval, and how to give them one."""
+    return (
+        f"{placed.label} has no interval for {', '.join(names)}: the same in every episode of a world; `low` and "
+        "`high` in the file vary it, or `model: {file, widen: 0.3}` by a share of what is not 0"
+    )
+
+
 def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
-    kind, params, constant = effect(placed.effect), {}, []
+    kind, params = effect(placed.effect), {}
     for name, v in placed.params.items():
         param = kind.params[name]
         fitted = 0.0 if v.low is None or v.high is None else (v.high - v.low) / WIDTH
         sd = float(np.hypot(stated.sd * fitted, stated.widen * abs(v.value - param.origin)))
         params[name] = Normal(v.value, sd, param.low, param.high) if sd > 0 else v.value
-        if v.low is None and sd == 0 and v.value != param.absent:
-            constant.append(name)
-    if constant and not stated.explicit:
-        said = f"{placed.label} has no interval for {', '.join(constant)}: the same in every episode"
-        warnings.warn(f"{stated.file}: {said}; `model: {{file, widen: 0.3}}` varies it", stacklevel=2)
-    return RandomizedEffect(placed.effect, placed.where, params, source=f"identified: {stated.file.name}")
+    source = f"identified: {stated.file.name}"
+    fixed = [name for name in without_interval(placed) if not isinstance(params[name], Normal)]
+    if fixed:
+        source += f"; no interval, so constant: {', '.join(fixed)}"
+        if not stated.explicit or stated.widen > 0:
+            warnings.warn(f"{stated.file}: {constant(placed, fixed)}", stacklevel=2)
+    return RandomizedEffect(placed.effect, placed.where, params, source=source)

@@ -12,6 +12,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import provenance
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
+from vispeg.worlds.identified import constant, without_interval
 from vispeg.worlds.measurement_file import (
     Measurement,
     Quantity,
@@ -75,6 +76,8 @@ class MeasurementResult:
                 for k, v in effect.params.items()
             )
             out.append(Line(f"becomes {effect.label}: {values}", path=True))
+            if names := without_interval(effect):
+                out.append(Line(constant(effect, names), warning=True))
         out += [Line(note, warning=True) for note in m.notes]
         return [*out, Line(self.written, path=True)]
 
