@@ -129,7 +129,7 @@ def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
     one = {k: v[readings["pose"] == 1] for k, v in readings.columns.items()}
     both, single = (stiffness.measure(r, rng()) for r in (readings, Readings("t", one, readings.resolution)))
     assert both.results[1].value == pytest.approx(truth, rel=0.02)
-    assert single.results[1].value == pytest.approx(truth, rel=0.03) and "1 arm poses" in single.notes[0]
+    assert single.results[1].value == pytest.approx(truth, rel=0.03) and "1 arm pose;" in single.notes[0]
     shifted = dict(readings.columns)
     shifted["depth"] = shifted["depth"] + (shifted["pose"] == 2) * shifted["on"] * 1e-5 * shifted["force"]
     with pytest.raises(UserError, match="poses disagree"):
@@ -187,3 +187,28 @@ def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeyp
     read = from_recordings.slides([Path("slide")]).columns
     assert len(read["normal"]) == 2, "a stroke there and one back"
     assert read["tangential"] / read["normal"] == pytest.approx(mu, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("drop", "said"),
+    [
+        (None, "1 height, as there is no column 'drop'; the protocol asks for 2"),
+        ([0.3, 0.3, 0.3], "1 height; the protocol asks for 2"),
+        ([0.3, 0.3, 0.6], None),
+    ],
+)
+def test_heights_are_counted_where_a_column_tells_them(drop, said):
+    table = {"flight1": np.array([0.4, 0.41, 0.4]), "flight2": np.array([0.2, 0.2, 0.21])}
+    table |= {} if drop is None else {"drop": np.array(drop)}
+    notes = restitution.measure(Readings("t", table, dict.fromkeys(table, 0.0)), rng()).notes
+    assert notes[0] == "3 drops; the protocol asks for 10"
+    assert notes[1:] == (() if said is None else (said,))
+
+
+def test_every_column_that_a_protocol_reads_stands_in_the_guide():
+    guide = (Path(__file__).parents[2] / "docs" / "measure.md").read_text(encoding="utf-8")
+    rows = [line for line in guide.splitlines() if line.startswith("| `") and line.count("|") == 4]
+    named = " ".join(rows)
+    forms = [f for part in (mass, com, friction, restitution, stiffness) for f in part.FORMS.values()]
+    for column in {c for form in forms for c in form} | {"tare", "place", "drop", "pose", "ramp"}:
+        assert f"`{column}`" in named, column

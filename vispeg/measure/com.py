@@ -145,7 +145,7 @@ def _lines(r: Readings, rng: np.random.Generator) -> Outcome:
             return _cross(moved, len(x))[axis] + sum(off[:skip])
 
         results.append(propagate(f"com_{name}", "m", crossing, [*scatter, *inputs], rng, repeats=len(x)))
-    notes = short(len(x), 3, "suspensions, so nothing checks that the lines meet")
+    notes = [f"{note}, so that one checks where the others meet" for note in short(len(x), 3, "suspension")]
     return Outcome(tuple(results), tuple(notes), {"misses_m": miss.tolist()})
 
 

@@ -45,8 +45,8 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if place is None:
         refuse_drift(values, 0.0, readings.file, "friction")
     result = propagate(name, "1", lambda mu, *off: mu + law(*off) - nominal, [mean, *errors], rng, repeats=len(values))
-    count = 1 if place is None else len(np.unique(place))
-    notes = [*short(len(values), REPEATS, "slides"), *short(count, PLACES, "places")]
+    count, unsaid = (1, "place") if place is None else (len(np.unique(place)), "")
+    notes = [*short(len(values), REPEATS, "slide"), *short(count, PLACES, "place", unsaid)]
     return Outcome((result,), tuple(notes), by_place(values, place))
 
 

@@ -43,6 +43,15 @@ def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, objec
     return {"places": rows}
 
 
-def short(repeats: int, wanted: int, what: str) -> list[str]:
-    """A note where fewer were taken than the protocol asks for."""
-    return [] if repeats >= wanted else [f"{repeats} {what}; the protocol asks for {wanted}"]
+def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
+    """A note where there are fewer of a thing (in the singular) than the protocol asks for.
+
+    Args:
+        count, wanted: how many.
+        thing: what is counted.
+        unsaid: the column that would tell several apart, where the table has none.
+    """
+    if count >= wanted:
+        return []
+    one = f"1 {thing}, as there is no column '{unsaid}'" if unsaid else f"1 {thing}"
+    return [f"{one if count == 1 else f'{count} {thing}s'}; the protocol asks for {wanted}"]

@@ -53,8 +53,8 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     result = propagate(
         "restitution", "1", lambda e, *off: e * law(*off) / nominal, [mean, *errors], rng, repeats=len(values)
     )
-    count = 1 if groups is None else len(np.unique(groups))
-    notes = [*short(len(values), DROPS, "drops"), *short(count, HEIGHTS, "heights")]
+    count, unsaid = (1, "drop") if groups is None else (len(np.unique(groups)), "")
+    notes = [*short(len(values), DROPS, "drop"), *short(count, HEIGHTS, "height", unsaid)]
     rows = (
         []
         if groups is None

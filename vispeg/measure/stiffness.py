@@ -51,7 +51,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
         got = f"{soft.value:.3g} m/N more, 95 % interval {soft.low:.3g} to {soft.high:.3g}"
         raise UserError("the fixture is no softer than the stop, as far as this can tell", file=readings.file, got=got)
     stiff = propagate("stiffness", "N/m", lambda c, *e: 1.0 / (c * (1 + sum(e))), inputs, rng, repeats=len(slopes))
-    notes = short(len(poses), POSES, "arm poses")
+    notes = short(len(poses), POSES, "arm pose", "" if "pose" in readings.columns else "pose")
     rows = [
         {"pose": p, "on": "fixture" if o else "stop", "ramp": n, "compliance_m_per_n": c}
         for (p, o, n), c in slopes.items()
