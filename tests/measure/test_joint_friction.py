@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from vispeg.measure import joint, loops
+from vispeg.measure import friction_curve, joint, loops
 from vispeg.measure.plan import plan
 from vispeg.measure.trace import Trace
 from vispeg.robots.model import load
@@ -60,9 +60,9 @@ def measured(seed, servo, **joint_of):
 
 @pytest.mark.parametrize("servo", [False, True])
 def test_intervals_hold_friction_beside_gravity_inertia_and_lag(servo):
-    """Of 20 numbers of ten joints the 95 % intervals miss three with a probability of 1.6 %, more with 0.3 %."""
+    """Of twelve numbers of six joints 95 % intervals miss three or more with a probability of 2 %."""
     held = 0
-    for seed in range(10):
+    for seed in range(6):
         r = np.random.default_rng([seed, servo])
         truth = {"coulomb": r.uniform(0.3, 2.0), "damping": r.choice([0.0, r.uniform(0.2, 1.5)])}
         loop = {"com": r.uniform(0.0, 0.4), "armature": r.uniform(0.05, 0.4), "wn": r.uniform(14.0, 40.0)}
@@ -71,7 +71,7 @@ def test_intervals_hold_friction_beside_gravity_inertia_and_lag(servo):
             held += by_name[name].low <= truth[key] <= by_name[name].high
         assert by_name["coulomb_friction"].value == pytest.approx(truth["coulomb"], rel=0.02)
         assert not any("Stribeck" in note for note in notes)
-    assert held >= 17
+    assert held >= 10
 
 
 def test_stribeck_friction_is_said_where_it_is_and_leaves_coulomb_friction_alone():
@@ -91,6 +91,19 @@ def test_speed_and_acceleration_of_a_stroke_are_those_of_the_rows_that_weigh_its
     (stroke,) = loops.measured(Trace("bent", t, command, q, 3.0 * ddq + 2.0 * dq))
     assert abs(stroke.acceleration) > 1e-3
     assert stroke.friction == pytest.approx(3.0 * stroke.acceleration + 2.0 * stroke.speed, rel=1e-3)
+
+
+def test_heights_that_share_a_way_vary_together():
+    """Of white torque noise: the covariance over 400 draws is the one by which the heights are weighted."""
+    t = np.arange(0, 6, 1 / RATE)
+    q = 0.1 * np.abs(np.mod(t / 2 + 1, 2) - 1)
+    rng, heights = np.random.default_rng(5), []
+    for _ in range(400):
+        strokes = loops.measured(Trace("noise", t, q, q, rng.standard_normal(len(t))))
+        heights.append([s.friction for s in strokes])
+    predicted = friction_curve._covariance(strokes)
+    assert predicted.shape == (2, 2) and predicted[0, 1] > 0.3 * predicted[0, 0]
+    assert np.cov(np.transpose(heights)) == pytest.approx(predicted, rel=0.3)
 
 
 def test_strokes_in_which_the_joint_sticks_say_nothing():

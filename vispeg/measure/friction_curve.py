@@ -1,16 +1,18 @@
 """Friction over speed, from the heights of a joint's loops: tau_c + b v + J a, and Stribeck's term where it shows.
 
-Each height is weighted by the readings behind it. The inertia J takes what is left of the acceleration; it is a third
-unknown, not a result. Curve: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (1), (2) and (5) with exponent 2.
+Heights are weighted by the rows behind them, of which two in a row share some: generalised least squares. The inertia J
+takes what is left of the acceleration; it is a third unknown, not a result.
+Curve: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (1), (2) and (5) with exponent 2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import linalg, optimize, stats
 
 from vispeg.measure.loops import Stroke
 from vispeg.measure.trace import Trace
@@ -44,18 +46,29 @@ def separable(strokes: Sequence[Stroke]) -> bool:
 
 
 def line(strokes: Sequence[Stroke], values: np.ndarray, *, inertia: bool = True) -> Line:
-    """Weighted least squares of values (n,), one a stroke, over speed and, from five strokes on, acceleration."""
-    root = np.sqrt([s.readings for s in strokes])
-    design = root[:, None] * _columns(strokes, inertia)
-    x, *_ = np.linalg.lstsq(design, root * values, rcond=None)
+    """Generalised least squares of values (n,), one a stroke, over speed and, from five strokes on, acceleration."""
+    root = linalg.cholesky(_covariance(strokes), lower=True)
+    design, y = (linalg.solve_triangular(root, a, lower=True) for a in (_columns(strokes, inertia), values))
+    x, *_ = np.linalg.lstsq(design, y, rcond=None)
     dof = len(strokes) - design.shape[1]
-    rest = float(np.sum((root * values - design @ x) ** 2))
+    rest = float(np.sum((y - design @ x) ** 2))
     return Line(x, rest / max(dof, 1) * np.linalg.pinv(design.T @ design), dof, rest)
 
 
 def _columns(strokes: Sequence[Stroke], inertia: bool) -> np.ndarray:
     rows = [(1.0, s.speed, s.acceleration) for s in strokes]
     return np.array(rows)[:, : 3 if inertia and len(rows) >= WITH_INERTIA else 2]
+
+
+def _covariance(strokes: Sequence[Stroke]) -> np.ndarray:
+    """Of the heights (n, n), for rows of variance 1: the way back of one stroke is the way out of the next."""
+    out = np.zeros((len(strokes), len(strokes)))
+    for i, a in enumerate(strokes):
+        for j, b in enumerate(strokes[: i + 1]):
+            if a.trace is b.trace:
+                _, at, of = np.intersect1d(a.rows, b.rows, assume_unique=True, return_indices=True)
+                out[i, j] = out[j, i] = float(a.shares[at] @ b.shares[of])
+    return out
 
 
 def friction(
@@ -97,25 +110,26 @@ def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> 
     if straight.dof < 5 or np.ptp(height) == 0:
         return None
     columns, speed = _columns(strokes, True), np.array([s.speed for s in strokes])
-    sigma = np.array([s.readings for s in strokes]) ** -0.5
+    covariance = _covariance(strokes)
 
     def curve(_: object, *x: float) -> np.ndarray:
         return columns @ x[:-2] + x[-2] * np.exp(-((speed / np.exp(x[-1])) ** 2))
 
     low, high = np.full((2, columns.shape[1] + 2), [[-np.inf], [np.inf]])
     low[-2:], high[-1] = (0.0, np.log(STRIBECK[0])), np.log(STRIBECK[1])
-    best: tuple[float, np.ndarray, np.ndarray] | None = None
+    fits: list[tuple[float, np.ndarray, np.ndarray]] = []
     for velocity in STARTS:
         start = [*straight.values, 0.1 * abs(straight.values[0]), np.log(velocity)]
-        x, covariance = optimize.curve_fit(curve, speed, height, start, sigma, bounds=(low, high))
-        rest = float(np.sum(((height - curve(speed, *x)) / sigma) ** 2))
-        best = (rest, x, covariance) if best is None or rest < best[0] else best
-    rest, x, covariance = best  # type: ignore[misc]
+        with suppress(RuntimeError):  # a start from which nothing is found
+            x, of_x = optimize.curve_fit(curve, speed, height, start, covariance, bounds=(low, high), x_scale="jac")
+            left = height - curve(speed, *x)
+            fits.append((float(left @ np.linalg.solve(covariance, left)), x, of_x))
+    if not fits:
+        return None
+    rest, x, of_x = min(fits, key=lambda fit: fit[0])
     dof = straight.dof - 2
     f = 0.5 * (straight.rest - rest) / max(rest / dof, 1e-300)
-    return (
-        (Line(x, covariance, dof, rest), float(x[-2]), float(np.exp(x[-1]))) if stats.f.sf(f, 2, dof) < SURE else None
-    )
+    return (Line(x, of_x, dof, rest), float(x[-2]), float(np.exp(x[-1]))) if stats.f.sf(f, 2, dof) < SURE else None
 
 
 def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[Input]:

@@ -26,11 +26,11 @@ class Stroke:
 
     Attributes:
         trace, start: where and when.
+        rows, shares: (k,) of the trace, and what each adds of its torque to the height; the next stroke may share some.
         speed: measured, rad/s.
         acceleration: measured, of the same rows with the same weights, rad/s^2: what is left of the start.
         lag: q_cmd - q, rad.
         moves: whether the joint turns at about the commanded speed; it starts or sticks otherwise.
-        readings: how many independent readings of the torque would give the height as well.
         friction: half the height of the torque loop, N m; None without a torque that has a sign, or where it sticks.
         load: the torque in its middle, N m.
         slope: of the torque over the angle, by gravity, N m/rad.
@@ -38,13 +38,14 @@ class Stroke:
         gap: angle turned while the torque passes zero, rad; None where it does not or there is none.
     """
 
-    trace: str
+    trace: Trace
     start: float
+    rows: np.ndarray
+    shares: np.ndarray
     speed: float
     acceleration: float
     lag: float
     moves: bool
-    readings: float
     friction: float | None = None
     load: float | None = None
     slope: float = 0.0
@@ -72,10 +73,9 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
     velocity = np.gradient(trace.q, trace.time)
     turned = [velocity, np.gradient(velocity, trace.time), trace.q_cmd - trace.q]
     way, acceleration, lag = (float(shares[0] @ values[both]) for values in turned)
-    readings = 1.0 / float(shares[0] @ shares[0])
     noise = 4.0 * float(np.std(np.diff(trace.q, 2))) / np.sqrt(6.0) / (len(rows[0]) // 3 * trace.period)
     moves = all(abs(abs(v) - speed) <= WITHIN * speed + noise for r in rows for v in _speeds(trace, r))
-    stroke = Stroke(trace.name, float(trace.time[out[0]]), way, acceleration, lag, moves, readings)
+    stroke = Stroke(trace, float(trace.time[out[0]]), both, shares[0], way, acceleration, lag, moves)
     if trace.tau is None or not trace.signed() or not moves:
         return stroke
     height, load, slope = (float(share @ trace.tau[both]) for share in shares)
