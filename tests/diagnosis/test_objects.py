@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -9,11 +10,14 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.objects import contact_numbers, diagnose_object
+from vispeg.diagnosis.objects import _next, contact_numbers, diagnose_object
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import line_searches, with_intervals
 from vispeg.recordings.importers.objects import import_object
 from vispeg.recordings.objects import ObjectRecording, load_object_recording, rates, turn_between, write_object
+from vispeg.report.build import render
+from vispeg.report.evidence import Evidence
+from vispeg.report.record import Record
 from vispeg.robots.objects import CUBE, is_object, load_object
 from vispeg.worlds.world import World
 
@@ -109,6 +113,32 @@ def test_the_hidden_effect_is_named_and_what_tosses_cannot_tell_is_said(cube):
     assert any("object_mass" in note for note in got.record["notes"])
     rows = got.record["restarts"]
     assert rows[0]["after"]["rms_m"] < 0.7 * rows[0]["before"]["rms_m"]
+
+
+TOLD, MASS = {"parameter": "contact_friction(cube).scale", "told": True}, {"object_mass": "no size of it moves it"}
+COMMAND = "vispeg diagnose cube.xml --recording a --validate b --out found"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "silent", "said", "command"),
+    [
+        (
+            [{**TOLD, "told": False}],
+            {},
+            "Let the object go by hand, 20 times",
+            f"{COMMAND}-2 --recording NEW-RECORDING",
+        ),
+        ([TOLD], MASS, "Weigh the object five times", f"{COMMAND}-2"),
+        ([TOLD], {}, "Let the object go by hand from other heights", f"{COMMAND}-2 --recording NEW-RECORDING"),
+    ],
+)
+def test_the_page_says_what_a_person_does_with_an_object(parameters, silent, said, command):
+    following = _next(SimpleNamespace(silent=silent), [{"parameters": parameters}])
+    values = {"format": "vispeg-diagnosis/1", "object": "cube", "verdict": "identified", "next_experiment": following}
+    text = render(Record("diagnosis", values | {"provenance": {"command": COMMAND}}, Evidence()))
+    page = text[text.index('id="next_experiment"') : text.index('id="provenance"')]
+    assert said in page and "robot" not in page and "vispeg check" not in page  # which reads no tosses
+    assert f"<pre>{command}</pre>" in page
 
 
 def test_a_recording_is_read_back_and_an_archive_gives_the_same(tmp_path):

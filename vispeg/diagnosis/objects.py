@@ -32,6 +32,8 @@ LEVEL = 0.01  # of the test that an effect lowers the held-out error, over all c
 INVISIBLE = 2e-3  # share of the squared error that a size must move to leave a trace
 # What an effect needs (`Effect.needs`) that no toss has. A soft contact may follow blows better, whose law is not the
 # simulator's, and sink at rest by what no pose shows.
+TOSS = "Let the object go by hand, 20 times or more, each time turned otherwise, and record its pose, a toss an episode"
+WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass into the model"
 NO_TOSS_HAS = {"two forces": "at rest its own weight alone presses on it"}
 
 
@@ -287,8 +289,9 @@ def _candidates(state: Tossed) -> list[Candidate]:
 def _next(search: ObjectSearch, rows: Sequence[Mapping[str, Any]]) -> NextMotion | None:
     weak = sorted({p["parameter"] for p in rows[0]["parameters"] if not p["told"]})
     if weak:
-        return {"motion": "tosses with more single bounces, from 0.1 to 0.5 m", "why": f"would tell {', '.join(weak)}"}
+        return {"motion": "tosses with more single bounces, from 0.1 to 0.5 m", "why": f"would tell {', '.join(weak)}",
+                "how": TOSS}  # fmt: skip
     if "object_mass" in search.silent:
-        why = "tells its mass: in free flight and against a fixed table only forces over mass can be told"
-        return {"motion": "the object pushed by a known force, or on a scale", "why": why}
+        why = "a scale tells its mass: in free flight and against a fixed table only forces over mass can be told"
+        return {"motion": "", "why": why, "how": WEIGH}
     return None

@@ -117,10 +117,11 @@ class Recordings(TypedDict):
 
 
 class NextMotion(TypedDict):
-    """What to record next: a motion that is written beside the record, or one in words."""
+    """What to record next: a motion that is written beside the record, or one in words, with how a person does it."""
 
     motion: str
     why: str
+    how: NotRequired[str]
     expected_separation_sigma: NotRequired[float]
     seed: NotRequired[int]
     duration_s: NotRequired[float]

@@ -27,13 +27,15 @@ def context(record: Record) -> Mapping[str, object]:
     sigma = number(following.get("expected_separation_sigma"))
     motion = record.evidence.next_motion
     proposed = str(following.get("motion") or "").rstrip(".")
+    tossed = bool(record.values.get("object"))
     return {
         "motion": proposed,
         "why": str(following.get("why") or "").rstrip("."),
         "sigma": plain(sigma, 2) if sigma and proposed else "",  # zero: not predicted
         "weak": bool(sigma) and sigma < 3,
         "file": str(following.get("file") or ""),
-        "command": again(record) if proposed else VALIDATE,
+        "how": str(following.get("how") or (BY_HAND if tossed else "")),
+        "command": again(record, bool(proposed or not following)) if proposed or tossed else VALIDATE,
         "price": words.price(record.values),
         "paid": words.paid(record.values),
         "onward": words.onward(record.values),
@@ -43,6 +45,7 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
+BY_HAND = "Let the object go by hand from other heights or onto another part of the table, and record its pose"
 VALIDATE = "vispeg compare model.yaml --recording NEW-RECORDING --out compared"
 GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --validate DIR --out OUT-2"
 
@@ -56,8 +59,8 @@ def _name(record: Record) -> list[str]:
         return []
 
 
-def again(record: Record) -> str:
-    """This diagnosis with the new recording and another folder to write to; a general one where it cannot be had."""
+def again(record: Record, new: bool = True) -> str:
+    """This diagnosis, with the `new` recording, into another folder; a general one where it cannot be had."""
     command = _name(record)
     if command[1:2] != ["diagnose"]:  # another command, whose arguments are others
         return GENERAL
@@ -66,7 +69,7 @@ def again(record: Record) -> str:
             command[i + 1] += "-2"
         elif word.startswith("--out="):
             command[i] += "-2"
-    return f"{shlex.join(command)} --recording NEW-RECORDING"
+    return shlex.join(command) + (" --recording NEW-RECORDING" if new else "")
 
 
 def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
