@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.regimes import IMPACT, INSIDE, PRESS, REGIMES, SLIDE, Thresholds, regimes, touching
@@ -14,12 +15,13 @@ from vispeg.robots.model import load as load_robot
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.expert import record_expert
-from vispeg.task.rig.motions import AIR, PATHS, motion
-from vispeg.task.rig.pace import SAMPLES_HZ, followed, paced
+from vispeg.task.rig.motions import AIR, PATHS, Place, motion
+from vispeg.task.rig.pace import SAMPLES_HZ, followed, foreseen, paced
 from vispeg.task.rig.path import Frame, Path
-from vispeg.task.rig.posture import posture
+from vispeg.task.rig.posture import elbow_turned, posture
 from vispeg.task.rig.record import record_cell
 from vispeg.task.rig.replay import replay
+from vispeg.task.rig.room import ROOM, turned_by, with_room
 from vispeg.worlds.model_file import load_model
 
 CELL = load_model("peg-cell")
@@ -51,15 +53,41 @@ def test_every_motion_begins_with_a_second_in_free_air(touches, name):
     assert np.abs(np.diff(rec.ee_cmd[:, :3], axis=0)).max() * rec.rate_hz < 0.5, "m/s"
 
 
-def test_what_looks_and_inserts_stays_within_the_joints_ranges(touches):
-    rec, arm = touches["look-and-insert"][0], load_robot("iiwa14")
-    assert np.all((rec.q > arm.range[:, 0]) & (rec.q < arm.range[:, 1]))
+@pytest.mark.parametrize("name", PATHS)
+def test_every_motion_keeps_each_joint_within_its_range_and_its_speed_limit(touches, name):
+    rec, arm = touches[name][0], load_robot("iiwa14")
+    assert np.all((rec.q > arm.range[:, 0] + 0.01) & (rec.q < arm.range[:, 1] - 0.01))
+    assert np.all(np.abs(rec.dq) < arm.velocity_limit)
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_no_motion_asks_more_of_a_joint_than_its_speed_limit(touches, name):
-    rec, arm = touches[name][0], load_robot("iiwa14")
-    assert np.all(np.abs(rec.dq) < arm.velocity_limit)
+def test_no_seed_of_a_motion_asks_for_angles_out_of_range(name):
+    scene, stiffness = SCENE.scene, SCENE.config.stiffness
+    near = elbow_turned(scene) if name == "press-elbow" else posture(scene)
+    for seed in range(4):
+        path = with_room(PATHS[name](Place(scene, np.random.default_rng(seed))), scene, stiffness, near)
+        angles = foreseen(path, scene, stiffness, near)[1]
+        assert np.minimum(angles - scene.range[:, 0], scene.range[:, 1] - angles).min() >= ROOM
+
+
+@pytest.mark.parametrize(("yaw", "fits"), [(0.3, True), (-0.3, False)])
+def test_a_motion_is_turned_only_as_far_as_its_joints_need(yaw, fits):
+    """A nod stays as it is where the last joint has room for it; with that at its stop it turns away, the tip's way
+    kept.
+    """
+    scene, stiffness, near = SCENE.scene, SCENE.config.stiffness, posture(SCENE.scene)
+    nod = turned_by(Path(Frame((0.0, 0.0, 0.05))).to(1.0, turn=(0.05, 0.0, 0.0)).to(0.5), yaw)
+    made = with_room(nod, scene, stiffness, near)
+    assert made.start.yaw == (nod.start.yaw if fits else pytest.approx(-0.15))
+    assert [leg.frame.tip for leg in made.legs] == [leg.frame.tip for leg in nod.legs]
+
+
+def test_a_motion_without_room_is_refused_with_the_joint_its_range_and_its_angle(monkeypatch):
+    scene, near = SCENE.scene, posture(SCENE.scene)
+    monkeypatch.setattr("vispeg.task.rig.room.ROUND", (0.0,))
+    path = PATHS["touch-datum"](Place(scene, np.random.default_rng(0)))
+    with pytest.raises(UserError, match=r"joint7 out of its range.*-3.05 to 3.05 rad.*got 3.1[0-9]"):
+        with_room(path, scene, SCENE.config.stiffness, near)
 
 
 def test_the_way_of_the_arm_is_foreseen(touches):

@@ -20,6 +20,7 @@ from vispeg.task.rig.commanded import CellMotion
 from vispeg.task.rig.pace import paced
 from vispeg.task.rig.path import FORCE, Frame, Path, commands, quarter
 from vispeg.task.rig.posture import elbow_turned, posture
+from vispeg.task.rig.room import with_room
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly
@@ -287,14 +288,9 @@ def motion(
         raise UserError("unknown motion of a cell", key="--motion", got=name, choices=(*paths, "expert"))
     near = elbow_turned(scene) if name in TURNED else posture(scene)
     stiffness = STIFF.get(name, config.stiffness)
-    time, frames = paced(paths[name](Place(scene, rng)), scene, stiffness, near).frames(rate_hz)
+    path = with_room(paths[name](Place(scene, rng)), scene, stiffness, near)
+    time, frames = paced(path, scene, stiffness, near).frames(rate_hz)
     most = ROOM * float(np.linalg.norm(frames[:, FORCE], axis=1).max())
     ee_cmd = commands(frames, scene, stiffness, near)
-    return CellMotion(
-        name,
-        time,
-        ee_cmd,
-        most if most > config.force_limit else None,
-        STIFF.get(name),
-        near if name in TURNED else None,
-    )
+    limit = most if most > config.force_limit else None
+    return CellMotion(name, time, ee_cmd, limit, STIFF.get(name), near if name in TURNED else None)

@@ -30,9 +30,7 @@ def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.nda
     Raises:
         UserError: a pose out of the arm's reach.
     """
-    time, frames = path.frames(SAMPLES_HZ)
-    frames[:, FORCE] = 0.0
-    angles = followed(scene, commands(frames, scene, stiffness, near), near)
+    time, angles = foreseen(path, scene, stiffness, near)
     share = (np.abs(np.gradient(angles, 1.0 / SAMPLES_HZ, axis=0)) / (SHARE * scene.velocity_limit)).max(axis=1)
     ends = np.cumsum([0.0, *(leg.seconds for leg in path.legs)])
     slow = Path(path.start)
@@ -40,6 +38,18 @@ def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.nda
         within = (time >= begin - 1e-9) & (time <= end + 1e-9)
         slow.legs.append(replace(leg, seconds=leg.seconds * max(1.0, float(share[within].max(initial=0.0)))))
     return slow
+
+
+def foreseen(
+    path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Time (n,) s at `SAMPLES_HZ` and the joint angles (n, nj) rad then, of an arm that follows a path freely.
+
+    Arguments and errors as for `paced`.
+    """
+    time, frames = path.frames(SAMPLES_HZ)
+    frames[:, FORCE] = 0.0
+    return time, followed(scene, commands(frames, scene, stiffness, near), near)
 
 
 def followed(scene: Scene, pose: np.ndarray, near: np.ndarray) -> np.ndarray:
