@@ -41,10 +41,13 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 
 
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
-    """Shares of the squared whitened residual by axis and phase of contact, greatest first."""
+    """Shares of the squared residual in floors by axis and phase of contact, greatest first.
+
+    The residual is each block's own: whitening over blocks spreads an error of contact over free air.
+    """
     grid = np.zeros((len(COLUMNS), len(NAMES)))
-    residual = judged.whitened([y[0] for y in predicted])
-    for item, r in zip(judged.items, residual, strict=True):
+    for item, y in zip(judged.items, predicted, strict=True):
+        r = judged.whiten(item, y[0])
         for k in range(len(NAMES)):
             grid[:, k] += (r[item.phase.code == k] ** 2).sum(axis=0)
     share = grid / max(float(grid.sum()), 1e-300)
@@ -80,14 +83,14 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
     out: dict[str, np.ndarray] = {"joints": np.array(COLUMNS[:3]), "unit": np.array("N")}
-    worst, residual = (-1.0, 0, 0), judged.whitened([y[0] for y in predicted])
+    worst = (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
         out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
         for w, key in zip(range(len(y)), ("before", "after"), strict=False):
             out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
         out[f"{r}/sigma"] = item.sigma
-        size = (residual[r] ** 2).sum(axis=1)
+        size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
         k = int(np.argmax(np.where(item.phase.resting, -1.0, size)))
         worst = max(worst, (float(size[k]), r, k))
     item = judged.items[worst[1]]
