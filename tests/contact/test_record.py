@@ -6,7 +6,7 @@ import numpy as np
 from pressed import recorded
 
 from vispeg.contact.errors.nuisance import Nuisance
-from vispeg.contact.record import arrays, where_it_fails
+from vispeg.contact.record import arrays, shows_from, where_it_fails
 from vispeg.contact.run import evidence_of
 from vispeg.core.effect import EffectInstance
 
@@ -25,3 +25,20 @@ def test_an_error_of_contact_is_not_called_one_of_free_air():
     assert np.sum(spread[free] ** 2) > 0.1 * np.sum(spread[pressed] ** 2) > 0, "which the test of an effect allows for"
     assert where_it_fails(evidence, predicted) == [{"joint": "force z", "regime": "press", "share": 1.0}]
     assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
+
+
+def test_an_effect_is_said_to_show_from_values_that_it_may_have():
+    """A compliance and a delay are none or more; a pose, a gain and a scale have two sides."""
+    least = {
+        ("fixture_compliance", "fixture"): {"x": np.inf, "z": 2e-5},
+        ("wrench_delay", "flange"): {"delay": 0.012},
+        ("hole_offset", "fixture"): {"z": 4e-4},
+        ("contact_friction", "peg"): {"scale": 1.5},
+        ("contact_stiffness", "peg"): {"scale": 2.0},
+    }
+    between = {(row["effect"], k): ends for row in shows_from(least) for k, ends in row["between"].items()}
+    assert between["fixture_compliance", "x"] is None
+    assert between["fixture_compliance", "z"] == (0.0, 2e-5) and between["wrench_delay", "delay"] == (0.0, 0.012)
+    assert between["hole_offset", "z"] == (-4e-4, 4e-4)
+    assert between["contact_friction", "scale"] == (0.0, 2.5), "no friction pulls"
+    assert between["contact_stiffness", "scale"] == (0.5, 2.0)

@@ -113,18 +113,20 @@ def not_excited(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> l
 
 
 def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
-    """Of every effect between which values each of its parameters does not show in these recordings."""
+    """Of every effect between which values, of those that it may have, each of its parameters does not show in these
+    recordings: a compliance or a delay from none up.
+    """
     out: list[ShowsFrom] = []
     for (name, where), least in least_sizes.items():
         hidden: dict[str, tuple[float, float] | None] = {}
         for k, size in least.items():
             param = effect(name).params[k]
-            ends = (
+            low, high = (
                 (param.null / size, param.null * size)
                 if param.scale == "log"
                 else (param.null - size, param.null + size)
             )
-            hidden[k] = ends if np.isfinite(size) else None
+            hidden[k] = (max(low, param.low), min(high, param.high)) if np.isfinite(size) else None
         out.append({"effect": name, "where": where, "between": hidden})
     return out
 

@@ -43,7 +43,7 @@ def _inside(params: dict[str, float], between: dict[str, list[float] | None] | N
     if between is None:
         return False
     ends = {k: between[k] for k in params if k in between}
-    return len(ends) == len(params) and all(e is None or e[0] < params[k] < e[1] for k, e in ends.items())
+    return len(ends) == len(params) and all(e is None or e[0] <= params[k] <= e[1] for k, e in ends.items())
 
 
 def judge(r: Record) -> Record:
