@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vispeg.contact.record import separating
+from vispeg.contact.next_motion import separating
 from vispeg.contact.selection.entangled import beside, entangled, judged, tilted
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict

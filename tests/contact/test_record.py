@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 from pressed import recorded
 
 from vispeg.contact.errors.nuisance import Nuisance
-from vispeg.contact.record import arrays, shows_from, where_it_fails
+from vispeg.contact.next_motion import separating
+from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fails
 from vispeg.contact.run import evidence_of
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
 
@@ -42,3 +47,39 @@ def test_an_effect_is_said_to_show_from_values_that_it_may_have():
     assert between["hole_offset", "z"] == (-4e-4, 4e-4)
     assert between["contact_friction", "scale"] == (0.0, 2.5), "no friction pulls"
     assert between["contact_stiffness", "scale"] == (0.5, 2.0)
+
+
+FIXED = World().add(FIXTURE)
+ARM = SimpleNamespace(score=SimpleNamespace(key=("arm_compliance", "all"), label="arm_compliance(all)"))
+SOFT = SimpleNamespace(score=SimpleNamespace(key=("contact_stiffness", "peg"), label="contact_stiffness(peg)"))
+DULL = [{"effect": "hole_clearance", "where": "fixture", "why": "", "motion": "insert"}]
+
+
+def rivals(*equals):
+    return [SimpleNamespace(label=FIXTURE.label, equals=equals)]
+
+
+@pytest.mark.parametrize(
+    ("equals", "recorded", "motion"),
+    [
+        ((ARM,), {"press"}, "touch-datum"),
+        ((ARM, SOFT), {"press", "touch-datum"}, "hard-press"),
+        ((ARM,), {"press", "touch-datum"}, "touch-datum again, with more force, at other places"),
+        ((), {"press"}, "insert"),
+        ((), {"insert"}, "insert again, with more force against the walls"),
+    ],
+)
+def test_a_motion_that_is_recorded_is_asked_for_only_where_no_other_separates_and_then_otherwise(
+    equals, recorded, motion
+):
+    asked = separating(FIXED, rivals(*equals), DULL, (), recorded)
+    assert asked["motion"] == motion
+    assert (" as it was recorded does not" in asked["why"]) == ("again" in motion)
+
+
+def test_what_was_not_excited_is_asked_for_by_a_motion_that_is_not_recorded():
+    """A clearance shows in an insertion and where the part is rocked; if both are recorded, in another insertion."""
+    silent = {("hole_clearance", "fixture"): {"width": np.inf}, ("hole_tilt", "fixture"): {"roll": 0.01}}
+    asked = [not_excited(silent, recorded) for recorded in ((), ("insert",), ("insert", "rock"))]
+    assert [[u["motion"] for u in rows] for rows in asked] == [["insert"], ["rock"], ["insert"]]
+    assert effect("hole_clearance").shown_by == ("insert", "rock")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.contact.record import apart
+from vispeg.contact.next_motion import apart
 from vispeg.contact.run import diagnose_contact, evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -80,7 +80,7 @@ def motions(case):
 def test_the_named_experiment_separates_what_one_motion_cannot(case):
     """One class by a single motion (cosine of signatures above 0.97), below 0.9 with the one that a verdict names."""
     a, b, motion = PAIRS[case]
-    asked = [apart(EffectInstance.of(name, at, **size), other[0]) for (name, at, size), other in ((a, b), (b, a))]
+    asked = [apart(EffectInstance.of(name, at, **size), other[0])[0] for (name, at, size), other in ((a, b), (b, a))]
     assert asked == [motion, motion]
     alone, together = cosines([recorded(path) for path in motions(case)], (a, b))
     assert abs(alone) > 0.97 and abs(together) < 0.9

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
-from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.schema import Failure, NextMotion, NotExcited, ShowsFrom
+from vispeg.core.effect import effect
+from vispeg.diagnosis.schema import Failure, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
-from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
@@ -101,14 +99,19 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     return out
 
 
-def not_excited(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> list[NotExcited]:
-    """Effects of which no size that is tried shows, each with the motion that would show it."""
+def not_excited(
+    least_sizes: Mapping[tuple[str, str], Mapping[str, float]], recorded: Collection[str] = ()
+) -> list[NotExcited]:
+    """Effects of which no size that is tried shows, each with the motion that would show it: the first that is not
+    `recorded` yet.
+    """
     out: list[NotExcited] = []
     for (name, where), least in least_sizes.items():
         if not any(np.isfinite(list(least.values()))):
-            motion = effect(name).shown_by
+            motions = effect(name).shown_by or ("insert",)
+            motion = next((m for m in motions if m not in recorded), motions[0])
             why = "no size of it changes the wrench enough in these recordings to be told"
-            out.append({"effect": name, "where": where, "why": why, "motion": motion[0] if motion else "insert"})
+            out.append({"effect": name, "where": where, "why": why, "motion": motion})
     return out
 
 
@@ -129,38 +132,3 @@ def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> li
             hidden[k] = (max(low, param.low), min(high, param.high)) if np.isfinite(size) else None
         out.append({"effect": name, "where": where, "between": hidden})
     return out
-
-
-def separating(
-    world: World,
-    rivals: Sequence[Rivals],
-    unseen: Sequence[NotExcited],
-    pairs: Sequence[tuple[EffectInstance, EffectInstance]] = (),
-) -> NextMotion | None:
-    """The motion to record next: what tells a world's effect from its rival, or from another one of its `pairs`, or
-    shows most of what was not excited.
-    """
-    for a, b in pairs:
-        motion = apart(a, b.effect)
-        if motion:
-            return {"motion": motion, "why": f"tells {a.label} from {b.label}"}
-    for r in rivals:
-        chosen = next(e for e in world.effects if e.label == r.label)
-        for t in r.equals:
-            motion = apart(chosen, t.score.key[0])
-            if motion:
-                return {"motion": motion, "why": f"tells {r.label} from {t.score.label}"}
-    motions = [u["motion"] for u in unseen]
-    if not motions:
-        return None
-    most = max(dict.fromkeys(motions), key=motions.count)
-    return {"motion": most, "why": f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == most)}"}
-
-
-def apart(chosen: EffectInstance, other: str) -> str | None:
-    """The motion that tells an effect, by the parameter that is largest in it, from another; None where none does."""
-    kind = effect(chosen.effect)
-    motion = kind.told_from.get(other) or effect(other).told_from.get(chosen.effect)
-    sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}
-    away = {k: abs(v.value - kind.params[k].null) / sizes[k] for k, v in chosen.params.items()}
-    return motion and kind.told_by.get(max(away, key=lambda k: away[k]), motion)

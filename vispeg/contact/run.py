@@ -11,7 +11,8 @@ from vispeg.contact.errors.noise import louder
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.law import unsure
-from vispeg.contact.record import arrays, channels, not_excited, phase_errors, separating, shows_from, where_it_fails
+from vispeg.contact.next_motion import separating
+from vispeg.contact.record import arrays, channels, not_excited, phase_errors, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.selection import entangled, layer
@@ -94,7 +95,8 @@ def diagnose_contact(
         unsure(corrected, n_fixed),
     )
     predicted = judged.simulated([world, state.world])
-    unseen = [*not_excited(shows), *hit.unseen]
+    recorded = {r.motion for r in (*fitted, *held_out)}
+    unseen = [*not_excited(shows, recorded), *hit.unseen]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "evidence": "contact",
@@ -110,7 +112,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "shows_from": shows_from(shows),
         "closed_loop": replayed,
-        "next_experiment": separating(fitted_world, rivals, unseen, pairs),
+        "next_experiment": separating(fitted_world, rivals, unseen, pairs, recorded),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

@@ -1,0 +1,81 @@
+"""What to record next: a motion that tells effects apart or shows what no recording did; one that there is only if
+nothing else does, and then otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.schema import NextMotion, NotExcited
+from vispeg.worlds.world import World
+
+OTHERWISE = {  # how a motion is made again, so that it shows more than it did
+    "free": "with the tool tilted farther, with and without the held part",
+    "press": "with more force, at other places",
+    "hard-press": "with more force",
+    "slide": "with more force, over longer strokes",
+    "insert": "with more force against the walls",
+    "insert-turned": "with the flange turned the other way",
+    "rock": "with the part tilted farther",
+    "tap": "at other speeds",
+    "touch-datum": "with more force, at other places",
+}
+ELSE = "in another posture, with more force"
+
+
+def separating(
+    world: World,
+    rivals: Sequence[Rivals],
+    unseen: Sequence[NotExcited],
+    pairs: Sequence[tuple[EffectInstance, EffectInstance]] = (),
+    recorded: Collection[str] = (),
+) -> NextMotion | None:
+    """The motion to record next: what tells a world's effect from its rival, or from another one of its `pairs`, or
+    shows most of what was not excited; of each the first that is not `recorded` yet.
+    """
+    for asked in (list(_apart(world, rivals, pairs)), list(_shows(unseen))):
+        new = [(motion, why) for motion, why in asked if motion not in recorded]
+        for motion, why in new or asked:
+            if new:
+                return {"motion": motion, "why": why}
+            again = f"{motion} again, {OTHERWISE.get(motion, ELSE)}"
+            return {"motion": again, "why": f"{why}, which {motion} as it was recorded does not"}
+    return None
+
+
+def _apart(
+    world: World, rivals: Sequence[Rivals], pairs: Sequence[tuple[EffectInstance, EffectInstance]]
+) -> Iterator[tuple[str, str]]:
+    """Motions that tell effects apart, what a recording determines in combination alone first; and why."""
+    for a, b in pairs:
+        for motion in apart(a, b.effect):
+            yield motion, f"tells {a.label} from {b.label}"
+    for r in rivals:
+        chosen = next(e for e in world.effects if e.label == r.label)
+        for t in r.equals:
+            for motion in apart(chosen, t.score.key[0]):
+                yield motion, f"tells {r.label} from {t.score.label}"
+
+
+def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
+    """Motions that would show what was not excited, that which shows most first; and what."""
+    motions = [u["motion"] for u in unseen]
+    for motion in sorted(dict.fromkeys(motions), key=motions.count, reverse=True):
+        yield motion, f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == motion)}"
+
+
+def apart(chosen: EffectInstance, other: str) -> list[str]:
+    """The motions that tell an effect, by the parameter that is largest in it first, from another; none where none
+    does.
+    """
+    kind = effect(chosen.effect)
+    by_kind = [kind.told_from.get(other), effect(other).told_from.get(chosen.effect)]
+    sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}
+    away = {k: abs(v.value - kind.params[k].null) / sizes[k] for k, v in chosen.params.items()}
+    largest = max(away, key=lambda k: away[k])
+    if not any(by_kind):
+        return []
+    by_size = kind.told_by.get(largest)
+    return list(dict.fromkeys(m for m in (by_size, *by_kind) if m))
