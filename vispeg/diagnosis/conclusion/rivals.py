@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.accept import DECISIVE, equal
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.search import AT_FLOOR, Search
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
+from vispeg.worlds.places import ALL
 
 EXCHANGES = 3  # at most
 BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none where it goes before (`prior`)
@@ -68,12 +71,17 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
             without = search.judge.mean(step[0].loss) + step[0].gain.mean
             out.append(_compare(search, state, placed.label, step[1], without))
             continue
-        say(f"looking for rivals of {placed.label}")
-        (reduced,) = _without(search, state, [placed], n_fixed)
-        scores, tested = search.instead(reduced, placed)
-        trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
-        out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
+        out.append(_asked(search, state, placed, n_fixed, say))
     return out
+
+
+def _asked(search: Search, state: State, placed: EffectInstance, n_fixed: int, say: Callable[[str], None]) -> Rivals:
+    """Rivals of one effect: the library is asked in its place, the best are fitted."""
+    say(f"looking for rivals of {placed.label}")
+    (reduced,) = _without(search, state, [placed], n_fixed)
+    scores, tested = search.instead(reduced, placed)
+    trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
+    return _compare(search, state, placed.label, trials, search.judge.mean(reduced.loss))
 
 
 def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
@@ -99,23 +107,40 @@ def _goal(search: Search, state: State) -> float | None:
 
 
 def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side."""
+    """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side.
+
+    Where linear algebra does not judge (`_beyond`) the library is screened as well.
+    """
     say("asking what may stand in the place of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
-    placed = [e for e in state.world.effects[n_fixed:] if e.label in asked]
+    beyond = _beyond(search, state)
+    placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
     size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST)  # bytes of derivatives, an effect
     some, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), some):
         part = placed[start : start + some]
         say(f"looking for rivals of {', '.join(e.label for e in part)}")
         reduced = _without(search, state, part, n_fixed)
-        tries = [
-            (beside, [Score(r, 0.0) for r in asked[e.label][:MOST]], len(asked[e.label]))
-            for e, beside in zip(part, reduced, strict=True)
-        ]
+        tries = []
+        for e, beside in zip(part, reduced, strict=True):
+            scores = {s.key: s for s in search.instead(beside, e)[0]} if e.where in beyond else {}
+            scores |= {s.key: s for s in (Score(r, 0.0) for r in asked.get(e.label, ())[:MOST])}
+            tries.append((beside, list(scores.values()), max(len(scores), len(asked.get(e.label, ())))))
         for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed, _goal(search, state)), strict=True):
             by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
+
+
+def _beyond(search: Search, state: State) -> set[str]:
+    """Places where more than noise is left and linear algebra cannot judge an exchange; none at the noise floor.
+
+    What all joints share, such as a delay, moves the arm by far more than noise: at first order a lag looks alike. In
+    the joint that misses most, something may stand in for what has no signature, as friction that grows with load.
+    """
+    if search.judge.mean(state.loss) - search.judge.floor(state.world) <= AT_FLOOR - 1.0:
+        return set()
+    worst = int(np.argmax(joint_z(search.missing(state.world))))
+    return {ALL, search.evidence.items[0].robot.joints[worst]}
 
 
 def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
