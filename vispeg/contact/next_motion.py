@@ -37,9 +37,11 @@ def separating(
     """
     for asked in (list(_apart(world, rivals, pairs)), list(_shows(unseen))):
         new = [(motion, why) for motion, why in asked if motion not in recorded]
-        for motion, why in new or asked:
-            if new:
-                return {"motion": motion, "why": why}
+        if new:
+            motion, why = new[0]
+            return {"motion": motion, "why": why}
+        if asked:
+            motion, why = asked[0]
             again = f"{motion} again, {OTHERWISE.get(motion, ELSE)}"
             return {"motion": again, "why": f"{why}, which {motion} as it was recorded does not"}
     return None
