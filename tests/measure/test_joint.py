@@ -230,6 +230,14 @@ def test_motions_of_the_plan_stay_in_range_and_show_what_they_say(tmp_path):
     assert speeds[0] == 0.004 and len(speeds) == 7
 
 
+def test_a_table_in_degrees_is_refused(tmp_path):
+    t = np.arange(500) / RATE
+    rows = np.stack([t, 20 * np.sin(t), 20 * np.sin(t)], axis=1)
+    (tmp_path / "m.csv").write_text("t,goal,angle\n" + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
+    with pytest.raises(UserError, match="m.csv: row .*, column angle: looks like degrees; expected radians"):
+        from_table(tmp_path / "m.csv", {"time": "t", "q_cmd": "goal", "q": "angle"})
+
+
 def test_what_shows_nothing_is_said():
     t = np.arange(500) / RATE
     with pytest.raises(UserError, match="show nothing of a joint"):

@@ -22,6 +22,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.robots.model import load as load_robot
+from vispeg.sim.units import check_units
 from vispeg.task.belief import believed, cell_of, of_world
 from vispeg.task.world_file import is_world
 from vispeg.worlds.model_file import load_model, model_text
@@ -161,8 +162,11 @@ def _read(
         rec = source
     else:
         with reading(Path(source)) as progress:
-            rec = load(source, signals, progress)
+            rec = load(source, None if signals is None else lambda header: (*signals(header), "dq"), progress)
     rec = _of_robot(rec, world, _path(source))
+    check_units(rec)
+    if signals is needed and rec.control.mode != "osc":
+        rec = replace(rec, dq=None)  # was read to hold the angles against it
     if rec.chosen is not None:
         return rec
     cut = choose(rec, seconds)

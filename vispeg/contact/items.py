@@ -165,10 +165,9 @@ def _item(
 
 def _read(t: Touching, path: Path) -> np.ndarray:
     """(n,) bool: steps of the path whose nearest sample has a wrench and all angles; the others are bridged."""
-    rows = path.rows[
-        np.clip(np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int), 0, None)
-    ]
-    return np.isfinite(t.wrench[rows]).all(axis=1) & np.isfinite(t.recording.q[rows]).all(axis=1)
+    rows = path.rows[np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int)]
+    read = np.concatenate([t.wrench[rows], t.recording.q[rows]], axis=1)
+    return np.isfinite(read.sum(axis=1))
 
 
 def _no_free_air(t: Touching, rows: np.ndarray) -> UserError:

@@ -160,7 +160,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     robot, time = robot_of(rec), rec.time[rows] - rec.time[rows[0]]
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
-    read = np.isfinite(ddq).all(axis=1)
+    read = np.isfinite(ddq.sum(axis=1))
     path, dq, ddq = (np.nan_to_num(v) for v in (path, dq, ddq))  # where it is not read, nothing is compared
     at = np.arange(len(time))[thin]
     q, dq, ddq = path[thin], dq[thin], ddq[thin]

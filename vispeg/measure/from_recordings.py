@@ -17,6 +17,7 @@ from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.units import check_units
 
 REST, STILL = 0.5, 2e-3  # s that count as rest, rad of all joints within that time
 FREE, TOUCH = 1.0, 1.0  # s of free air, N above which it touches
@@ -104,6 +105,7 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
 def _opened(path: Path) -> tuple[Recording, np.ndarray]:
     """The recording, and the flange's pose (n, 7) in the base: measured, or else of the robot's model."""
     rec = load(path)
+    check_units(rec)
     if rec.ft is None:
         raise UserError("has no wrench", file=path, expected="columns ft.fx ... ft.tz")
     pose = rec.ee if rec.ee is not None else flange_pose(load_robot(rec.robot), rec.q)

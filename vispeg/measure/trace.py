@@ -14,8 +14,10 @@ from vispeg.recordings.load import load
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Reading
+from vispeg.recordings.validate import check_angles
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import nominal_of
+from vispeg.sim.units import check_units
 
 NEEDED = ("time", "q_cmd", "q")
 COLUMNS = (*NEEDED, "tau")
@@ -59,9 +61,10 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     """The traces of a recording, one an episode; the joint, that which moves most where none is named; the robot.
 
     Raises:
-        UserError: unreadable, without commanded angles, or without that joint.
+        UserError: unreadable, in units that cannot be true, without commanded angles, or without that joint.
     """
     rec = load(path)
+    check_units(rec)
     if rec.q_cmd is None:
         raise UserError("has no commanded angles", file=path, expected="columns q_cmd.<joint>")
     if joint is None:
@@ -117,7 +120,7 @@ def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
         columns: `time`, `q_cmd`, `q` and, where there is one, `tau` -> the column's name.
 
     Raises:
-        UserError: a column is missing, not named, or no number.
+        UserError: a column is missing, not named, or no number; angles that look like degrees.
     """
     for name in columns:
         if name not in COLUMNS:
@@ -127,6 +130,8 @@ def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
             raise UserError(f"{name} is not named", file=path, key="--columns", expected=f"{name}=COLUMN")
     table = read_table(path, Reading(keep=lambda names: [n for n in names if n in columns.values()]))
     values = {name: table.number(column) for name, column in columns.items()}
+    for name in ("q", "q_cmd"):
+        check_angles(table, values[name][:, None], [columns[name]])
     arrays = (values["time"], values["q_cmd"], values["q"], values.get("tau"))
     return _checked(Trace(path.name, *arrays, servo=True), path)
 

@@ -23,6 +23,7 @@ from vispeg.recordings.importers.source import is_table, read_source
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
+from vispeg.sim.units import needs_of
 
 MOST = 2000  # samples of the look
 
@@ -89,7 +90,7 @@ class Importer:
         there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in there.items() if value.ndim == 2}
         degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
-        said = doubts(rec, Limits.of(model, rec.joints), degrees)
+        said = doubts(rec, Limits.of(model, rec.joints), degrees, needs_of(model, rec))
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 

@@ -22,6 +22,7 @@ from vispeg.recordings.checks.check import check as examine
 from vispeg.recordings.checks.contact_check import said, together
 from vispeg.recordings.checks.plot import plot
 from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.importers.plausible import Needs
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import noise_from_repeats, same_motion
 from vispeg.recordings.recording import Recording
@@ -32,6 +33,7 @@ from vispeg.report.checked.summary import camera_blocks, recording_blocks
 from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
 from vispeg.robots.scene import Scene
+from vispeg.sim.units import needs_of
 from vispeg.task.belief import believed
 from vispeg.vision.check import CameraCheck, check_frames
 from vispeg.worlds.world import World
@@ -160,7 +162,7 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
         limits = limits_of(rec)
         with watch("examining", path) as share:
             contact, touched = check_contact(rec) or (None, None)
-            reports.append(replace(examine(rec, limits, share), contact=contact))
+            reports.append(replace(examine(rec, limits, share, _needs(rec)), contact=contact))
         heads.append(_head(rec))
         scene = _scene_of(rec)
         cameras.append(_cameras(rec, scene, watch))
@@ -172,6 +174,11 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
             pages.append(examined(rec, reports[-1], limits, (cameras[-1], excited[-1]), touched, drawings[name]))
         del rec
     return Checks(reports, cameras, excited, stated, _repeats(heads), pages, drawings, paths)
+
+
+def _needs(rec: Recording) -> Needs | None:
+    """Of the robot with the tool and the tilt that the recording states; `limits_of` has read the robot before."""
+    return needs_of(load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt), rec)
 
 
 def _signals(header: Header) -> tuple[str, ...]:

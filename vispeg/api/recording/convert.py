@@ -20,6 +20,7 @@ from vispeg.recordings.write import write
 from vispeg.render.cameras.camera_files import load_cameras
 from vispeg.robots.model import load
 from vispeg.robots.objects import load_object
+from vispeg.sim.units import needs_of
 from vispeg.vision.eye import recorded_of
 
 
@@ -74,7 +75,7 @@ def convert(
         )
         if not insist:
             file = mapping if isinstance(mapping, Path) else source
-            refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map")
+            refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map", needs_of(model, rec))
         read = [source, mapping if isinstance(mapping, Path) else None, cameras]
         write(rec, Path(out), overwrite, table, inputs=read)
     return rec

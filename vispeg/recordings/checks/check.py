@@ -15,12 +15,13 @@ from vispeg.recordings.checks.quality import Limits, quantization, saturated
 from vispeg.recordings.checks.spikes import Spike, spikes, without
 from vispeg.recordings.checks.timing import Timing, timing, within_episode
 from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.importers.plausible import Needs, doubts
 from vispeg.recordings.noise import highpass_sigma, silent
 from vispeg.recordings.recording import Recording
 
 SMOOTHING_HZ = 20.0
 OVER_ANGLE, OVER_SPEED, OVER_TORQUE = 1e-3, 1.02, 1.02  # rad; factors: beyond what noise can do
-SIGNALS = ("tau", "tau_cmd", "q_cmd")  # beside q: all that is looked at here
+SIGNALS = ("dq", "tau", "tau_cmd", "q_cmd")  # beside q: all that is looked at here
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,10 @@ class CheckReport:
 
 
 def check(
-    rec: Recording, limits: Limits | None = None, progress: Callable[[float], None] = lambda share: None
+    rec: Recording,
+    limits: Limits | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+    needs: Needs | None = None,
 ) -> CheckReport:
     """Examines a recording, joint by joint, so that a long one needs little more memory than it takes itself.
 
@@ -90,9 +94,8 @@ def check(
         rec: the recording.
         limits: the robot's limits in the order of `rec.joints`, or None where they are not known.
         progress: called with the share of the joints that has been examined.
+        needs: torques of the robot's model for a motion, or None where that is not known.
     """
-    from vispeg.recordings.importers.plausible import doubts
-
     clock, joints = timing(rec), []
     for j in range(len(rec.joints)):
         joints.append(_joint(rec, j, clock, limits))
@@ -105,7 +108,7 @@ def check(
         rows=len(rec.time),
         timing=clock,
         joints=tuple(joints),
-        warnings=tuple(warnings_of(rec, clock, joints, doubts(rec, limits) if limits else ())),
+        warnings=tuple(warnings_of(rec, clock, joints, doubts(rec, limits, needs=needs) if limits else ())),
     )
 
 

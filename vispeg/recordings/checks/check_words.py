@@ -25,7 +25,7 @@ POOR_TRACKING = 2.0  # degrees RMS: the article on sim-to-real transfer suspects
 def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck], doubts: Sequence[Doubt] = ()) -> list[str]:
     """Sentences on units that cannot be true, on the clock, on silent sensors, and on each joint."""
     each = [line for joint in joints for line in _joint_warnings(joint, rec)]
-    units = [f"{d.said}: a unit is wrong" + (f", likely {d.likely}" if d.likely else "") for d in doubts]
+    units = [doubt.line for doubt in doubts]
     return units + said(rec) + _clock_warnings(clock) + _silence_warnings(joints, rec) + each
 
 

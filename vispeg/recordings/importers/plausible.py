@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limited, Limits
 from vispeg.recordings.checks.timing import within_episode
+from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
+from vispeg.recordings.importers.slopes import Doubt, against_speeds, slope
 from vispeg.recordings.recording import Recording
 
 RATES = (3.0, 20_000.0)  # Hz: slower tells nothing of dynamics, faster is no arm's log
@@ -20,35 +23,23 @@ SLOW = 2e-3  # of the speed limit (or TOP_SPEED / 10): a joint that never moves 
 FAR = 0.1  # rad
 SMALL = 3.5  # degrees: an arm whose every angle stays below was more likely read in radians
 CHUNKS, CHUNK = 20, 10_000  # stretches of a long recording that are looked at, and their rows
+FAR_BEYOND = 10.0  # times a joint's limit: no torque
+MOTION_HZ, POSTURES = 8.0, 1000  # bandwidth of the motion that torques are worked out for, and how many
+CARRIED = 0.8  # correlation from which torques are said to move the arm
 RADIANS = math.pi / 180
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """What cannot be true of a recording: the sentence, and the unit that would make it true."""
-
-    key: str
-    said: str
-    likely: str
+Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n, nj) rad, rad/s, rad/s^2 -> N m
 
 
-def slope(x: np.ndarray, y: np.ndarray, least: float = 0.7) -> float | None:
-    """Slope of y over x by least squares over all columns; None where they do not go together, or hardly move."""
-    good = np.isfinite(x) & np.isfinite(y)
-    a, b = x[good] - x[good].mean() if good.any() else x[good], y[good] - y[good].mean() if good.any() else y[good]
-    if len(a) < 10 or not (a @ a > 0 and b @ b > 0):
-        return None
-    together = float(a @ b) / math.sqrt(float(a @ a) * float(b @ b))
-    return float(a @ b) / float(a @ a) if together > least else None
-
-
-def doubts(rec: Recording, limits: Limits, degrees: bool = False) -> list[Doubt]:
+def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
     """What the units of a recording make impossible, the surest first; empty where all can be.
 
     Args:
         rec: the recording, in what is said to be SI units.
         limits: the robot's, in the order of its joints; infinite where not known.
         degrees: whether the angles were said to be in degrees before they became radians.
+        needs: torques of the robot's model for a motion of the recording's joints; None where that is not known.
     """
     rec, inside = _some(rec)
     step = np.diff(rec.time)
@@ -57,9 +48,9 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False) -> list[Doubt]
     speed = np.diff(rec.q, axis=0)[inside] / step[inside][:, None]
     top = np.where(np.isfinite(limits.velocity), limits.velocity, TOP_SPEED / 10)
     fast = np.nanquantile(np.abs(speed), 0.99, axis=0) / top if len(speed) else np.zeros(len(top))
-    candidates = [_rate(rate), _against_speeds(rec, speed, inside), _degrees(rec, limits, degrees)]
-    candidates += [_speeds(rate, fast, rec), _torque(rec, limits)]
-    return [doubt for doubt in candidates if doubt is not None]
+    candidates = [_rate(rate), *against_speeds(rec, inside, period), _against_commands(rec)]
+    candidates += [_degrees(rec, limits, degrees, fast), _speeds(rate, fast, rec), _torque(rec, limits, needs)]
+    return sorted((doubt for doubt in candidates if doubt is not None), key=lambda doubt: not doubt.sure)
 
 
 def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
@@ -69,7 +60,9 @@ def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
         return rec, inside
     starts = np.linspace(0, n - CHUNK, CHUNKS).astype(int)
     rows = np.concatenate([np.arange(start, start + CHUNK) for start in starts])
-    cut = {name: value[rows] for name in ("time", "q", "dq", "tau") if (value := getattr(rec, name)) is not None}
+    cut = {
+        name: value[rows] for name in ("time", "q", "dq", "tau", "q_cmd") if (value := getattr(rec, name)) is not None
+    }
     return replace(rec, **cut), (np.diff(rows) == 1) & inside[np.minimum(rows[:-1], n - 2)]
 
 
@@ -84,32 +77,27 @@ def _rate(rate: float) -> Doubt | None:
     return Doubt("time", f"{said}: more than any arm logs", f"s where {likely} was taken" if likely else "")
 
 
-def _against_speeds(rec: Recording, speed: np.ndarray, inside: np.ndarray) -> Doubt | None:
-    """Measured speeds are the slope of measured angles, or one of the three units is wrong."""
-    if rec.dq is None:
+def _against_commands(rec: Recording) -> Doubt | None:
+    """An arm goes where it is told: angles that follow their commands at another scale are in another unit."""
+    ratio = None if rec.q_cmd is None else slope(rec.q_cmd, rec.q, 0.9)
+    if ratio is None:
         return None
-    ratio = slope(speed, rec.dq[1:][inside])
-    if ratio is None or 0.5 < ratio < 2.0:
-        return None
-    said = f"measured speeds are {ratio:.3g} times the change of the angles"
-    for factor, likely in (
-        (1 / RADIANS, "deg/s for dq, or rad for q"),
-        (RADIANS, "deg for q, or rad/s for dq"),
-        (1e3, "ms for the time"),
-        (1e-3, "s for the time"),
-        (9.5493, "rpm for dq"),
-    ):
-        if 0.8 < ratio / factor < 1.25:
-            return Doubt("time, q, dq", said, likely)
-    return Doubt("time, q, dq", said, "")
+    said = f"measured angles are {ratio:.3g} times the commanded ones"
+    if 0.8 < ratio * RADIANS < 1.25:
+        return Doubt("q, q_cmd", said, "deg for q, or rad for q_cmd", True)
+    if 0.8 < ratio / RADIANS < 1.25:
+        return Doubt("q, q_cmd", said, "rad for q, or deg for q_cmd", True)
+    return None
 
 
-def _degrees(rec: Recording, limits: Limits, stated: bool) -> Doubt | None:
+def _degrees(rec: Recording, limits: Limits, stated: bool, fast: np.ndarray) -> Doubt | None:
     low, high = limits.range.T
     beyond = float(np.mean((rec.q < low - FAR) | (rec.q > high + FAR)))
     fits = not np.any((rec.q * RADIANS < low) | (rec.q * RADIANS > high))
     if beyond > 0.02 and fits:
-        return Doubt("q", f"{beyond:.0%} of the angles are outside the joints' ranges", "deg")
+        sure = bool(np.max(fast) > 5.0 and np.max(fast) * RADIANS < 1.5)  # a wrapped angle is no faster than others
+        column = f"q.{rec.joints[int(np.argmax(np.mean((rec.q < low - FAR) | (rec.q > high + FAR), axis=0)))]}"
+        return Doubt(column, f"{beyond:.0%} of the angles are outside the joints' ranges", "deg", sure)
     peak = float(np.nanmax(np.abs(rec.q)))
     if stated and 1e-3 < peak < SMALL * RADIANS:
         return Doubt("q", f"no angle is larger than {peak / RADIANS:.2g} degrees", "rad, not deg")
@@ -130,17 +118,45 @@ def _speeds(rate: float, fast: np.ndarray, rec: Recording) -> Doubt | None:
     return None
 
 
-def _torque(rec: Recording, limits: Limits) -> Doubt | None:
-    if rec.tau is None:
+def _torque(rec: Recording, limits: Limits, needs: Needs | None) -> Doubt | None:
+    """Torques against what the joints can give, and against what the model needs for the measured motion: a payload or
+    friction that it lacks makes them differ, not a thousandfold.
+    """
+    if rec.tau is None or np.isnan(rec.tau).all(axis=0).any():
         return None
-    peak = np.nanquantile(np.abs(rec.tau), 0.99, axis=0) / np.where(limits.torque > 0, limits.torque, np.inf)
-    if np.max(peak) > 20.0:
-        said = f"torques are up to {float(np.max(peak)):.3g} times the joints' limits"
-        return Doubt("tau", said, "mNm")
+    share = np.nanquantile(np.abs(rec.tau), 0.99, axis=0) / np.where(limits.torque > 0, limits.torque, np.inf)
+    times = None if needs is None else _times_needed(rec, rec.tau, needs)
+    if times is not None and 0.2 < times < 5.0:
+        return None  # a limit that is exceeded then is a placeholder in the robot's file
+    within = bool(np.isfinite(limits.torque).all() and np.max(share) <= 1.0)
+    if times is not None and 300 < times < 3000 and not within:
+        said = f"torques are {times:.4g} times what the model needs for the measured motion"
+        return Doubt("tau.*", said, "mNm or N mm", True)
+    if np.max(share) > FAR_BEYOND:
+        column, most = f"tau.{rec.joints[int(np.argmax(share))]}", float(np.max(share))
+        return Doubt(column, f"torques are up to {most:.3g} times the joints' limits", "mNm")
+    if times is not None and 300 < 1 / times < 3000:
+        return Doubt("tau.*", f"torques are {times:.2g} times what the model needs for the measured motion", "kNm")
     return None
 
 
-def refuse_units(rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str) -> None:
+def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None:
+    """Slope of torques (n, nj) over those that the model needs; None where they do not go together."""
+    motion = smooth(rec.time, rec.q, MOTION_HZ)
+    rows = np.flatnonzero(np.isfinite([*motion, tau]).all(axis=(0, 2)))
+    rows = rows[:: max(1, len(rows) // POSTURES)]
+    if len(rows) < 10:
+        return None
+    needed, read = needs(*(part[rows] for part in motion)).ravel(), tau[rows].ravel()
+    if not (needed @ needed > 0 and read @ read > 0):
+        return None
+    together = float(needed @ read) / math.sqrt(float(needed @ needed) * float(read @ read))
+    return float(needed @ read) / float(needed @ needed) if together > CARRIED else None
+
+
+def refuse_units(
+    rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str, needs: Needs | None = None
+) -> None:
     """Raises UserError where units cannot be true, with the likely ones; a joint that is not the robot's tells nothing.
 
     Args:
@@ -149,11 +165,13 @@ def refuse_units(rec: Recording, robot: Limited, mapping: ColumnMap, file: Path,
         mapping: with the units.
         file: that the error names.
         stated: where the units should be put right, such as `the map`.
+        needs: torques of the robot's model, as in `doubts`.
     """
     if not set(rec.joints) <= set(robot.joints):
         return
     angles = [origin for target, origin in mapping.columns.items() if target.partition(".")[0] == "q"]
-    said = doubts(rec, Limits.of(robot, rec.joints), any(abs(origin.factor) == FACTORS["deg"] for origin in angles))
+    stated_in_degrees = any(abs(origin.factor) == FACTORS["deg"] for origin in angles)
+    said = [d for d in doubts(rec, Limits.of(robot, rec.joints), stated_in_degrees, needs) if not d.scale]
     if not said:
         return
     likely = list(dict.fromkeys(doubt.likely for doubt in said if doubt.likely))

@@ -1,0 +1,102 @@
+"""Whether two signals of a recording can both be in the units that are stated: by the slope between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.recordings.columns import columns_of
+from vispeg.recordings.recording import Recording
+
+SPAN = 0.1  # s over which speeds are summed: encoder noise and a filter's delay matter little there
+ALIKE, TOGETHER = 1.5, 0.9  # factor that a filter may make of speeds; correlation of what goes together
+OFF = (  # of speeds over the change of angles
+    (180 / math.pi, "deg/s for dq, or rad for q"),
+    (math.pi / 180, "deg for q, or rad/s for dq"),
+    (1e3, "ms for the time"),
+    (1e-3, "s for the time"),
+    (60 / (2 * math.pi), "rpm for dq"),
+    (-1.0, "the other sign for dq"),
+)
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What cannot be true of a recording: the sentence, and the unit that would make it true.
+
+    Attributes:
+        key: the columns.
+        said: what cannot be true.
+        likely: the unit that would make it true; empty where none would.
+        sure: two signals say so that do not depend on what the robot's file states as its limits.
+        scale: no unit, but the scale of some joints' sensor is wrong.
+    """
+
+    key: str
+    said: str
+    likely: str
+    sure: bool = False
+    scale: bool = False
+
+    @property
+    def line(self) -> str:
+        """The whole of it for a person."""
+        why = "the sensor's scale is wrong" if self.scale else "a unit is wrong"
+        return f"{self.key}: {self.said}: {why}" + (f", likely {self.likely}" if self.likely else "")
+
+
+def slope(x: np.ndarray, y: np.ndarray, least: float = 0.7) -> float | None:
+    """Slope of y over x by least squares over all columns; None where they do not go together, or hardly move."""
+    good = np.isfinite(x) & np.isfinite(y)
+    a, b = x[good] - x[good].mean() if good.any() else x[good], y[good] - y[good].mean() if good.any() else y[good]
+    if len(a) < 10 or not (a @ a > 0 and b @ b > 0):
+        return None
+    together = float(a @ b) / math.sqrt(float(a @ a) * float(b @ b))
+    return float(a @ b) / float(a @ a) if together > least else None
+
+
+def against_speeds(rec: Recording, inside: np.ndarray, period: float) -> list[Doubt]:
+    """Measured speeds are the slope of measured angles, or a unit, a sign or the clock is wrong: a doubt a factor.
+
+    Over `SPAN` the sum of speeds is compared with the change of the angle, joint by joint: nothing is differentiated.
+
+    Args:
+        rec: with `dq`.
+        inside: (n - 1,) bool, steps that stay inside an episode.
+        period: of the samples, s.
+    """
+    if rec.dq is None:
+        return []
+    step, lag = np.where(inside, np.diff(rec.time), np.nan), max(1, round(SPAN / period))
+    groups: dict[str, list[tuple[int, float]]] = {}
+    for j in range(rec.q.shape[1]):
+        ratio = _ratio(rec.q[:, j], rec.dq[:, j], step, lag)
+        if ratio is not None and not 1 / ALIKE < ratio < ALIKE:
+            likely = next((said for factor, said in OFF if 0.8 < ratio / factor < 1.25), "")
+            groups.setdefault(likely, []).append((j, ratio))
+    return [_doubt(rec, likely, wrong) for likely, wrong in groups.items()]
+
+
+def _doubt(rec: Recording, likely: str, wrong: list[tuple[int, float]]) -> Doubt:
+    names, ratio = columns_of("dq", rec.joints), float(np.median([ratio for _, ratio in wrong]))
+    every = len(wrong) == len(names)
+    columns = f"{names[0]} ... {names[-1]}" if every and len(names) > 1 else ", ".join(names[j] for j, _ in wrong)
+    said = f"measured speeds are {ratio:.3g} times the change of the angles"
+    clock = "another clock" if every and not likely else ""
+    return Doubt(columns, said, likely or clock, bool(likely), not (likely or clock))
+
+
+def _ratio(q: np.ndarray, dq: np.ndarray, step: np.ndarray, lag: int) -> float | None:
+    """Slope of summed speeds over angles, (n,) each; None where they do not go together."""
+    if len(q) <= lag:
+        return None
+    move = 0.5 * (dq[1:] + dq[:-1]) * step
+    path = np.concatenate([[0.0], np.nancumsum(move)])
+    lost = np.concatenate([[0], np.cumsum(np.isnan(move))])
+    change, summed = q[lag:] - q[:-lag], path[lag:] - path[:-lag]
+    summed[lost[lag:] != lost[:-lag]] = np.nan
+    ahead = slope(change, summed, TOGETHER)
+    back = slope(-change, summed, TOGETHER)
+    return ahead if back is None else -back
