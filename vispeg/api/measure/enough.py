@@ -8,7 +8,6 @@ from typing import Any
 
 from vispeg.api.measure.result import MeasurementResult
 from vispeg.api.playing import Playing, check_numbers, silent
-from vispeg.core.effect import EffectInstance
 from vispeg.core.files import write_text_atomic
 from vispeg.evaluation import runner
 from vispeg.evaluation.folder import workplace
@@ -16,12 +15,11 @@ from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.statistics.crossed import difference
+from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import Table
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.task.world_file import load_world
 from vispeg.worlds.measurement_file import measurement_text
-
-POINT = 0.01  # of success: below it a measurement is good enough
 
 
 @dataclass(frozen=True)
@@ -98,27 +96,5 @@ def enough(
     return Sufficiency(rows, replace(result, measurement=full))
 
 
-def ends(placed: EffectInstance) -> tuple[dict[str, float], dict[str, float]]:
-    """All values of an effect with those that have an interval at its low and at its high end."""
-    low = {k: v.value if v.low is None else v.low for k, v in placed.params.items()}
-    return low, {k: v.value if v.high is None else v.high for k, v in placed.params.items()}
-
-
-def verdict(low: float, high: float, episodes: int) -> str:
-    """What the 95 % interval of the change of success says.
-
-    Args:
-        low, high: of success at one end of the measurement's interval less at the other, shares.
-        episodes: played.
-    """
-    if max(abs(low), abs(high)) < POINT:
-        return "enough, stop measuring"
-    if low > POINT or high < -POINT:
-        return "measure on"
-    return f"{episodes} episodes cannot tell whether it is under a point"
-
-
 def _said(row: Mapping[str, Any]) -> str:
-    low, high = (100 * row[key] for key in ("low", "high"))
-    moves = f"{100 * row['moved']:+.1f} points [{low:+.1f}, {high:+.1f}]"
-    return f"{row['effect']}, {row['policy']}: over the interval success moves by {moves}: {row['verdict']}"
+    return f"{row['effect']}, {row['policy']}: {words(row['moved'], row['low'], row['high'], row['verdict'])}"

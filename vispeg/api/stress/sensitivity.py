@@ -52,7 +52,8 @@ def sensitivity(
     Args:
         policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
         sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...,
-            or a model file, such as a diagnosis writes: success without and with each of its effects.
+            or a model file, such as a diagnosis writes: success without and with each of its effects, or a measurement:
+            success over the interval of each of its effects.
         world: a built-in world's name or a world file.
         episodes: of every value.
 

@@ -2,12 +2,13 @@
 
 SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise, force-bias,
 force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... It may also be a model file of a diagnosis:
-success without and with each of its effects. Effects on images need policies with cameras. Writes
-OUT/sensitivity.json and OUT/sensitivity.html.
+success without and with each of its effects; or a measurement: by how much success moves over its interval. Effects on
+images need policies with cameras. Writes OUT/sensitivity.json and OUT/sensitivity.html.
 
 Example:
     vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
     vispeg sensitivity depth-S --world S --sweep found/model.yaml --out cost
+    vispeg sensitivity depth-S --world S --sweep mass.yaml --episodes 400 --out enough
     vispeg sensitivity runs/d/best runs/r/best --sweep "camera_offset@wrist_wide.x=0,0.005,0.02" --out shift
 """
 

@@ -21,7 +21,9 @@ from vispeg.evaluation.statistics.crossed import difference, rate
 from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide
 from vispeg.evaluation.statistics.intervals import Estimate
 from vispeg.evaluation.statistics.significance import holm, mcnemar
+from vispeg.evaluation.stress.interval import ends, verdict, words
 from vispeg.evaluation.table import Cell, Table
+from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 
 FORMAT = "vispeg-sensitivity/1"
@@ -34,41 +36,44 @@ class Sweep:
     Attributes:
         effect, where: as in Change.
         params: parameters that take the value together (fx and fy of a focal length).
-        values: in the parameter's unit; of an identified model, where `identified` says what the parameters are at 1.
-        identified: what a model file says of `params`; empty for values of one parameter's own.
+        values: in the parameter's unit; of a file's effect, on the way from `start` (0) to `end` (1).
+        start, end: values of `params`: null and what a model file says, or the two ends of a measurement's interval;
+            empty for values of one parameter's own.
+        measured: whether they are those two ends.
     """
 
     effect: str
     params: tuple[str, ...]
     values: tuple[float, ...]
     where: str = "*"
-    identified: tuple[float, ...] = ()
+    start: tuple[float, ...] = ()
+    end: tuple[float, ...] = ()
+    measured: bool = False
 
     def at(self, value: float) -> dict[str, float]:
         """The parameters at one of the values."""
-        if not self.identified:
+        if not self.end:
             return dict.fromkeys(self.params, value)
-        nulls = [effect(self.effect).params[p].null for p in self.params]
-        return {p: n + value * (f - n) for p, n, f in zip(self.params, nulls, self.identified, strict=True)}
+        return {p: a + value * (b - a) for p, a, b in zip(self.params, self.start, self.end, strict=True)}
 
     @property
     def unit(self) -> str:
         """Of the values."""
-        if self.identified:
-            return "times the value found"
+        if self.end:
+            return "of the interval" if self.measured else "times the value found"
         return effect(self.effect).params[self.params[0]].unit
 
     @property
     def null(self) -> float:
-        """The value at which the effect vanishes."""
-        if self.identified:
+        """The value at which the effect vanishes; the low end of a measurement's interval."""
+        if self.end:
             return 0.0
         return effect(self.effect).params[self.params[0]].null
 
     @property
     def label(self) -> str:
         """`focal_error.fx,fy`; `focal_error(wrist_wide)` of what was found."""
-        if self.identified:
+        if self.end:
             return f"{self.effect}({self.where})"
         return f"{self.effect}.{','.join(self.params)}"
 
@@ -117,20 +122,35 @@ def sweep(text: str) -> Sweep:
 
 
 def sweeps(text: str) -> list[Sweep]:
-    """As `sweep`, or a model file, such as a diagnosis writes: each of its effects, without it and at its value.
+    """As `sweep`, or a file: each effect of a model without it and at its value, of a measurement over its interval.
 
     Raises:
-        UserError: as `sweep`; a model file without effects.
+        UserError: as `sweep`; a model file without effects, a measurement without an effect that has an interval.
     """
     if not text.lower().endswith((".yaml", ".yml")) or "=" in text:
         return [sweep(text)]
+    if is_measurement(text):
+        return _measured(text)
     effects = load_model(text).effects
     if not effects:
         raise UserError("has no effect to take away", file=text, expected="a model that a diagnosis wrote")
+    nulls = [tuple(effect(e.effect).params[p].null for p in e.params) for e in effects]
     return [
-        Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, tuple(v.value for v in e.params.values()))
-        for e in effects
+        Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, null, tuple(v.value for v in e.params.values()))
+        for e, null in zip(effects, nulls, strict=True)
     ]
+
+
+def _measured(file: str) -> list[Sweep]:
+    """Over the interval of each effect: its low end, its middle, its high end."""
+    out = []
+    for e in load_measurement(file).effects:
+        low, high = (tuple(values.values()) for values in ends(e))
+        if low != high:
+            out.append(Sweep(e.effect, tuple(e.params), (0.0, 0.5, 1.0), e.where, low, high, measured=True))
+    if not out:
+        raise UserError("has no effect with an interval", file=file, key="effects", expected="one or more")
+    return out
 
 
 def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
@@ -186,7 +206,7 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
                 "modality": of_policy[0].modality,
                 "points": points,
                 "falls_at": nearest["value"] if nearest else None,
-                "words": _words(points, nearest, what),
+                "words": _over(compared[-1][1], what) if what.measured else _words(points, nearest, what),
             }
         )
     return {
@@ -198,6 +218,12 @@ def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
         "label": what.label,
         "curves": curves,
     }
+
+
+def _over(cost: Estimate, what: Sweep) -> str:
+    """What the cost of the high end, against the low one, says of the measurement."""
+    low, high = -cost.high, -cost.low
+    return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
 
 
 def _words(points: Sequence[SweepPoint], nearest: SweepPoint | None, what: Sweep) -> str:
