@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from vispeg.api.recording.contact import check_contact
 from vispeg.contact.again.blows import blows, predicted
 from vispeg.contact.again.damping import struck
 from vispeg.contact.run import evidence_of
@@ -104,3 +105,17 @@ def test_a_wrench_along_a_path_never_names_it_and_without_blows_it_is_not_excite
     offered = {name for name, _ in places(evidence_of([rec]), World())}
     assert "contact_damping" not in offered and "contact_stiffness" in offered
     assert place_of(effect("contact_damping"), FOUND.scene) == "peg"
+
+
+def test_what_is_checked_and_what_is_diagnosed_go_by_one_rule():
+    """A check says that damping is excited exactly where a diagnosis looks for it, and both give the same reason."""
+    tap = tapped(1)
+    unknown = replace(tap, control=replace(tap.control, mode="unknown"))
+    begin = int(1.1 * tap.rate_hz)
+    parts = {name: getattr(tap, name)[:begin] for name in ("time", "q", "dq", "tau", "ee", "ee_cmd", "ft")}
+    quiet = replace(tap, **parts)
+    for rec in (unknown, quiet):
+        (unseen,) = struck(World(), [rec], [rec]).unseen
+        assert unseen["why"] == check_contact(rec)[0].excited["contact_damping"] != ""
+    (unseen,) = struck(World(), [tap], [quiet]).unseen
+    assert check_contact(tap)[0].excited["contact_damping"] == "" and unseen["why"].endswith("in what is held out")

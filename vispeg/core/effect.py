@@ -45,7 +45,7 @@ class Effect(ABC):
         remembers: True where what it did once remains, so that no part of a recording shows it.
         shown_by: contact motions (`vispeg record`) that excite it; empty: any.
         told_from, told_by: effects it may be confused with -> the motion that separates them; parameter -> another one.
-        needs: what a contact recording must contain to excite it, a key of `contact_check.NEEDS`; empty: not checked.
+        needs: what a contact recording must contain to excite it, a key of `extent.NEEDS`; empty: not checked.
         grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
         contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
         moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.

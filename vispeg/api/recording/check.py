@@ -182,8 +182,8 @@ def _needs(rec: Recording) -> Needs | None:
 
 
 def _signals(header: Header) -> tuple[str, ...]:
-    """What is looked at: the wrench only where it is said how to read it."""
-    return (*SIGNALS, "ft") if header.wrench is not None or header.cell is not None else SIGNALS
+    """What is looked at: the wrench, and the commands that blows run again by, only where it is said how to read it."""
+    return (*SIGNALS, "ft", "ee_cmd") if header.wrench is not None or header.cell is not None else SIGNALS
 
 
 def _scene_of(rec: Recording) -> Scene | None:

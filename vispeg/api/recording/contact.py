@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.contact.again.blows import blows, restarts
 from vispeg.control.laws import rotated
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.contact_check import ContactCheck, Touched, examine
@@ -42,6 +43,6 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
     goal = isinstance(robot, Scene)
-    return examine(
-        Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal)
-    ), contact
+    again = tuple(b.speed for b in blows(rec, contact)) if goal and restarts(rec) else None
+    touched = Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal, again)
+    return examine(touched), contact

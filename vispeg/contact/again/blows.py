@@ -20,7 +20,7 @@ from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import FREE, IMPACT
 from vispeg.robots.scene import Scene
-from vispeg.sim.touch import touch
+from vispeg.sim.touch import Touch, touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.run import run
 from vispeg.worlds.world import World
@@ -72,12 +72,12 @@ def restarts(rec: Recording) -> bool:
     return bool(abs(np.median(clock) - 1) < 0.05)
 
 
-def blows(rec: Recording) -> list[Blow]:
-    """Those of a recording that `restarts`; a rebound's own touch is no blow."""
+def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
+    """Those of a recording that `restarts`; a rebound's own touch is no blow. `felt`: what it touched, if known."""
     if not restarts(rec):
         return []
     cell = believed(rec.cell, rec.path / "recording.yaml")
-    felt = touch(rec, cell.scene)
+    felt = felt or touch(rec, cell.scene)
     assert felt is not None
     hit = felt.regime == IMPACT
     calm, before, after = (round(s * rec.rate_hz) for s in (CALM, BEFORE, AFTER))

@@ -6,7 +6,7 @@ contact, fixture or arm lengthens a blow, and a late sensor shifts it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from vispeg.core.params import Value
 from vispeg.diagnosis.schema import NotExcited
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.restitution import rebound
+from vispeg.recordings.checks.extent import lacks_blows
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
@@ -61,7 +62,7 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
         return Struck()
     fit, judge = ([b for rec in some for b in blows(rec)] for some in (fitted, held_out))
     if not fit or not judge:
-        return Struck(unseen=_unseen([*fitted, *held_out]))
+        return Struck(unseen=_unseen({"fitted": (fitted, fit), "held out": (held_out, judge)}))
     scene = fit[0].scene
     where = place_of(effect(NAME), scene)
     scale, low, high, least, none = _fitted(world, where, fit, nthread)
@@ -167,9 +168,14 @@ def _restitution(scene: Scene, where: str, scale: float) -> float:
     return float(rebound(np.array(scale * z)))
 
 
-def _unseen(recordings: Sequence[Recording]) -> tuple[NotExcited, ...]:
-    """Why no blow tells it."""
-    hit, runs = "nothing was hit in what is fitted, or in what is held out", any(restarts(r) for r in recordings)
-    why = hit if runs else "blows are run again under a stated controller of mode osc, with a wrench"
-    where = place_of(effect(NAME), believed(recordings[0].cell, recordings[0].path).scene)
+def _unseen(groups: Mapping[str, tuple[Sequence[Recording], Sequence[Blow]]]) -> tuple[NotExcited, ...]:
+    """Why no blow tells it; `groups` of recordings, each with its blows, must all have one."""
+    speeds = {
+        name: [b.speed for b in hit] if any(map(restarts, recs)) else None for name, (recs, hit) in groups.items()
+    }
+    lacks = {name: text for name, v in speeds.items() if (text := lacks_blows(v))}
+    same = len(lacks) == len(groups) and len(set(lacks.values())) == 1
+    why = next(iter(lacks.values())) if same else "; ".join(f"{text}, in what is {n}" for n, text in lacks.items())
+    rec = next(rec for recs, _ in groups.values() for rec in recs)
+    where = place_of(effect(NAME), believed(rec.cell, rec.path).scene)
     return ({"effect": NAME, "where": where, "why": why, "motion": effect(NAME).shown_by[0]},)

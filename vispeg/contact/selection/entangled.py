@@ -12,7 +12,7 @@ from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.diagnosis.selection.accept import CORRELATED
 from vispeg.identify.fit import Fit
-from vispeg.recordings.checks.contact_check import TILT
+from vispeg.recordings.checks.extent import TILT
 
 Pair = tuple[EffectInstance, EffectInstance]
 

@@ -25,7 +25,7 @@ class ContactDamping(Effect):
     sizes = {"scale": (0.2, 0.5, 2.0)}
     shown_by = ("tap",)
     told_from = {"restitution": "tap", "contact_stiffness": "tap"}
-    needs = "two speeds"
+    needs = "blow"
 
     def targets(self, model):
         return touching(model)

@@ -43,7 +43,7 @@ class Restitution(Effect):
     order = 60
     params = {"e": Param(0.0, 0.0, 0.98, "1", start=0.5, doc="coefficient of restitution, at least")}
     writes = frozenset({"geom_solref"})
-    needs = "two speeds"
+    needs = "blow"
 
     def targets(self, model):
         return touching(model)

@@ -1,8 +1,6 @@
 """What a recording shows of contact: how long in which regime, how hard, how fast, and so which effects it excites.
 
-What an effect needs is derived from the measured forces and speeds. The bounds follow a study of how well each
-effect is known after five seconds of each motion: one is excited where that is far better than the sizes at which it
-matters.
+What an effect needs is derived from the measured forces and speeds, see `vispeg.recordings.checks.extent`.
 """
 
 from __future__ import annotations
@@ -13,30 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import REGISTRY, effect
+from vispeg.recordings.checks.extent import AIR, HARD, LONG, NEEDS, Extent, joined, lacking
 from vispeg.recordings.regimes import FREE, IMPACT, INSIDE, PRESS, REGIMES, SLIDE
 
-AIR = 0.8  # s in free air that determine the sensor's zero
-TILT = 0.4  # rad that the tool must be tilted in free air to tell its mass and centre from the sensor's zero
-LONG = 0.5  # s in a regime that is enough to tell something
-RATIO = 2.0  # of the largest press to the smallest, to tell a compliance from a height
-TURN = 0.8  # rad that the flange must be turned about its axis in contact to tell grip from goal
-HARD = 60.0  # N from which a grip may slip
-SPEEDS = 1.6  # ratio of two impacts' speeds
 SAID = ("in free air", "pressing", "sliding", "inserted", "hitting")
 WORDS: dict[str, str] = dict(zip(REGIMES, SAID, strict=True))
 FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N
-NEEDS = {  # what an effect needs (`Effect.needs`), in the order in which effects are listed
-    "free air": "a while in free air",
-    "tilt": "the tool tilted in free air",
-    "weighing": "that, with and without the held part",
-    "press": "a press",
-    "two forces": "presses with two forces",
-    "two directions": "a slide there and back",
-    "two speeds": "impacts at two speeds",
-    "insertion": "an insertion",
-    "turned insertions": "insertions with the flange turned between them",
-    "hard press": "a press that the grip may not hold",
-}
 
 
 @dataclass(frozen=True)
@@ -52,6 +32,7 @@ class ContactCheck:
         hits: speeds of the impacts, m/s.
         begins_free: s in free air at the start, the least over episodes.
         yaw: least and greatest turn of the flange about the vertical in contact, rad; both 0 without contact.
+        extent: of what effects need.
         excited: effect -> "" where the recording can tell it, else why not.
     """
 
@@ -63,6 +44,7 @@ class ContactCheck:
     hits: tuple[float, ...]
     begins_free: float
     yaw: tuple[float, float]
+    extent: Extent
     excited: Mapping[str, str]
 
 
@@ -79,6 +61,7 @@ class Touched:
         tilt: rad, of the tool's axis from the start's.
         yaw: rad, of the flange's x axis about the base's vertical.
         goal: whether a goal is believed in.
+        blows: m/s, speeds of the blows that a diagnosis can run again; None where it cannot.
     """
 
     time: np.ndarray
@@ -89,6 +72,7 @@ class Touched:
     tilt: np.ndarray
     yaw: np.ndarray
     goal: bool
+    blows: tuple[float, ...] | None = None
 
 
 def examine(t: Touched) -> ContactCheck:
@@ -107,19 +91,21 @@ def examine(t: Touched) -> ContactCheck:
     first = (t.regime == IMPACT) & np.concatenate([[True], t.regime[:-1] != IMPACT])
     hits = tuple(float(speed[max(0, i - 5) : i + 1].max()) for i in np.flatnonzero(first))
     touching = t.regime != FREE
-    starts = [_free_start(t, number) for number in np.unique(t.episode)]
-    summary = ContactCheck(
+    yaw = (float(t.yaw[touching].min()), float(t.yaw[touching].max())) if touching.any() else (0.0, 0.0)
+    free = min(_free_start(t, number) for number in np.unique(t.episode))
+    extent = _extent(t, seconds, sectors, free, yaw, step)
+    return ContactCheck(
         seconds=seconds,
         forces=forces,
         peak_force=float(np.nanmax(t.force, initial=0.0)),
         slide_speed=float(np.median(speed[sliding])) if sliding.any() else 0.0,
         directions=len(sectors),
         hits=hits,
-        begins_free=min(starts),
-        yaw=(float(t.yaw[touching].min()), float(t.yaw[touching].max())) if touching.any() else (0.0, 0.0),
-        excited={},
+        begins_free=free,
+        yaw=yaw,
+        extent=extent,
+        excited=_excited(extent),
     )
-    return ContactCheck(**{**vars(summary), "excited": _excited(t, summary, step)})
 
 
 def _free_start(t: Touched, number: int) -> float:
@@ -129,66 +115,46 @@ def _free_start(t: Touched, number: int) -> float:
     return float(t.time[last] - t.time[rows[0]])
 
 
-def _excited(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
+def _extent(
+    t: Touched,
+    seconds: Mapping[str, float],
+    sectors: np.ndarray,
+    free: float,
+    yaw: tuple[float, float],
+    step: float,
+) -> Extent:
+    steady = t.force[(t.regime == PRESS) | (t.regime == INSIDE)]
+    forces = (float(np.quantile(steady, 0.1)), float(np.quantile(steady, 0.95))) if len(steady) > 10 else None
+    slid, inserted = seconds[REGIMES[SLIDE]], seconds[REGIMES[INSIDE]]
+    return Extent(
+        begins_free=free,
+        tilt=float(t.tilt[t.regime == FREE].max(initial=0.0)) if free >= AIR else 0.0,
+        pressed=seconds[REGIMES[PRESS]] + slid,
+        slid=slid,
+        inserted=inserted,
+        forces=forces,
+        sectors=tuple(sectors.tolist()),
+        blows=t.blows,
+        hard=float(np.sum(t.force[t.regime == PRESS] >= HARD)) * step,
+        yaw=yaw if inserted >= LONG else None,
+        goal=t.goal,
+    )
+
+
+def _excited(extent: Extent) -> dict[str, str]:
     """Effect -> why it is not excited, "" where it is."""
-    lacks = _lacking(t, summary, step)
+    lacks = lacking(extent)
     needing = sorted((list(NEEDS).index(e.needs), name) for name, e in REGISTRY.items() if e.needs)
     return {name: lacks[effect(name).needs].format(other=next(iter(effect(name).told_from), "")) for _, name in needing}
-
-
-def _lacking(t: Touched, summary: ContactCheck, step: float) -> dict[str, str]:
-    """Key of `NEEDS` -> what the recording lacks of it, "" for nothing; `{other}` stands for what looks the same."""
-    s, free = summary.seconds, t.regime == FREE
-    tilted = float(t.tilt[free].max(initial=0.0)) >= TILT
-    pressed = s[REGIMES[PRESS]] + s[REGIMES[SLIDE]] >= LONG
-    steady = t.force[(t.regime == PRESS) | (t.regime == INSIDE)]
-    several = len(steady) > 10 and np.quantile(steady, 0.95) >= RATIO * max(np.quantile(steady, 0.1), 1e-9)
-    speeds = [v for v in summary.hits if v > 0]
-    hard = float(np.sum(t.force[t.regime == PRESS] >= HARD)) * step >= 0.2 * LONG
-    air = "" if summary.begins_free >= AIR else f"only {summary.begins_free:.2g} s in free air at the start"
-    lean = air or ("" if tilted else f"the tool was not tilted by {np.degrees(TILT):.0f} deg in free air")
-    touched = "" if pressed or _inserted(summary) else "nothing was pressed"
-    level = "" if several else touched or "pressed with one force only: press with 5 and with 20 N"
-    slid = "" if s[REGIMES[SLIDE]] >= LONG else "nothing slid"
-    inside = "never inserted and pressed" if t.goal else "no `cell` says where the goal is"
-    inside = "" if _inserted(summary) else inside
-    turned = summary.yaw[1] - summary.yaw[0] >= TURN
-    return {
-        "free air": air,
-        "tilt": lean,
-        "weighing": lean or "cannot be told from {other}: weigh with and without the held part",
-        "press": touched,
-        "two forces": level,
-        "two directions": slid
-        or ("" if summary.directions >= 2 else "slid in one direction only: slide there and back"),
-        "two speeds": "nothing was hit"
-        if not speeds
-        else ("" if max(speeds) >= SPEEDS * min(speeds) else "hit at one speed only"),
-        "insertion": inside,
-        "turned insertions": inside
-        or ("" if turned else "cannot be told from {other}: insert again with the flange turned by 90 deg"),
-        "hard press": "" if hard else f"never pressed with {HARD:.0f} N",
-    }
-
-
-def _inserted(check: ContactCheck) -> bool:
-    return check.seconds[REGIMES[INSIDE]] >= LONG
 
 
 def together(checks: Sequence[ContactCheck]) -> dict[str, str]:
     """Effect -> why these recordings together cannot tell it, "" where they can.
 
-    One that tells an effect is enough; a grip is told from the goal's place by insertions with the flange turned
-    between them.
+    What each shows adds up: a press with 5 N in one and with 20 N in another, insertions with the flange turned
+    between them. What is lacking is lacking in all of them.
     """
-    out = {}
-    most = max(checks, key=lambda check: list(check.excited.values()).count(""))  # it says what is lacking
-    for name in checks[0].excited:
-        out[name] = "" if any(not check.excited[name] for check in checks) else most.excited[name]
-    inside = [c for c in checks if _inserted(c)]
-    if inside and max(c.yaw[1] for c in inside) - min(c.yaw[0] for c in inside) >= TURN:
-        out |= {name: "" for name in out if effect(name).needs == "turned insertions"}
-    return out
+    return _excited(joined([check.extent for check in checks]))
 
 
 def said(check: ContactCheck, excited: Mapping[str, str] | None = None) -> list[str]:
