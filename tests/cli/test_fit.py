@@ -141,7 +141,7 @@ def test_a_fit_killed_anywhere_ends_as_if_it_had_not_been(vispeg, rigs, tmp_path
 
 def test_resume_refuses_another_fit(refused, rigs, tmp_path):
     (tmp_path / "f.part").mkdir()
-    text = '{"format": "vispeg-checkpoint/2", "key": "other", "traces": []}'
+    text = '{"format": "vispeg-checkpoint/3", "key": "other", "traces": []}'
     (tmp_path / "f.part" / "checkpoint.json").write_text(text)
     args = ["fit", "iiwa14", "--recording", rigs["nominal"], "--effects", "joint_bias:joint2", "--out", "f", "--resume"]
     refused([*args, "--quiet"], "another fit", "checkpoint.json")

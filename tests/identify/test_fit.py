@@ -10,6 +10,8 @@ from loops import drive, hinge, pendulum, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.identify.checkpoint import Trace
+from vispeg.identify.cmaes import minimise
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Chase, Race, fit_job
 from vispeg.identify.pool import run_together
@@ -183,3 +185,35 @@ def test_the_order_of_threads_decides_no_race(order):
     race.check(1.4, 3)
     with pytest.raises(StopIteration):
         race.check(29.0, 3)
+
+
+def searched(costs, start, generations=5, trace=None):
+    rng = np.random.default_rng(0)
+    return minimise(costs, start, np.zeros(2), np.ones(2), sigma=0.2, generations=generations, rng=rng, trace=trace)
+
+
+def test_a_start_that_is_best_comes_back_even_from_a_hole_that_no_population_meets():
+    """A hole of 1e-6 about the start, also where it lies on the bounds; all else rises towards it."""
+    for start in (np.array([0.1, 0.4]), np.array([0.0, 1.0])):
+
+        def costs(points, at=start):
+            return [0.0 if np.abs(x - at).max() < 1e-6 else 2.0 - float(np.linalg.norm(x - at)) for x in points]
+
+        np.testing.assert_array_equal(searched(costs, start), start)
+
+
+def test_a_better_point_is_taken_and_a_search_goes_on_where_it_stood():
+    looked, truth = [], np.array([0.3, 0.6])
+
+    def costs(points):
+        looked.extend(points)
+        return [float(np.sum((x - truth) ** 2)) for x in points]
+
+    start, trace = np.array([0.9, 0.1]), Trace()
+    best = searched(costs, start, 60, trace)
+    np.testing.assert_allclose(best, truth, atol=1e-4)
+    np.testing.assert_array_equal(looked[0], start)
+    count = len(looked)
+    half = Trace(generations=trace.generations[:30])
+    np.testing.assert_array_equal(searched(costs, start, 60, half), best)
+    assert len(looked) - count == sum(map(len, trace.generations[30:]))

@@ -97,8 +97,9 @@ def fit(
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, to fit.
         effects: what to fit: instances with the values to start from, or texts `EFFECT:WHERE[:param=start,...]`, where
-            WHERE `all` is one value for all places and `each` one for each; by default those of the model. A servo or a
-            limit without a start value starts at an estimate from the recordings.
+            WHERE `all` is one value for all places and `each` one for each; by default those of the model. What is not
+            stated starts at the model's value, else at a typical one; a servo or a limit of which nothing is stated at
+            an estimate from the recordings.
         validate: held-out recordings, never fitted.
         seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
         method: `auto`: least squares, with CMA-ES before it if an effect is not smooth.
@@ -163,16 +164,16 @@ def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World,
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
         return world, tuple(range(len(world.effects))), ()
     robot, wanted, unstated = robot_of_world(world), {}, set()
-    present = {(e.effect, e.where): e for e in world.effects}
+    present = {(e.effect, e.where) for e in world.effects}
     for named in effects:
         if isinstance(named, EffectInstance):
             wanted[named.effect, named.where] = named
             if named.params == EffectInstance.of(named.effect, named.where).params:
                 unstated.add((named.effect, named.where))
             continue
-        for placed in parse(named, robot):
+        for placed in parse(named, robot, world.effects):
             at = (placed.effect, placed.where)
-            wanted[at] = placed if named.count(":") > 1 else present.get(at, placed)
+            wanted[at] = placed
             if named.count(":") == 1 and at not in present:
                 unstated.add(at)
     world = world.add(*wanted.values())

@@ -24,7 +24,7 @@ from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import MB, as_written
 from vispeg.formats.typed import typed
 
-FORMAT = "vispeg-checkpoint/2"
+FORMAT = "vispeg-checkpoint/3"
 CHECKPOINT = Format(FORMAT, "a checkpoint of a fit", ("key", "traces"), language="json", most=256 * MB, finite=False)
 
 

@@ -26,7 +26,7 @@ def minimise(
 
     Args:
         costs: of a whole population of points (n,), finite.
-        start: where to begin.
+        start: where to begin; no worse point is returned.
         low, high: bounds (n,).
         sigma: first step, in the coordinates' own unit.
         generations: populations at most.
@@ -40,15 +40,18 @@ def minimise(
     options = {"bounds": [low.tolist(), high.tolist()], "seed": np.nan, "randn": randn, "verbose": -9}
     search = cma.CMAEvolutionStrategy(start, sigma, options)
     evaluated = list(trace.generations) if trace is not None else []
+    at_start = np.inf
     for k in range(generations):
         if search.stop():
             break
         points = search.ask()
         if k < len(evaluated):
-            search.tell(points, evaluated[k])
-            continue
-        values = [float(c) for c in costs([np.asarray(x) for x in points])]
+            values = evaluated[k]
+        else:  # a population is drawn about the start: with the first one the start itself is looked at
+            values = [float(c) for c in costs([np.asarray(x) for x in ([start, *points] if k == 0 else points)])]
+            if trace is not None:
+                trace.generation(values)
+        if k == 0:
+            at_start, values = values[0], values[1:]
         search.tell(points, values)
-        if trace is not None:
-            trace.generation(values)
-    return np.asarray(search.result.xbest)
+    return np.asarray(start if at_start <= search.result.fbest else search.result.xbest)

@@ -122,8 +122,8 @@ def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> 
         start = [*straight.values, 0.1 * abs(straight.values[0]), np.log(velocity)]
         with suppress(RuntimeError):  # a start from which nothing is found
             x, of_x = optimize.curve_fit(curve, speed, height, start, covariance, bounds=(low, high), x_scale="jac")
-            left = height - curve(speed, *x)
-            fits.append((float(left @ np.linalg.solve(covariance, left)), x, of_x))
+            residual = height - curve(speed, *x)
+            fits.append((float(residual @ np.linalg.solve(covariance, residual)), x, of_x))
     if not fits:
         return None
     rest, x, of_x = min(fits, key=lambda fit: fit[0])

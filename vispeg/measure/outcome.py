@@ -53,5 +53,5 @@ def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
     """
     if count >= wanted:
         return []
-    one = f"1 {thing}, as there is no column '{unsaid}'" if unsaid else f"1 {thing}"
-    return [f"{one if count == 1 else f'{count} {thing}s'}; the protocol asks for {wanted}"]
+    single = f"1 {thing}, as there is no column '{unsaid}'" if unsaid else f"1 {thing}"
+    return [f"{single if count == 1 else f'{count} {thing}s'}; the protocol asks for {wanted}"]

@@ -52,8 +52,8 @@ def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
     return rest | stated
 
 
-def parse(text: str, robot: Any) -> list[EffectInstance]:
-    """Effects from `NAME:WHERE[:param=number,...]`; what is not given is as `completed` says.
+def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list[EffectInstance]:
+    """Effects from `NAME:WHERE[:param=number,...]`; what is not given is as `present` has it, else as `completed` says.
 
     WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
     """
@@ -66,4 +66,6 @@ def parse(text: str, robot: Any) -> list[EffectInstance]:
     stated = values(kind, [s for s in settings.split(",") if s])
     values_of_all = completed(kind, stated)
     places = instances(kind, where, robot) if where == EACH else [place(kind, where, robot)]
-    return [EffectInstance.of(name, w, **values_of_all) for w in places]
+    here = {e.where: e for e in present if e.effect == name}
+    begun = {w: e.with_values(**stated) if stated else e for w, e in here.items()}
+    return [begun.get(w) or EffectInstance.of(name, w, **values_of_all) for w in places]

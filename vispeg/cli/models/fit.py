@@ -45,7 +45,7 @@ class Args:
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """A held-out recording, never fitted; repeat the option for each."""
     effects: tuple[str, ...] = ()
-    """Effects to fit, each EFFECT:WHERE[:param=start,...]."""
+    """Effects to fit, each EFFECT:WHERE[:param=start,...]; other starts: the model's values, else typical ones."""
     seconds: float = SECONDS
     """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     method: Literal["auto", "least-squares", "cma"] = "auto"
