@@ -21,6 +21,7 @@ from vispeg.worlds.measurement_file import Quantity
 
 LEAST, WITH_INERTIA = 3, 5  # strokes for a line over speed, and for the inertia beside it
 GIVES_WAY = 0.3  # of the correction by inertia: other joints yield, so that the inertia is not one number
+BETWEEN = "servo's torque between two rows"
 SURE = 0.001  # probability, of a curve without it, of what is called Stribeck's term
 STRIBECK, STARTS = (0.005, 0.5), (0.01, 0.03, 0.1, 0.3)  # rad/s: bounds of the effect `stribeck_friction`, and between
 
@@ -102,6 +103,11 @@ def friction(
         moved = GIVES_WAY * abs(float(corrections[k]))
         inputs = [curve.input("loop heights about their curve", k), rectangular("inertia, as the arm gives way", moved)]
         inputs += _between_rows(strokes, traces) if name == "viscous_friction" else []
+        if inputs[-1].name == BETWEEN and inputs[-1].u > inputs[0].u:
+            notes.append(
+                f"viscous friction to {inputs[-1].u:.2g} N m s/rad only: the servo's torque changes between the rows; "
+                "log it faster than the commands, or its mean"
+            )
         results.append(propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=len(strokes)))  # type: ignore[arg-type]
 
 
@@ -145,5 +151,5 @@ def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[In
     if any(t.servo for t in traces):
         # noise and a dead band of the encoder lower it, each at other speeds
         stiffness = float(np.quantile([s.stiffness for s in strokes], 0.9))
-        inputs.append(rectangular("servo's torque between two rows", 0.5 * max(stiffness, 0.0) * period))
+        inputs.append(rectangular(BETWEEN, 0.5 * max(stiffness, 0.0) * period))
     return inputs

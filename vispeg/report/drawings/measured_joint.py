@@ -142,22 +142,25 @@ def _friction(axis: Any, measured: Joint) -> bool:
     torque = [s for s in measured.strokes if s.friction is not None]
     if not torque:
         return False
-    axis.plot([s.speed for s in torque], [s.friction for s in torque], "o", ms=3.5, color=MEASURED)  # type: ignore[misc]
+    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # what it took is no friction
+    heights = [(s.friction or 0.0) - inertia * s.acceleration for s in torque]
+    axis.plot([s.speed for s in torque], heights, "o", ms=3.5, color=MEASURED)
     by_name = {q.quantity: q.value for q in measured.results}
     if "coulomb_friction" in by_name:
         v = np.geomspace(min(s.speed for s in torque), max(s.speed for s in torque), 200)
         axis.plot(v, by_name["coulomb_friction"] + by_name["viscous_friction"] * v, color=AFTER, lw=1.2)
     axis.set_xscale("log")
-    axis.set_ylim(bottom=min(0.0, *(s.friction or 0.0 for s in torque)))
+    axis.set_ylim(bottom=min(0.0, *heights))
     axis.set_xlabel("rad/s")
     axis.set_ylabel("N m")
     return True
 
 
 def _lag(axis: Any, measured: Joint) -> bool:
-    if not measured.strokes:
+    moving = [s for s in measured.strokes if s.moves]
+    if not moving:
         return False
-    axis.plot([s.speed for s in measured.strokes], [2e3 * s.lag for s in measured.strokes], "o", ms=3.5, color=MEASURED)
+    axis.plot([s.speed for s in moving], [2e3 * s.lag for s in moving], "o", ms=3.5, color=MEASURED)
     axis.set_xscale("log")
     axis.set_xlabel("rad/s")
     axis.set_ylabel("mrad")
