@@ -67,10 +67,21 @@ def test_a_long_gap_cuts_an_episode():
     """What the motion did for 0.2 s nobody knows: each side has a start state of its own, from readings."""
     q = recording().q.copy()
     q[:3, 1], q[200:300, 3], q[400:410, 5] = np.nan, np.nan, np.nan
-    first, second = segments(recording(q=q))
+    driven = recording(q=q, tau_cmd=recording().q, control=Control("torque", 500.0))
+    first, second = segments(driven)
     assert (first.rows[0], first.rows[-1], second.rows[0], second.rows[-1]) == (3, 199, 300, 599)
-    np.testing.assert_array_equal(second.command["q_cmd"], recording().q_cmd[300:])  # type: ignore[index]
+    np.testing.assert_array_equal(second.command["tau_cmd"], recording().q[300:])
     np.testing.assert_allclose(second.q[0], q[300], atol=1e-4)
+
+
+def test_a_stiff_loop_goes_on_where_angles_are_missing_and_stops_where_commands_are():
+    q = recording().q.copy()
+    q[:3, 1], q[200:300, 3] = np.nan, np.nan
+    (s,) = segments(recording(q=q))
+    assert (s.rows[0], s.rows[-1]) == (3, 599)
+    goals = recording().q.copy()
+    goals[200:300] = np.nan
+    assert [(s.rows[0], s.rows[-1]) for s in segments(recording(q_cmd=goals))] == [(0, 199), (300, 599)]
 
 
 def test_start_state_is_smoothed_measurement():

@@ -10,6 +10,7 @@ from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.recording import Recording
 
 MOST = 0.2  # share of a needed column: beyond it, what is bridged shapes the result
+STIFF = ("position", "servo")  # controllers whose loop forgets its start within a tenth of a second or so
 LONG, PERIODS = 0.1, 3.5  # s, and sample periods: what a motion did in a longer gap nobody knows
 
 
@@ -19,16 +20,21 @@ def longest(missing: np.ndarray) -> tuple[int, int]:
 
 
 def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
-    """Rows of one episode, cut where an angle is missing for longer than `LONG` and `PERIODS` sample periods.
+    """Rows of one episode, cut where what drives a simulation is missing for longer than `LONG` and `PERIODS` periods.
 
-    Each begins and ends with a reading of every joint: a straight line over a long gap is no motion, and would be
-    taken for the state that a simulation starts from.
+    That is the commands and, unless a stiff loop forgets where it was, the angles: a straight line over a long gap is
+    no motion. Each stretch begins with a reading of every joint, which a simulation starts from.
     """
-    if np.isfinite(rec.q[rows]).all():
-        return [rows]
-    good = rows[np.isfinite(rec.q[rows]).all(axis=1)]
+    driving = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
+    driving += [] if rec.control.mode in STIFF else [rec.q]
+    there = [np.isfinite(signal[rows]).all(axis=1) for signal in driving if signal is not None]
+    good = rows[np.all(there, axis=0)] if there else rows
     gap = (np.diff(rec.time[good]) > max(LONG, PERIODS / rec.rate_hz)) & (np.diff(good) > 1)
-    return [np.arange(run[0], run[-1] + 1) for run in np.split(good, np.flatnonzero(gap) + 1) if len(run)]
+    out = []
+    for run in np.split(good, np.flatnonzero(gap) + 1) if len(good) else ():
+        read = run[np.isfinite(rec.q[run]).all(axis=1)]
+        out += [np.arange(read[0], run[-1] + 1)] if len(read) else []
+    return out
 
 
 def said(rec: Recording) -> list[str]:
