@@ -15,7 +15,7 @@ from vispeg.contact.next_motion import separating
 from vispeg.contact.record import arrays, channels, not_excited, phase_errors, shows_from, where_it_fails
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
-from vispeg.contact.selection import entangled, layer
+from vispeg.contact.selection import entangled, layer, weighed
 from vispeg.contact.selection.profile import BLOWS, looked_for
 from vispeg.contact.selection.repeats import repeated
 from vispeg.contact.selection.search import ContactSearch
@@ -69,6 +69,7 @@ def diagnose_contact(
     shows = least_sizes(search, world)
     state = search.run(world, n_fixed)
     say.ahead = 1
+    tool = weighed.weighed(search, state, n_fixed)
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -83,7 +84,7 @@ def diagnose_contact(
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
     pairs = entangled.entangled(state.fit, n_fixed, entangled.tilted(evidence.items))
-    verdict = entangled.judged(layer.judged(verdict, corrected, n_fixed), pairs)
+    verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), pairs), tool)
     final = with_origin(
         corrected,
         n_fixed,
@@ -102,7 +103,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": entangled.beside(effects(final, n_fixed, rivals, fitted_world), pairs),
+        "effects": weighed.beside(entangled.beside(effects(final, n_fixed, rivals, fitted_world), pairs), tool),
         "ladder": ladder(evidence, judged, state, before_fit, before_held),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -112,7 +113,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "shows_from": shows_from(shows),
         "closed_loop": replayed,
-        "next_experiment": separating(fitted_world, rivals, unseen, pairs, recorded),
+        "next_experiment": weighed.asked(tool) or separating(fitted_world, rivals, unseen, pairs, recorded),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

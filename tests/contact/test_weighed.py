@@ -1,0 +1,100 @@
+"""A heavier part and a heavier tool that balances elsewhere weigh alike, and a diagnosis says so."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.search import ContactSearch
+from vispeg.contact.selection.weighed import asked, beside, judged, of_tool, weighed
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.noise import NOISE
+from vispeg.robots.tools import CELL
+from vispeg.sim.compiled import compiled
+from vispeg.task.belief import believed
+from vispeg.task.rig.motions import CellMotion, Place
+from vispeg.task.rig.path import commands
+from vispeg.task.rig.record import record_cell
+from vispeg.worlds.world import World
+
+MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))
+FOUND = believed(MODEL.cell)
+PART = EffectInstance.of("object_mass", "peg", scale=1.8)
+
+
+def test_a_tool_of_that_mass_and_centre_weighs_as_the_part():
+    """Force and torque at the flange, `sum m g` and `sum r x m g`, are the same in every attitude."""
+    model = compiled(FOUND.scene)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    site = data.site(FOUND.scene.flange)
+    tool, part = (model.body(name).id for name in ("tool", "peg"))
+    place = (data.xipos - site.xpos) @ site.xmat.reshape(3, 3)
+    mass, z = of_tool(FOUND.scene, 1.8)
+    moment = model.body_mass[tool] * place[tool] + 1.8 * model.body_mass[part] * place[part]
+    other = (model.body_mass[tool] + mass) * (place[tool] + [0, 0, z]) + model.body_mass[part] * place[part]
+    assert mass == pytest.approx(0.8 * model.body_mass[part])
+    np.testing.assert_allclose(other, moment, atol=1e-9)
+
+
+def tilted(seed, hidden):
+    """2.7 s in free air, the tool tilted by 0.45 rad about both axes."""
+    path = Place(FOUND.scene, stream(seed, "weighed")).begin(0.1)
+    for turn in ((0.45, 0, 0), (0, 0.45, 0)):
+        path.to(0.6, turn=turn).to(0.2)
+    time, frames = path.frames(500.0)
+    made = CellMotion("free", time, commands(frames, FOUND.scene, FOUND.config.stiffness))
+    return record_cell(MODEL.add(*hidden), made, NOISE, stream(seed, "weighed"))
+
+
+def named(hidden):
+    """A search that has named what is hidden, and its state."""
+    evidence, held = (evidence_of([tilted(seed, hidden)]) for seed in (1, 2))
+    search = ContactSearch(evidence, Judge(held))
+    evidence.absent = {("tool_com", "z"), ("tool_com", "y"), ("grip_pose", "x")}
+    (fit,) = search.fits([World().add(*hidden)], 0)
+    state = search.start(World(), 0)
+    state.take(fit, search.judge.losses([fit.world])[0])
+    return search, state
+
+
+@pytest.mark.parametrize("beside_it", [(), (EffectInstance.of("tool_com", "gripper", x=5e-3),)])
+def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
+    """Also beside a centre of which one axis alone was named; the fits that follow free what they did before."""
+    search, state = named((PART, *beside_it))
+    absent = set(search.evidence.absent)
+    alike = weighed(search, state, 0)
+    assert {e.effect for e in alike} == {"object_mass", "tool_mass", "tool_com"} and search.evidence.absent == absent
+    mass, z = of_tool(FOUND.scene, 1.8)
+    by_name = {e.effect: e.params for e in alike}
+    assert by_name["tool_mass"]["mass"].value == pytest.approx(mass, rel=0.2)
+    assert by_name["tool_com"]["z"].value == pytest.approx(z, abs=3e-3)
+
+
+def test_what_a_tool_of_its_own_mass_reads_is_not_called_the_parts():
+    """The tool's mass is named by itself: no one number of the part does that."""
+    search, state = named((EffectInstance.of("tool_mass", "gripper", mass=0.2),))
+    assert weighed(search, state, 0) == ()
+
+
+def test_a_record_says_what_weighs_alike_and_how_to_tell():
+    tool = EffectInstance.of("tool_mass", "gripper", mass=0.1), EffectInstance.of("tool_com", "gripper", z=0.01)
+    alike = (PART, *tool)
+    verdict = judged(Verdict("identified", ""), alike)
+    assert verdict.verdict == "ambiguous" and all(e.label in verdict.reason for e in alike)
+    assert judged(Verdict("unexplained", "why"), alike).verdict == "unexplained"
+    assert judged(Verdict("identified", ""), ()).verdict == "identified" and asked(()) is None
+    entry = {
+        "effect": "object_mass",
+        "where": "peg",
+        "indistinguishable_from": [{"effect": "tool_mass", "where": "gripper"}],
+    }
+    (row,) = beside([entry], alike)
+    assert [e["effect"] for e in row["indistinguishable_from"]] == ["tool_mass", "tool_com"]
+    assert "with and without the held part" in asked(alike)["motion"]
