@@ -98,3 +98,6 @@ def test_a_record_says_what_weighs_alike_and_how_to_tell():
     (row,) = beside([entry], alike)
     assert [e["effect"] for e in row["indistinguishable_from"]] == ["tool_mass", "tool_com"]
     assert "with and without the held part" in asked(alike)["motion"]
+    named = {"effect": "tool_com", "where": "gripper", "indistinguishable_from": []}
+    row, _ = beside([{**entry, "indistinguishable_from": []}, named], alike)
+    assert [e["effect"] for e in row["indistinguishable_from"]] == ["tool_mass"], "a named effect is no other one"

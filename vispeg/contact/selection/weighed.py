@@ -53,7 +53,7 @@ def weighed(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectIn
     (loss,) = search.judge.losses([fit.world])
     if not equal(search.judge, loss, state.loss, without, search.evidence.alike, remaining=True):
         return ()
-    return part, *(e for e in fit.world.effects if e.effect in (MASS, CENTRE))
+    return part, *(e for name in (MASS, CENTRE) for e in fit.world.effects if e.effect == name)
 
 
 def of_tool(scene: Scene, scale: float) -> tuple[float, float]:
@@ -85,11 +85,12 @@ def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
-    """The effects of a record, the part's mass with what it cannot be told from."""
+    """The effects of a record, the part's mass with what it cannot be told from that is not named beside it."""
+    named = {e["effect"] for e in effects}
     for entry in effects:
         if alike and (entry["effect"], entry["where"]) == (alike[0].effect, alike[0].where):
-            named = [(e["effect"], e["where"]) for e in entry["indistinguishable_from"]]
-            others = [e for e in alike[1:] if (e.effect, e.where) not in named]
+            named |= {e["effect"] for e in entry["indistinguishable_from"]}
+            others = [e for e in alike[1:] if e.effect not in named]
             entry["indistinguishable_from"] += [Place(effect=e.effect, where=e.where) for e in others]
     return effects
 
