@@ -63,6 +63,33 @@ def test_beside_an_effect_another_gains_what_both_fitted_together_do():
     assert max(p.gain for p in anew.values()) > 0.5 * before
 
 
+class Threshold(Freedom):
+    """A grip that slips under each of 60 forces up to 110 N beyond 120 N times its scale: the greatest count most."""
+
+    def __init__(self):
+        self.force = np.linspace(0.0, 110.0, 60)
+        self.size = np.where(self.force > 72.0, 30.0, 8.0)
+        self.hidden = self.slipped(0.3)
+
+    def slipped(self, grip):
+        return np.where(self.force > 120.0 * grip, self.size, 0.0)
+
+    def residuals(self, worlds):
+        grips = [w.effects[0].params["grip"].value if w.effects else 1.0 for w in worlds]
+        return [self.hidden - self.slipped(g) for g in grips]
+
+    residuals_in_part = residuals
+
+
+def test_sizes_of_a_threshold_are_tried_beyond_one_that_a_straight_line_calls_the_best():
+    """A grip of 0.6 explains nine tenths, and so does every size along a line through it; one of 0.3 explains all."""
+    evidence = Threshold()
+    sizes = {p.placed.params["grip"].value: p for p in probed(evidence, World(), [("gripper_slip", "peg")], 30.0)}
+    near = sizes[0.6]
+    assert near.gain > 0.9 * near.promise > 0
+    assert max(sizes, key=lambda g: sizes[g].gain) == 0.3
+
+
 def test_a_screening_is_run_once_for_each_world_and_what_is_free_in_it(monkeypatch):
     """What is looked at before a search begins, and its first step, ask the same of the model as it was given."""
     asked = []

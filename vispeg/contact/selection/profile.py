@@ -64,7 +64,8 @@ def probed(
     """Sizes of every parameter of the effects at their places, beside those of `world`.
 
     From none outward, each sign for itself, by a part of the recordings: a way ends where its last size was felt and
-    no size along it promises to lower the residual. What may come to `least` is asked anew by all of the recordings.
+    no size along it promises to lower the residual; of what has a threshold no straight line tells. What may come to
+    `least` is asked anew by all of the recordings.
     The effects of the world at `free` are taken to be fitted anew beside each size, to first order.
     """
     ways = [way for name, at in where for way in outward(name, at)]
@@ -81,7 +82,7 @@ def probed(
         ways = [
             w
             for w, t, p in zip(ways, tried, promised, strict=True)
-            if t.moved <= max(least, FELT**2) or (p >= bar and p > t.gain + CLOSE * abs(p))
+            if t.moved <= max(least, FELT**2) or (p >= bar and p > t.gain + CLOSE * abs(p)) or _goes_on(t)
         ]
     hopeful = {s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > HALF * least}
     again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
@@ -116,6 +117,11 @@ def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
     """How far a value is from none; of a scale its logarithm."""
     param, value = effect(name).params[parameter], placed.params[parameter].value
     return float(np.log(value / param.null)) if param.scale == "log" else value - param.null
+
+
+def _goes_on(t: Probe) -> bool:
+    """Whether a greater size of a threshold, such as that of a grip, may do more yet, whatever a straight line says."""
+    return effect(t.placed.effect).remembers and t.gain > 0
 
 
 def _hopeful(gain: float, best: float) -> bool:
