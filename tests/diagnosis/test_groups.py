@@ -9,6 +9,7 @@ from loops import ARM, drive, recorded
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion import rivals
+from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.evidence.screen import groups, screen
 from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.diagnosis.selection import proposals, prune
@@ -116,6 +117,7 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
         for placed, name in zip(state.world.effects[1:], names, strict=True)
     ]
     monkeypatch.setattr(search, "exchanges", lambda state: asked)
+    monkeypatch.setattr(rivals, "_beyond", lambda *_: set())
     together = rivals.find_rivals(search, state, 0, lambda text: None)
     monkeypatch.setattr(rivals, "AT_ONCE", 1)
     alone = rivals.find_rivals(search, state, 0, lambda text: None)
@@ -126,6 +128,20 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
         for first, second in zip(a.tried, b.tried, strict=True):
             assert first.rejected == second.rejected
             np.testing.assert_allclose(first.loss, second.loss, rtol=1e-9)
+
+
+def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is_left(searched, monkeypatch):
+    """Also of many effects, of which linear algebra alone proposes nothing here."""
+    search, state = searched
+    monkeypatch.setattr(search, "exchanges", lambda state: [])
+    joints = search.evidence.items[0].robot.joints
+    worst = joints[int(np.argmax(joint_z(search.missing(state.world))))]
+    tried = rivals.find_rivals(search, state, 0, lambda text: None)
+    for placed, rival in zip(state.world.effects, tried, strict=True):
+        assert bool(rival.tried) == (placed.where in (worst, "all")), placed.label
+    assert any(r.tried for r in tried)
+    monkeypatch.setattr(rivals, "AT_FLOOR", np.inf)
+    assert not any(r.tried for r in rivals.find_rivals(search, state, 0, lambda text: None))
 
 
 def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
