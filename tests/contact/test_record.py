@@ -32,6 +32,19 @@ def test_an_error_of_contact_is_not_called_one_of_free_air():
     assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
 
 
+def test_the_worst_moment_is_none_in_which_contact_ends():
+    """A block that begins in contact and ends in free air holds a part of the former over the floor of the latter."""
+    evidence = evidence_of([recorded((FIXTURE,))])
+    (item,) = evidence.items
+    predicted = [item.measured[None].copy()]
+    pressed = item.phase.of("press") & item.valid[:, 2]
+    free = item.phase.of("free")
+    leaving = int(np.flatnonzero(free & (np.roll(~free, 1) | np.roll(~free, -1)) & item.valid[:, 2])[0])
+    predicted[0][0, pressed, 2] -= 3.0 * item.sigma[pressed, 2]
+    predicted[0][0, leaving, 2] -= 30.0 * item.sigma[leaving, 2]
+    assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
+
+
 def test_an_effect_is_said_to_show_from_values_that_it_may_have():
     """A compliance and a delay are none or more; a pose, a gain and a scale have two sides."""
     least = {

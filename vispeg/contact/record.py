@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
@@ -89,7 +90,7 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
             out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
         out[f"{r}/sigma"] = item.sigma
         size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
-        k = int(np.argmax(np.where(item.phase.resting, -1.0, size)))
+        k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
         worst = max(worst, (float(size[k]), r, k))
     item = judged.items[worst[1]]
     seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
@@ -97,6 +98,12 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     out["worst/recording"], out["worst/q"] = np.array(item.name), item.recording.q[item.segment.rows[worst[2]]]
     out["phases"] = np.array(NAMES)
     return out
+
+
+def _leaving(code: np.ndarray) -> np.ndarray:
+    """(m,) bool: blocks of free air beside contact, which may hold a part of it over the narrow floor of free air."""
+    free = code == NAMES.index("free")
+    return free & binary_dilation(~free)
 
 
 def not_excited(
