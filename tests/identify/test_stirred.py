@@ -67,6 +67,10 @@ def test_nothing_is_looked_for_under_what_magnified_noise_leaves():
     assert within(loud, World())
     assert not within(loud, World().add(EffectInstance.of("payload", "flange", mass=2.0)))
     assert not within(Evidence([rec]), World()), "as quiet as usual: the tests of a search say what chance is"
+    beside = [replace(rec, noise={**NOISE, "dq": 0.02}), recorded("position")]
+    assert not within(Evidence(beside), World()), "a joint's servo magnifies nothing, and may show what is missing"
+    coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=1.6e-3))
+    assert stirred(Evidence([rec]), coarse) > 10 and not within(Evidence([rec]), coarse), "steps magnify nothing"
 
 
 def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():

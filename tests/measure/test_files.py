@@ -1,6 +1,7 @@
 """A measurement's file gives the measurement back, and goes into a model and a world as it is."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from vispeg.cli.main import main
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.task.world_file import load_world
+from vispeg.worlds.identified import without_interval
 from vispeg.worlds.measurement_file import Measurement, load_measurement, measurement_text
 from vispeg.worlds.model_file import load_model
 
@@ -66,6 +68,16 @@ def test_a_mass_goes_into_a_model_with_its_interval(here, capsys):
     friction()
     assert main(["add", "iiwa14", "mu.yaml", "--out", "other.yaml"]) == 2
     assert "model: mu.yaml" in capsys.readouterr().err
+
+
+def test_a_size_that_is_nothing_with_an_interval_leaves_the_rest_constant():
+    """A mass that may be there is drawn, and where it would sit is not: that is said."""
+    mass = Value(0.0, -0.05, 0.05)
+    drawn = replace(
+        EffectInstance.of("payload", "flange"), params=EffectInstance.of("payload", "flange").params | {"mass": mass}
+    )
+    assert without_interval(drawn) == ["x", "y", "z", "radius"]
+    assert without_interval(EffectInstance.of("payload", "flange", mass=0.0)) == []
 
 
 def test_what_nobody_measured_of_a_payload_is_named_and_takes_part_in_widen(here, capsys):

@@ -84,6 +84,18 @@ def test_a_stiff_loop_goes_on_where_angles_are_missing_and_stops_where_commands_
     assert [(s.rows[0], s.rows[-1]) for s in segments(recording(q_cmd=goals))] == [(0, 199), (300, 599)]
 
 
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_bus_that_drops_a_joint_in_every_cycle_is_bridged(mode):
+    """No row has all joints, and yet no joint is unread for longer than two rows."""
+    q = recording().q.copy()
+    for joint in range(7):
+        q[joint::7, joint] = np.nan
+    control = Control(mode, 500.0, *(("model", KP, KD) if mode == "position" else ()))
+    (s,) = segments(recording(q=q, tau_cmd=recording().q, control=control))
+    assert s.rows[0] <= 1 and s.rows[-1] == 599
+    np.testing.assert_allclose(s.q_raw[3:-3], recording().q[s.rows][3:-3], atol=1e-4)
+
+
 def test_start_state_is_smoothed_measurement():
     """Noise of 0.1 mrad leaves the start angle and speed of a slow motion right."""
     rng = np.random.default_rng(1)

@@ -102,7 +102,8 @@ def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 def without_interval(placed: EffectInstance) -> list[str]:
     """Parameters of an effect that nobody measured: no interval, and not the null of a magnitude that is not there."""
     params = effect(placed.effect).params
-    if all(v.value == params[name].null for name, v in placed.params.items() if not params[name].shape):
+    sizes = [(v, params[name].null) for name, v in placed.params.items() if not params[name].shape]
+    if all(v.low is None and v.value == null for v, null in sizes):
         return []
     bare = [name for name, v in placed.params.items() if v.low is None]
     return [name for name in bare if params[name].shape or placed.params[name].value != params[name].null]

@@ -177,8 +177,11 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
 
 
 def _needs(rec: Recording) -> Needs | None:
-    """Of the robot with the tool and the tilt that the recording states; `limits_of` has read the robot before."""
-    return needs_of(load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt), rec)
+    """Of the robot with the tool and the tilt that the recording states; None where they cannot be read."""
+    try:
+        return needs_of(load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt), rec)
+    except UserError:
+        return None
 
 
 def _signals(header: Header) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from vispeg.worlds.places import ALL
 EXCHANGES = 3  # at most
 BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none where it goes before (`prior`)
 FAR = 3.0  # times what the chosen effect leaves over the noise, by which a rival is far from it
-MOST = 3  # rivals of one of many effects that are fitted
+MOST, MOST_FITTED = 3, 8  # rivals of one of many effects that linear algebra proposes, and with what the library does
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
 
@@ -115,7 +115,9 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond = _beyond(search, state)
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
-    size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST)  # bytes of derivatives, an effect
+    size = (
+        8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST_FITTED)
+    )  # bytes of derivatives, an effect
     some, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), some):
         part = placed[start : start + some]
@@ -123,9 +125,10 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
         reduced = _without(search, state, part, n_fixed)
         tries = []
         for e, beside in zip(part, reduced, strict=True):
-            scores = {s.key: s for s in search.instead(beside, e)[0]} if e.where in beyond else {}
-            scores |= {s.key: s for s in (Score(r, 0.0) for r in asked.get(e.label, ())[:MOST])}
-            tries.append((beside, list(scores.values()), max(len(scores), len(asked.get(e.label, ())))))
+            proposed = [Score(r, 0.0) for r in asked.get(e.label, ())]
+            screened, tested = search.instead(beside, e) if e.where in beyond else ([], 0)
+            scores = {s.key: s for s in (*screened, *proposed[:MOST])}
+            tries.append((beside, list(scores.values()), max(tested, len(proposed))))
         for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed, _goal(search, state)), strict=True):
             by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]

@@ -36,6 +36,8 @@ def driven(rec: Recording, robot: RobotModel) -> Recording:
 def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     """(nj,) bool: joints whose drives give one torque and no more, most of the time."""
     parts = [_torques(rec, robot, s) for s in segments(rec)]
+    if not parts:
+        return np.zeros(len(rec.joints), bool)
     asked, needed = (np.concatenate(side) for side in zip(*parts, strict=True))
     beyond = np.abs(asked) > BEYOND * np.abs(needed).max(axis=0)
     size = np.maximum(beyond.sum(axis=0), 1)

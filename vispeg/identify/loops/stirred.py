@@ -37,7 +37,7 @@ def stirred(evidence: Evidence, world: World) -> float:
         count += int(item.valid.sum())
         sigma = item.sigma[: item.nj]
         plain = reading_noise(item, world) / sigma
-        soft, coarse = item.recording.control.mode == "osc", bool(np.any(plain > WIDER))
+        soft, coarse = item.recording.control.mode == "osc", _coarse(item, world)
         if not soft and not coarse:
             continue
         scale = np.r_[0.0, np.ones(DRAWS)][:, None]
@@ -63,12 +63,17 @@ def within(evidence: Evidence, world: World) -> bool:
     """Whether a world under OSC is no farther from the recordings than magnified noise in its feedback moves the arm.
 
     A loop that comes near a singular posture magnifies noise by thousands: any small effect then moves the arm as far,
-    one way or the other, and which lowers the error is chance. Encoders that are coarse are no part of that.
+    one way or the other, and which lowers the error is chance. False where another loop or a coarse encoder has a part.
     """
-    if evidence.unit != "rad" or not any(item.recording.control.mode == "osc" for item in evidence.items):
+    if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
     residual, more = evidence.residuals([world])[0], stirred(evidence, world)
     return more > MAGNIFIED and float(residual @ residual) <= (1.0 + more) * evidence.count
+
+
+def _coarse(item: Item, world: World) -> bool:
+    """Whether a world reads some joint in steps much wider than its noise."""
+    return bool(np.any(reading_noise(item, world) > WIDER * item.sigma[: item.nj]))
 
 
 def _begun(item: Item, world: World, draw: int) -> World:

@@ -23,18 +23,25 @@ def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
     """Rows of one episode, cut where what drives a simulation is missing for longer than `LONG` and `PERIODS` periods.
 
     That is the commands and, unless a stiff loop forgets where it was, the angles: a straight line over a long gap is
-    no motion. Each stretch begins with a reading of every joint, which a simulation starts from.
+    no motion. Each stretch begins where every joint has been read, which a simulation starts from.
     """
-    driving = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
-    driving += [] if rec.control.mode in STIFF else [rec.q]
-    there = [np.isfinite(signal[rows]).all(axis=1) for signal in driving if signal is not None]
-    good = rows[np.all(there, axis=0)] if there else rows
-    gap = (np.diff(rec.time[good]) > max(LONG, PERIODS / rec.rate_hz)) & (np.diff(good) > 1)
-    out = []
-    for run in np.split(good, np.flatnonzero(gap) + 1) if len(good) else ():
-        read = run[np.isfinite(rec.q[run]).all(axis=1)]
-        out += [np.arange(read[0], run[-1] + 1)] if len(read) else []
-    return out
+    signals = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
+    signals += [] if rec.control.mode in STIFF else [rec.q]
+    time, least, cut = rec.time[rows], max(LONG, PERIODS / rec.rate_hz), np.zeros(len(rows), bool)
+    for column in (column for signal in signals if signal is not None for column in signal[rows].T):
+        for first, stop in runs(~np.isfinite(column)):
+            cut[first:stop] |= time[min(stop, len(rows) - 1)] - time[max(first - 1, 0)] > least
+    begun = [(rows[a:b], _begun(np.isfinite(rec.q[rows[a:b]]), time[a:b], least)) for a, b in runs(~cut)]
+    return [part[first:] for part, first in begun if first is not None]
+
+
+def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
+    """The row (n, nj) by which every joint is read, or a later one with all of them within `least` s; None if never."""
+    if not read.any(axis=0).all():
+        return None
+    first = int(read.argmax(axis=0).max())
+    full = first + int(read[first:].all(axis=1).argmax())
+    return full if read[full].all() and time[full] - time[first] <= least else first
 
 
 def said(rec: Recording) -> list[str]:
