@@ -90,7 +90,7 @@ def test_a_bus_that_drops_a_joint_in_every_cycle_is_bridged(mode):
     q = recording().q.copy()
     for joint in range(7):
         q[joint::7, joint] = np.nan
-    control = Control(mode, 500.0, *(("model", KP, KD) if mode == "position" else ()))
+    control = Control("position", 500.0, "model", KP, KD) if mode == "position" else Control("torque", 500.0)
     (s,) = segments(recording(q=q, tau_cmd=recording().q, control=control))
     assert s.rows[0] <= 1 and s.rows[-1] == 599
     np.testing.assert_allclose(s.q_raw[3:-3], recording().q[s.rows][3:-3], atol=1e-4)
