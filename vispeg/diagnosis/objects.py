@@ -30,10 +30,10 @@ WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # s
 BEST = 2  # candidates fitted at each step
 LEVEL = 0.01  # of the test that an effect lowers the held-out error, over all candidates
 INVISIBLE = 2e-3  # share of the squared error that a size must move to leave a trace
-# What an effect needs (`Effect.needs`) that no toss has. A soft contact may follow blows better, whose law is not the
-# simulator's, and sink at rest by what no pose shows.
 TOSS = "Let the object go by hand, 20 times or more, each time turned otherwise, and record its pose, a toss an episode"
 WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass into the model"
+# What an effect needs (`Effect.needs`) that no toss has. A soft contact may follow blows better, whose law is not the
+# simulator's, and sink at rest by what no pose shows.
 NO_TOSS_HAS = {"two forces": "at rest its own weight alone presses on it"}
 
 

@@ -22,7 +22,7 @@ from vispeg.worlds.places import ALL
 EXCHANGES = 3  # at most
 BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none where it goes before (`prior`)
 FAR = 3.0  # times what the chosen effect leaves over the noise, by which a rival is far from it
-MOST, MOST_FITTED = 3, 8  # rivals of one of many effects that linear algebra proposes, and with what the library does
+MOST, MOST_FITTED = 3, 8  # rivals of one of many effects: of linear algebra, and with what the library promises
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
 
@@ -71,17 +71,12 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
             without = search.judge.mean(step[0].loss) + step[0].gain.mean
             out.append(_compare(search, state, placed.label, step[1], without))
             continue
-        out.append(_asked(search, state, placed, n_fixed, say))
+        say(f"looking for rivals of {placed.label}")
+        (reduced,) = _without(search, state, [placed], n_fixed)
+        scores, tested = search.instead(reduced, placed)
+        trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
+        out.append(_compare(search, state, placed.label, trials, search.judge.mean(reduced.loss)))
     return out
-
-
-def _asked(search: Search, state: State, placed: EffectInstance, n_fixed: int, say: Callable[[str], None]) -> Rivals:
-    """Rivals of one effect: the library is asked in its place, the best are fitted."""
-    say(f"looking for rivals of {placed.label}")
-    (reduced,) = _without(search, state, [placed], n_fixed)
-    scores, tested = search.instead(reduced, placed)
-    trials = search.try_all(reduced, scores, n_fixed, tested, _goal(search, state)) if scores else []
-    return _compare(search, state, placed.label, trials, search.judge.mean(reduced.loss))
 
 
 def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
@@ -115,9 +110,8 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond = _beyond(search, state)
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
-    size = (
-        8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST_FITTED)
-    )  # bytes of derivatives, an effect
+    # bytes of derivatives, an effect:
+    size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST_FITTED)
     some, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), some):
         part = placed[start : start + some]
