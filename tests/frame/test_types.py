@@ -1,4 +1,4 @@
-"""Typed from birth: untyped mappings become fewer, and the public face has none."""
+"""The public face is typed."""
 
 import ast
 import inspect
@@ -9,12 +9,6 @@ import pytest
 import vispeg
 
 ROOM = Path(__file__).parents[2] / "vispeg"
-LEFT = 29  # `dict[str, Any]` in the package; lower it with every one that gets a type
-
-
-def test_untyped_mappings_become_fewer():
-    count = sum(path.read_text(encoding="utf-8").count("dict[str, Any]") for path in ROOM.rglob("*.py"))
-    assert count <= LEFT, "give the mapping a type: a dataclass, a TypedDict, or Mapping[str, object]"
 
 
 @pytest.mark.parametrize("name", [n for n in vispeg.__all__ if n != "effects"])
