@@ -143,11 +143,23 @@ def test_what_cannot_be_converted(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("kind", ["csv", "csv.gz", "parquet", "npz", "bag", "db3", "mcap"])
+def test_a_pipe_is_no_log(tmp_path, kind):
+    os.mkfifo(tmp_path / f"log.{kind}")
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "metadata.yaml").write_text("{}")
+    os.mkfifo(tmp_path / "bag" / "run.mcap")
+    for source in (tmp_path / f"log.{kind}", tmp_path / "bag"):
+        with pytest.raises(UserError, match="is not a regular file"):
+            Args(source, "iiwa14", tmp_path / "out").run()
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("guessed", [False, True])
 def test_a_pipe_is_no_table(tmp_path, guessed):
-    os.mkfifo(tmp_path / "log.csv")
+    os.mkfifo(tmp_path / "log.parquet")
     with pytest.raises(UserError, match="is not a regular file"):
-        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", guess=guessed).run()
+        Args(tmp_path / "log.parquet", "iiwa14", tmp_path / "out", guess=guessed).run()
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(UserError, match="folder.csv"):
         Args(tmp_path / "folder.csv", "iiwa14", tmp_path / "out", guess=guessed).run()

@@ -1,5 +1,7 @@
 """Corners are found where the pinhole equation has them, in one order, and a wrong board is said in a line."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from board_views import BOARD, CHARUCO, ideal, picture, place
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.effects.common import images
 from vispeg.render.calibration import Board, detect
 from vispeg.render.calibration.board import parse_pattern
 from vispeg.render.calibration.detect import find, pictures
@@ -105,3 +108,13 @@ def test_pattern_text():
     for text in ("9", "9,6", "9x6x2", "axb"):
         with pytest.raises(UserError, match="COLUMNSxROWS"):
             parse_pattern(text)
+
+
+@pytest.mark.parametrize("special", [os.mkfifo, lambda p: p.symlink_to("/dev/zero")])
+def test_a_pipe_or_a_device_among_the_images_is_refused_before_it_is_opened(tmp_path, special):
+    special(tmp_path / "1.png")
+    with pytest.raises(UserError, match=r"1\.png: is not a regular file"):
+        detect(tmp_path, BOARD)
+    for read in (images.picture, images.environment):  # of a texture
+        with pytest.raises(UserError, match="is not a regular file"):
+            read(tmp_path / "1.png", 8)

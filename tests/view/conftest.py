@@ -154,7 +154,7 @@ def served(tmp_path):
     made = []
 
     def serve(*sources):
-        made.append(App(opened([str(s) for s in sources]), tmp_path / "out", port=8420, threads=1))
+        made.append(App(opened([str(s) for s in sources]), tmp_path / "out", threads=1))
         return made[-1]
 
     yield serve

@@ -12,7 +12,7 @@ from vispeg.view.opened import opened
 
 @pytest.fixture(scope="module")
 def app(rigs, tmp_path_factory):
-    made = App(opened([str(rigs), str(rigs / "arm.xml")]), tmp_path_factory.mktemp("out"), port=8300, threads=1)
+    made = App(opened([str(rigs), str(rigs / "arm.xml")]), tmp_path_factory.mktemp("out"), threads=1)
     yield made
     made.close()
 
@@ -56,7 +56,7 @@ def test_contact_and_cameras_are_diagnosed_by_a_click(
 ):
     """The error falls, the hidden value is there, and the step can be taken back."""
     folder = request.getfixturevalue(recordings)
-    app = App(opened([str(folder), "peg-cell"]), tmp_path_factory.mktemp("out"), port=8400, threads=1)
+    app = App(opened([str(folder), "peg-cell"]), tmp_path_factory.mktemp("out"), threads=1)
     try:
         page = page_of(app)
         page.get_by_role("button", name=f"{effect} ·").click()
@@ -77,16 +77,13 @@ def test_contact_and_cameras_are_diagnosed_by_a_click(
         app.close()
 
 
-def test_another_site_cannot_talk_to_the_page(app):
-    client = pytest.importorskip("websockets.sync.client")
-    import viser
-    import websockets
+def test_without_its_token_the_page_is_not_opened(app):
+    from urllib.error import HTTPError
+    from urllib.request import urlopen
 
-    where, protocol = app.url.replace("http", "ws"), f"viser-v{viser.__version__}"
-    with pytest.raises(websockets.InvalidStatus, match="403"):
-        client.connect(where, origin="https://elsewhere.example", subprotocols=[protocol])
-    client.connect(where, origin=app.url, subprotocols=[protocol]).close()
-    assert app.server.get_host() == "127.0.0.1"
+    assert app.server.get_host() == "127.0.0.1" and "?token=" in app.url
+    with pytest.raises(HTTPError, match="403"):
+        urlopen(app.url.partition("?")[0])
 
 
 def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
@@ -98,7 +95,7 @@ def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
     table = np.column_stack([1e3 * rec.time, np.degrees(rec.q)])
     named = "t_ms,shoulder_pos_deg,el<b>bow</b>_pos_deg"
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=named, comments="", fmt="%.9g")
-    app = App(opened([str(rigs / "arm.xml")]), tmp_path / "out", port=8330, threads=1)
+    app = App(opened([str(rigs / "arm.xml")]), tmp_path / "out", threads=1)
     try:
         page = page_of(app)
         page.get_by_text("Import", exact=True).click()
@@ -119,7 +116,7 @@ def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
 def test_a_world_s_range_is_moved_and_a_policy_plays_in_two_worlds(page_of, tmp_path):
     from vispeg.task.world_file import load_world
 
-    app = App(opened(["searching"]), tmp_path / "out", port=8360, threads=1)
+    app = App(opened(["searching"]), tmp_path / "out", threads=1)
     try:
         page = page_of(app)
         page.wait_for_selector("[data-drawn]")

@@ -1,7 +1,8 @@
 """Opens the page in the browser: diagnosis, worlds, policies, data.
 
-The page is served on this machine alone. It shows where a model fails, adds an effect by a click, and shows each step
-as the command that does the same. Results are written to OUT; a stopped page goes on from there.
+The page is served on this machine alone, to whoever has the address with its token. It shows where a model fails, adds
+an effect by a click, and shows each step as the command that does the same. Results are written to OUT; a stopped page
+goes on from there.
 
 Example:
     vispeg view rig-a rig-b rig-c
@@ -33,8 +34,8 @@ class Args:
     """A model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14."""
     out: Path = Path("vispeg-view")
     """Folder for what the page writes."""
-    port: int = 8080
-    """Port, or the next free one."""
+    port: int | None = None
+    """Port; default: the first free one from 8080 on."""
     no_browser: bool = False
     """Do not open the browser."""
     dark: bool = False
@@ -58,13 +59,20 @@ class Args:
             return self._native(sources.model)
         require("viser", "vispeg view")
         from vispeg.view.app import App
+        from vispeg.view.gate import opener
 
         app = App(sources, self.out, port=self.port, threads=self.threads, dark=self.dark)
         self.output.give({"url": app.url, "out": str(self.out)}, [f"{app.url} (Ctrl-C ends it)"])
         sys.stdout.flush()  # a program that started this one reads the address now
-        if not self.no_browser and not self.output.json:
-            webbrowser.open(app.url)
-        app.serve()
+        if self.no_browser or self.output.json:
+            app.serve()
+            return 0
+        way = opener(self.out, app.url)
+        try:
+            webbrowser.open(way.resolve().as_uri())
+            app.serve()
+        finally:
+            way.unlink(missing_ok=True)
         return 0
 
     def _native(self, model: str) -> int:

@@ -30,6 +30,20 @@ def is_file(path: str | Path) -> bool:
         return False
 
 
+def refuse_special(path: str | Path) -> None:
+    """Refuse a pipe, a socket or a device, before a library opens it and waits for it to begin or to end.
+
+    Raises:
+        UserError: what the path leads to is neither a file nor a folder; a path to nothing passes.
+    """
+    try:
+        mode = os.stat(Path(path).expanduser()).st_mode
+    except (OSError, ValueError, RuntimeError):
+        return  # for the reader to say
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise UserError("is not a regular file", file=path, expected="a file")
+
+
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
     """A regular file, open for reading.

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 import threading
-from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from vispeg.view import html
 from vispeg.view.colours import Colours
 from vispeg.view.data_page import DataPage
 from vispeg.view.diagnose.page import StudyPage
+from vispeg.view.gate import HOST, Gate, free_port, limit_uploads
 from vispeg.view.import_page import ImportPage
 from vispeg.view.opened import Opened
 from vispeg.view.place import ARM, Page, Place
@@ -22,27 +19,29 @@ from vispeg.view.policy_page import PolicyPage
 from vispeg.view.run_page import RunPage
 from vispeg.view.world_page import WorldPage
 
-HOST = "127.0.0.1"
-OURS = re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
-
 
 class App:
-    """The page at `url`, until it is closed.
+    """The page at `url`, which holds its token, until it is closed.
 
     Args:
         opened: what to show.
         out: folder of results.
-        port: to listen at; the next free one where it is taken.
+        port: to listen at; None for the first free one.
         threads: of simulations.
         dark: light on dark, whatever the system says.
+
+    Raises:
+        UserError: the port is none, or taken.
     """
 
-    def __init__(self, opened: Opened, out: Path, *, port: int = 8080, threads: int = 2, dark: bool = False):
+    def __init__(self, opened: Opened, out: Path, *, port: int | None = None, threads: int = 2, dark: bool = False):
         import viser
 
-        with contextlib.redirect_stdout(io.StringIO()), _own_windows_alone():  # the toolkit greets on stdout
+        gate, port = Gate(), free_port(port)
+        with contextlib.redirect_stdout(io.StringIO()), gate.guarding():  # the toolkit greets on stdout
             self.server = viser.ViserServer(host=HOST, port=port, label="vispeg", verbose=False)
-        self.url = f"http://{HOST}:{self.server.get_port()}"
+        limit_uploads(self.server)
+        self.url = gate.url(self.server.get_port())
         gui = self.server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(370)
@@ -96,16 +95,3 @@ class App:
             page.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
-
-
-@contextlib.contextmanager
-def _own_windows_alone() -> Iterator[None]:
-    """A server that is made in the body answers no page of another site, which a browser would let it talk to."""
-    import websockets.asyncio.server as library
-
-    plain: Any = library.serve
-    library.serve = partial(plain, origins=[OURS, None])  # type: ignore[misc, assignment]
-    try:
-        yield
-    finally:
-        library.serve = plain  # type: ignore[misc]

@@ -16,6 +16,7 @@ import numpy as np
 
 from vispeg.core.assets import PACKAGE
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import refuse_special
 
 FOLDER, TRAINING = "VISPEG_TEXTURES", "training"
 PICTURES, ENVIRONMENTS = (".png", ".jpg", ".jpeg"), (".hdr",)
@@ -113,6 +114,7 @@ def _below(folder: Path, endings: tuple[str, ...], training: bool) -> tuple[Path
 
 
 def _head(path: Path) -> bytes:
+    refuse_special(path)
     try:
         with path.open("rb") as file:
             return file.read(65536)

@@ -14,6 +14,7 @@ import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
+from vispeg.formats.guard import refuse_special
 
 STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
 
@@ -32,6 +33,8 @@ def open_bag(path: Path) -> Iterator[Any]:
         raise missing("rosbags", "a ROS bag", file=str(path)) from error
     if not path.exists():
         raise UserError("does not exist", file=path)
+    for part in (path, *(path.iterdir() if path.is_dir() else ())):
+        refuse_special(part)
     with TemporaryDirectory() as scratch:
         try:
             folder = _with_metadata(path, Path(scratch)) if path.suffix in STORAGES else path

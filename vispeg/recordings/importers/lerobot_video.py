@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
-from vispeg.formats.guard import as_written
+from vispeg.formats.guard import as_written, refuse_special
 from vispeg.formats.json_data import read_json
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.frames import Frames
@@ -104,6 +104,7 @@ def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
 
     names = ("chunk_index", "file_index", "from_timestamp")
     for file in sorted((root / "meta" / "episodes").rglob("*.parquet")):
+        refuse_special(file)
         with as_written(file, "LeRobot"):
             table = pq.read_table(file, columns=["episode_index", *(f"videos/{key}/{n}" for n in names)]).to_pydict()
             if episode in table["episode_index"]:

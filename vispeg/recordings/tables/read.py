@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import refuse_special
 from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table
 from vispeg.recordings.tables.table_csv import read_csv
 from vispeg.recordings.tables.table_parquet import read_parquet
@@ -16,6 +17,7 @@ def read_table(file: Path, reading: Reading = EVERYTHING) -> Table:
     """Reads a .csv, .csv.gz or .parquet file. Raises UserError for what is no table of a header and samples."""
     import pyarrow
 
+    refuse_special(file)
     try:
         size = file.stat().st_size
         if size > MAX_BYTES:

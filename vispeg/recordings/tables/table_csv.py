@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import refuse_special
 from vispeg.recordings.tables.table import (
     MAX_BYTES,
     Columns,
@@ -56,8 +57,7 @@ def header(line: str, dialect: Dialect, file: Path) -> list[str]:
 @contextmanager
 def opened(file: Path) -> Iterator[BinaryIO]:
     """The bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is."""
-    if file.exists() and not file.is_file():  # a pipe would never end, or never begin
-        raise UserError("is not a regular file", file=file, expected="a table")
+    refuse_special(file)
     with file.open("rb") as raw:
         packed = file.suffix.lower() == ".gz"
         stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file)

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB, read_bytes
 from vispeg.render.calibration.board import Board
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
+LARGEST = 200 * MB  # a picture file
 MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
 
 ALIKE = 1.0  # px
@@ -52,8 +54,8 @@ def read_grey(path: Path) -> np.ndarray:
 
     try:
         how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION  # as the sensor lies, however it was held
-        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), how)
-    except (OSError, cv2.error):
+        image = cv2.imdecode(np.frombuffer(read_bytes(path, LARGEST), np.uint8), how)
+    except cv2.error:
         image = None
     if image is None:
         raise UserError("cannot be read as an image", file=path)

@@ -1,0 +1,150 @@
+"""Who may talk to the page: a token, the page's own address, and a limit on what is dropped on it."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import socket
+from collections.abc import Callable, Iterator
+from functools import partial
+from http import HTTPStatus
+from pathlib import Path
+from tempfile import mkstemp
+from typing import Any
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import size
+
+HOST = "127.0.0.1"
+PORT, NEXT = 8080, 100  # where the first page listens, and how many ports are tried from there
+UPLOADS = 1_000_000_000  # bytes dropped in all: they are held in memory; a larger log is named by its path
+REFUSED = "403: open the address that `vispeg view` printed, with its token.\n"
+
+
+def free_port(asked: int | None) -> int:
+    """A port of this machine that nothing listens at: the one asked for, or from `PORT` on the first free one.
+
+    Raises:
+        UserError: no port, one that is taken or reserved, or none is free.
+    """
+    if asked is not None and not 1 <= asked <= 65535:
+        raise UserError("is no port", key="--port", expected="1 to 65535", got=asked)
+    for port in range(PORT, PORT + NEXT) if asked is None else (asked,):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: one just left is free
+            try:
+                trial.bind((HOST, port))
+                return port
+            except OSError as error:
+                why = error
+        if asked is not None:
+            taken = why.errno == errno.EADDRINUSE
+            said = "something listens there already" if taken else (why.strerror or str(why)).lower()
+            raise UserError(said, key="--port", expected="a free port, or none, for the first free one", got=asked)
+    raise UserError("no port is free", key="--port", expected=f"one of {PORT} to {PORT + NEXT - 1}, or another")
+
+
+class Gate:
+    """Lets in who knows the token, from the page's own address.
+
+    The token is in the query of every request, the websocket's too. No cookie holds it: a browser would send that to
+    every port of this machine, so also to a page of another account.
+
+    Attributes:
+        token: random for each start.
+    """
+
+    def __init__(self) -> None:
+        self.token = secrets.token_urlsafe(32)
+
+    def url(self, port: int) -> str:
+        """The address to open."""
+        return f"http://{HOST}:{port}/?{urlencode({'token': self.token})}"
+
+    @contextlib.contextmanager
+    def guarding(self) -> Iterator[None]:
+        """A server that is made in the body asks at this gate first."""
+        import websockets.asyncio.server as library
+
+        plain: Any = library.serve
+
+        def serve(*args: Any, process_request: Callable[..., Any], **options: Any) -> Any:
+            return plain(*args, process_request=partial(self.answer, process_request), **options)
+
+        library.serve = serve  # type: ignore[misc, assignment]
+        try:
+            yield
+        finally:
+            library.serve = plain  # type: ignore[misc]
+
+    def answer(self, plain: Callable[..., Any], connection: Any, request: Any) -> Any:
+        """Refuse a request, send a window to the address with the websocket's in it, or let the toolkit answer."""
+        query = parse_qs(urlsplit(request.path).query)
+        given = query.get("token", [""])[0]
+        if not secrets.compare_digest(given.encode(), self.token.encode()):
+            return connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
+        port = connection.local_address[1]
+        response = plain(connection, request)
+        if response is None:  # a websocket begins
+            own = request.headers.get_all("Origin") == [f"http://{HOST}:{port}"]
+            return None if own else connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
+        if "websocket" not in query:  # the toolkit's script asks this word where its server is
+            to = {"token": self.token, "websocket": f"ws://{HOST}:{port}/?{urlencode({'token': self.token})}"}
+            response = connection.respond(HTTPStatus.FOUND, "")
+            response.headers["Location"] = f"/?{urlencode(to)}"
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["Cache-Control"] = "no-store"
+        response.headers["X-Frame-Options"] = "DENY"
+        return response
+
+
+def opener(folder: Path, url: str) -> Path:
+    """A file of this account alone that leads to the address: on a command line others would read its token."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle, name = mkstemp(".html", "open-", folder)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={url}">\n')
+    return Path(name)
+
+
+def limit_uploads(server: Any, most: int = UPLOADS) -> None:
+    """Has a toolkit's server take no more than `most` bytes of dropped files in all, each as large as it says.
+
+    The toolkit holds what comes in memory and has no limit of its own, so its two handlers are asked only after this.
+    """
+    from viser import _messages as messages
+
+    gui, link, room, arriving = server.gui, server.gui._websock_interface, [most], dict[str, int]()
+    begin, part = gui._handle_file_transfer_start, gui._handle_file_transfer_part
+
+    def begun(client: int, message: Any) -> None:
+        if not 0 <= message.size_bytes <= room[0]:
+            window = server.get_clients().get(client)
+            if window is not None:
+                text = f"{size(room[0])} of {size(most)} are left; name the path of the file instead, or start again."
+                window.add_notification("Too large to be dropped", text, color="red")
+            return
+        room[0] -= message.size_bytes
+        arriving[message.transfer_uuid] = message.size_bytes
+        begin(client, message)
+
+    def came(client: int, message: Any) -> None:
+        left = arriving.get(message.transfer_uuid, -1) - len(message.content)
+        if left < 0:  # more than it said, or never begun
+            gui._current_file_upload_states.pop(message.transfer_uuid, None)
+            arriving.pop(message.transfer_uuid, None)
+            return
+        arriving[message.transfer_uuid] = left
+        part(client, message)
+
+    for kind, old, new in (
+        (messages.FileTransferStartUpload, begin, begun),
+        (messages.FileTransferPart, part, came),
+    ):
+        link.unregister_handler(kind, old)
+        link.register_handler(kind, new)
+    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):  # a tunnel through a server elsewhere
+        server._websock_server.unregister_handler(kind)
