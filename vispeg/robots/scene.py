@@ -1,7 +1,8 @@
-"""The cell: arm, gripper, peg, fixture with a hole, table, background, lights and places for distractors.
+"""Scenes: an arm and what stands around it. `build` makes the peg cell: arm, gripper, peg, fixture with a hole, table,
+background, lights and places for distractors; `vispeg.robots.bench` makes the scene that a robot's own file shows.
 
-World frame: the robot's base, z up; the table's top is z = 0. Parts share a material and a texture of their own, which
-is what randomized looks write into; shapes for contact are in group 3 and are never rendered.
+World frame of the peg cell: the robot's base, z up; the table's top is z = 0. Parts share a material and a texture of
+their own, which is what randomized looks write into. Shapes for contact are in group 3 and are never rendered.
 """
 
 from __future__ import annotations
@@ -25,17 +26,34 @@ G = mujoco.mjtGeom
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
 OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names in the cell
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
+PEG_IN_HOLE = {
+    "goal": "hole",
+    "tip_site": "peg_tip",
+    "wall": hole.WALL,
+    "plate": hole.PLATE,
+    "top": hole.TOP,
+    "held": "peg",
+    "fixture": "fixture",
+    "offset": "hole_offset",
+    "tilt": "hole_tilt",
+    "slip": "peg_slip",
+}
+POSED = ("peg_tip", "hole"), ("fixture", "peg")  # sites and bodies of the peg cell that labels give the poses of
 
 
 @dataclass(frozen=True, eq=False)
 class Scene(RobotModel):
-    """A robot in its cell: everything a RobotModel is, and what stands around it.
+    """A robot and what stands around it: everything a RobotModel is, and what a camera sees.
+
+    A scene with a task also says what the arm holds and where that goes. A scene without one leaves all of that empty.
 
     Attributes:
-        config: what it was built from.
-        nominal: the arm with its tool and peg alone: what a controller knows.
+        nominal: the arm with what it carries alone: what a controller knows.
         parts: geom names of each part that can be seen.
+        things: bodies whose place nobody knows exactly: what stands about, what the gripper holds.
+        dressed: parts with a material of their own name, which looks write into.
         lights, cameras: names.
+        config: of the task's shapes; None without a task.
         tip: height of the tip below the flange, m.
         target: nominal place of the goal, base frame, m.
         goal, tip_site: names of the sites that the task brings together, z of both along the way in.
@@ -46,23 +64,30 @@ class Scene(RobotModel):
         slip: slide joint of the held part in the gripper; "" where it cannot slip.
     """
 
-    config: SceneConfig = field(default_factory=SceneConfig)
     nominal: RobotModel = field(default=None)  # type: ignore[assignment]
     parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    lights: tuple[str, ...] = tuple(LIGHTS)
-    cameras: tuple[str, ...] = CAMERAS
-    tip: float = tools.GRASP + tools.PEG_LENGTH
-    target: tuple[float, float, float] = SceneConfig.fixture
-    goal: str = "hole"
-    tip_site: str = "peg_tip"
-    wall: str = hole.WALL
-    plate: str = hole.PLATE
-    top: str = hole.TOP
-    held: str = "peg"
-    fixture: str = "fixture"
-    offset: str = "hole_offset"
-    tilt: str = "hole_tilt"
-    slip: str = "peg_slip"
+    things: tuple[str, ...] = ()
+    dressed: tuple[str, ...] = ()
+    lights: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = ()
+    config: SceneConfig = field(default=None)  # type: ignore[assignment]
+    tip: float = 0.0
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    goal: str = ""
+    tip_site: str = ""
+    wall: str = ""
+    plate: str = ""
+    top: str = ""
+    held: str = ""
+    fixture: str = ""
+    offset: str = ""
+    tilt: str = ""
+    slip: str = ""
+
+    @property
+    def posed(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Sites and bodies whose poses belong to a picture's labels."""
+        return tuple(s for s in (self.tip_site, self.goal) if s), self.things
 
 
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
@@ -94,7 +119,7 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
             spec.delete(element)
     for part, colour in COLOURS.items():
         furniture.material(spec, part, colour)
-    parts = {"arm": _visible(spec)}
+    parts = {"arm": visible(spec)}
     parts |= _hand(spec, config)
     parts |= _fixture(spec, config, block)
     if peg is not None or block is not None:
@@ -105,7 +130,8 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
     extra = {"config": config, "nominal": arm, "parts": parts, "cameras": cameras, "tip": tip, "target": config.fixture}
-    return Scene(**{**base, "build": spec.copy}, **extra)
+    seen = {"things": ("fixture", "peg"), "dressed": tuple(parts), "lights": tuple(LIGHTS)}
+    return Scene(**{**base, "build": spec.copy}, **extra, **seen, **PEG_IN_HOLE)
 
 
 def _check_names(robot: RobotConfig) -> None:
@@ -116,7 +142,8 @@ def _check_names(robot: RobotConfig) -> None:
         for element in getattr(spec, kind):
             if element.name in OURS:
                 what = f"the robot has a part named '{element.name}', as the cell has"
-                raise UserError(what, file=robot.model, key=kind, expected="another name in the robot's file")
+                expected = "another name in the robot's file, or a model without `cell`: its scene is the file's own"
+                raise UserError(what, file=robot.model, key=kind, expected=expected)
 
 
 def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
@@ -130,21 +157,22 @@ def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
         warnings.warn(f"{robot.model}: {what}: {', '.join(further)}", stacklevel=2)
 
 
-def _visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Names of the arm's geoms that are seen; those without a name get one.
+def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Names of the arm's geoms that are seen, without its tool's; those without a name get one.
 
     Files differ in the group of their shapes for contact: in a body with shapes that do not collide, the others are.
     """
-    held = {g.name for body in (spec.body("tool"), *spec.body("tool").bodies) for g in body.geoms}
-    visible = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
-    dressed = {g.parent.name for g in visible if not (g.contype or g.conaffinity)}
-    for geom in visible:
-        if geom.parent.name in dressed and (geom.contype or geom.conaffinity):
+    tool = spec.body("tool")
+    held = {g.name for body in ((tool, *tool.bodies) if tool else ()) for g in body.geoms}
+    seen = [g for g in spec.geoms if g.group < 3 and g.parent.name != "world" and g.name not in held - {""}]
+    drawn = {g.parent.name for g in seen if not (g.contype or g.conaffinity)}
+    for geom in seen:
+        if geom.parent.name in drawn and (geom.contype or geom.conaffinity):
             geom.group = 3
-    visible = [g for g in visible if g.group < 3]
-    for i, geom in enumerate(visible):
+    seen = [g for g in seen if g.group < 3]
+    for i, geom in enumerate(seen):
         geom.name = geom.name or f"arm{i}"
-    return tuple(g.name for g in visible)
+    return tuple(g.name for g in seen)
 
 
 def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:

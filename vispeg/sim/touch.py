@@ -74,7 +74,7 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     """
     if rec.ft is None:
         return None
-    scene = robot if isinstance(robot, Scene) else None
+    scene = robot if isinstance(robot, Scene) and robot.goal else None
     arm = robot.nominal if isinstance(robot, Scene) else robot
     q, dq, ddq = smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ)
     pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))

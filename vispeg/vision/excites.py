@@ -1,7 +1,7 @@
 """Which errors of a camera a set of frames can tell: what its borders would say of each, all of them unknown at once.
 
 Borders move by the projection alone, so their derivatives by each number of each effect come from finite differences
-without drawing. All numbers of a camera are free together with where the fixture stands; the robot's own repeatability
+without drawing. All numbers of a camera are free together with where things stand; the robot's own repeatability
 moves each view anew. What motions leave in the dark: see `vispeg.identify.motions.look_motion`.
 """
 
@@ -29,7 +29,8 @@ NUMBERS: dict[str, dict[str, tuple[float, float, str, float]]] = {
 }
 # effect, parameter, what counts as told, unit, factor: in the order of `_of_time`
 TIMES = (("camera_delay", "delay", 2e-3, "ms", 1e3), ("rolling_shutter", "readout", 4e-3, "ms", 1e3))
-FIXTURE_PRIOR = 5e-3  # m: where the fixture stands is known no better
+FIXTURE_PRIOR = 5e-3  # m: where a thing stands is known no better
+STEP = 1e-5  # m, of the difference that moves a thing
 ROBOT_M, ROBOT_RAD = 1e-4, 3.5e-4  # m, rad: how well an arm comes back to a pose
 BORDER = 1.5  # px, of a border by itself: 0.3 px, of which twenty neighbours share the same error
 PRIOR = {"%": 0.2, "px": 30.0, "1": 0.2, "mm": 0.1, "deg": 0.2, "ms": 0.5}  # far beyond anything: keeps inverses finite
@@ -64,22 +65,25 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
         views: with borders as predicted in the nominal world.
     """
     names = [(effect, p, *spec) for effect, many in NUMBERS.items() for p, spec in many.items()]
-    shifts = [(geometry.scene.offset, axis) for axis in "xyz"]
+    shifts = [(body, axis) for body in _standing(geometry) for axis in range(3)]
     size = len(names) + len(TIMES) + len(shifts)
     (height,) = [c.height for c in geometry.cameras if c.name == camera]
     information = np.zeros((size, size))
-    fixture = geometry.scene.fixture
     columns: list[list[np.ndarray]] = [[] for _ in views]
     worlds = [World(effects=(EffectInstance.of(e, camera, **{p: step}),)) for e, p, step, *_ in names]
     steps = [step for _, _, step, *_ in names]
-    worlds += [World(effects=(EffectInstance.of(e, fixture, **{axis: 1e-5}),)) for e, axis in shifts]
-    steps += [1e-5] * len(shifts)
     for world, step in zip(worlds, steps, strict=True):
         geometry.place(world)
         for view, into in zip(views, columns, strict=True):
             geometry.at(view.q)
             into.append(view.borders.moved(geometry, camera) / step)
     geometry.place(World())
+    for body, axis in shifts:
+        geometry.model.body_pos[body, axis] += STEP
+        for view, into in zip(views, columns, strict=True):
+            geometry.at(view.q)
+            into.append(view.borders.moved(geometry, camera) / STEP)
+        geometry.model.body_pos[body, axis] -= STEP
     for view, into in zip(views, columns, strict=True):
         geometry.at(view.q - 1e-3 * view.dq)
         into[len(names) : len(names)] = _of_time(view.borders.moved(geometry, camera) / 1e-3, view.borders, height)
@@ -92,6 +96,12 @@ def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Prec
         Precision(effect, p, float(s * factor), unit, bool(s < enough))
         for (effect, p, enough, unit, factor), s in zip(numbers, sigma, strict=False)
     ]
+
+
+def _standing(geometry: Geometry) -> list[int]:
+    """Ids of the scene's things that do not move with the arm."""
+    bodies = [geometry.model.body(name).id for name in geometry.scene.things]
+    return [body for body in bodies if geometry.model.body_weldid[body] == 0]
 
 
 def _of_time(late: np.ndarray, borders: Borders, height: int) -> list[np.ndarray]:
@@ -110,9 +120,10 @@ def _robot(into: Sequence[np.ndarray], names: Sequence[tuple], view: View, geome
     offset = [i for i, (effect, *_) in enumerate(names) if effect == "camera_offset"]
     flange = int(geometry.model.site_bodyid[geometry.model.site(geometry.scene.flange).id])
     hand = geometry.model.body_weldid[view.borders.body] == geometry.model.body_weldid[flange]
-    held = view.borders.body == geometry.model.body(geometry.scene.held).id
+    held = [geometry.model.body(name).id for name in geometry.scene.things]
+    carried = np.isin(view.borders.body, [b for b in held if geometry.model.body_weldid[b] != 0])
     moved = np.column_stack([into[i] for i in offset])
-    return np.where((hand | held)[:, None], 0.0, moved) * np.repeat([ROBOT_M, ROBOT_RAD], 3)
+    return np.where((hand | carried)[:, None], 0.0, moved) * np.repeat([ROBOT_M, ROBOT_RAD], 3)
 
 
 def _of_view(J: np.ndarray, robot: np.ndarray) -> np.ndarray:

@@ -83,9 +83,9 @@ class Geometry:
 
     @property
     def bodies(self) -> dict[str, np.ndarray]:
-        """(7,) m and w x y z: where fixture and held part are placed in their parents."""
+        """(7,) m and w x y z: where the scene's things are placed in their parents."""
         out = {}
-        for name in {self.scene.fixture, self.scene.held}:
+        for name in self.scene.things:
             i = self.model.body(name).id
             out[name] = np.concatenate([self.model.body_pos[i], self.model.body_quat[i]])
         return out

@@ -19,7 +19,7 @@ class PartLook(Effect):
 
     def targets(self, model: Any) -> list[str]:
         """Every part but the arm, whose links keep the colours of its own description."""
-        return [part for part in getattr(model, "parts", {}) if part != "arm"]
+        return [part for part in getattr(model, "dressed", ()) if part != "arm"]
 
 
 class LightLook(Effect):
@@ -29,7 +29,7 @@ class LightLook(Effect):
 
     def targets(self, model: Any) -> list[str]:
         """The scene's lights."""
-        return list(model.lights) if hasattr(model, "parts") else []
+        return list(getattr(model, "lights", ()))
 
 
 class SceneLook(Effect):
@@ -38,8 +38,8 @@ class SceneLook(Effect):
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
-        """`scene`, the only place there is."""
-        return ["scene"] if hasattr(model, "parts") else []
+        """`scene`, the only place there is, where its parts can be dressed."""
+        return ["scene"] if getattr(model, "dressed", ()) else []
 
 
 def at(names: list[str], weight: np.ndarray) -> Iterator[tuple[int, int, str]]:

@@ -16,20 +16,30 @@ import numpy as np
 HAND, TABLE = "gripper", "table"
 
 
+def assembles(model: Any) -> bool:
+    """Whether a model is a Scene with a task: something is held, and a goal for it."""
+    return bool(getattr(model, "goal", ""))
+
+
 def touching(model: Any) -> list[str]:
-    """Parts of a Scene that have collision shapes, a free object by its name; [] for an arm alone."""
-    there = (model.held, model.fixture, HAND, TABLE) if hasattr(model, "parts") else ()
+    """Parts of a Scene with a task that have collision shapes, a free object by its name; [] where nothing touches."""
+    there = (model.held, model.fixture, HAND, TABLE) if assembles(model) else ()
     return [*(part for part in there if part in model.parts), *getattr(model, "free", ())]
 
 
 def held(model: Any) -> list[str]:
-    """What the gripper of a Scene holds; [] for an arm alone."""
-    return [model.held] if hasattr(model, "parts") else []
+    """What the gripper of a Scene holds; [] where it holds nothing."""
+    return [model.held] if assembles(model) else []
 
 
 def fixture(model: Any) -> list[str]:
-    """What the goal of a Scene is part of; [] for an arm alone."""
-    return [model.fixture] if hasattr(model, "parts") else []
+    """What the goal of a Scene is part of; [] without a goal."""
+    return [model.fixture] if assembles(model) else []
+
+
+def goal(model: Any) -> list[str]:
+    """The goal of a Scene; [] without one."""
+    return [model.goal] if assembles(model) else []
 
 
 def body_of(part: str) -> str:
@@ -38,13 +48,13 @@ def body_of(part: str) -> str:
 
 
 def in_scene(model: Any, *places: str) -> list[str]:
-    """`places` for a Scene, [] for an arm alone."""
-    return list(places) if hasattr(model, "parts") else []
+    """`places` for a Scene with a task, else []."""
+    return list(places) if assembles(model) else []
 
 
 def named(model: Any, name: str) -> list[str]:
     """The part or site of that name where a Scene has it for what is held, what it goes into, or the goal; else []."""
-    return [name] if hasattr(model, "parts") and name in (model.held, model.fixture, model.goal) else []
+    return [name] if assembles(model) and name in (model.held, model.fixture, model.goal) else []
 
 
 def shapes(model: mujoco.MjModel, part: str) -> np.ndarray:

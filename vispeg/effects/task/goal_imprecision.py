@@ -10,6 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
+from vispeg.effects.common import parts
 
 
 class GoalImprecision(Effect):
@@ -22,7 +23,7 @@ class GoalImprecision(Effect):
     }
 
     def targets(self, model):
-        return [model.goal] if hasattr(model, "parts") else []
+        return parts.goal(model)
 
     def believe(self, goal, p):
         return goal + np.stack([p[axis][:, 0] for axis in "xyz"], axis=1)

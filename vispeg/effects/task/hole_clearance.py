@@ -29,8 +29,8 @@ class HoleClearance(Effect):
     needs = "insertion"
 
     def targets(self, model):
-        user_block = hasattr(model, "config") and model.config.hole_mesh  # a user's block has no ring of walls to move
-        return [] if user_block else named(model, "fixture")
+        there = named(model, "fixture")
+        return [] if there and model.config.hole_mesh else there  # a user's block has no ring of walls to move
 
     def write(self, fields, p):
         pos, model, scene = fields["geom_pos"], fields.model, fields.robot

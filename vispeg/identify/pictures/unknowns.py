@@ -52,7 +52,7 @@ def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray,
     scene, model = geometry.scene, geometry.model
     board = p.parts[:, 0] > len(scene.parts)
     middle = p.local[board].mean(axis=0) if board.any() else np.zeros(3)
-    fixed = [(p.body == model.body(name).id, np.zeros(3), FIXED) for name in (scene.fixture, scene.held)]
+    fixed = [(p.body == model.body(name).id, np.zeros(3), FIXED) for name in scene.things]
     return [thing for thing in (*fixed, (board, middle, LAID)) if thing[0].any()]
 
 

@@ -21,7 +21,7 @@ from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.view import View, parent_of, view_of
 from vispeg.render.labels import Parts, normals_of, part_table, poses
-from vispeg.robots.scene import Scene
+from vispeg.robots.scene import POSED, Scene
 
 BACKENDS = ("auto", "classic", "raycast", "filament")
 BackendName = Literal["auto", "classic", "raycast", "filament"]
@@ -104,8 +104,7 @@ class Renderer:
         self.data = mujoco.MjData(self.model)
         self.pristine = Pristine(self.model)
         self.labels, self.shadows = labels, shadows
-        named = model if isinstance(model, Scene) else Scene  # a compiled model: the names of the usual cell
-        self._posed = (named.tip_site, named.goal), (named.held, named.fixture)
+        self._posed = model.posed if isinstance(model, Scene) else POSED  # a compiled model: the usual cell's names
         self._table = part_table(self.model, parts)
         self._uploaded = self.model.tex_data.copy()
         self._backend: Backend | None = None
