@@ -122,8 +122,6 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     parts = {"arm": visible(spec)}
     parts |= _hand(spec, config)
     parts |= _fixture(spec, config, block)
-    if peg is not None or block is not None:
-        user_cell.check(spec, config, tip, peg, block)
     parts |= furniture.room(spec)
     furniture.lights(spec)
     _sensors(spec)

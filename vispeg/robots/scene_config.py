@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from vispeg.core.errors import UserError
-from vispeg.robots import hole, tools
+from vispeg.robots import hole, tools, user_cell
 from vispeg.robots.declare import RobotConfig
 
 OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # settings that are no numbers of the built-in shapes
@@ -17,7 +17,8 @@ class PegGeometry:
     """The peg, its hole and what holds it; lengths in m unless named otherwise.
 
     Attributes:
-        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm.
+        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm; where none is
+            stated, 3, or with a hole from a file the measured one.
         shape: `round` or `square`.
         diameter: of the peg (its width, if square).
         depth: of the hole.
@@ -33,7 +34,7 @@ class PegGeometry:
         peg_density: of a peg from a file, kg/m^3.
     """
 
-    clearance_mm: float = 3.0
+    clearance_mm: float = None  # type: ignore[assignment]
     shape: str = "round"
     diameter: float = 0.016
     depth: float = 0.025
@@ -64,6 +65,8 @@ class SceneConfig(PegGeometry):
     def __post_init__(self) -> None:
         if self.shape not in ("round", "square"):
             raise UserError("unknown peg shape", key="shape", got=self.shape, choices=("round", "square"))
+        if self.clearance_mm is None and not self.hole_mesh:
+            object.__setattr__(self, "clearance_mm", user_cell.CLEARANCE)
         rules = {
             "clearance_mm": (0.0, 20.0, "mm"),
             "diameter": (0.005, 0.04, "m"),
@@ -77,12 +80,12 @@ class SceneConfig(PegGeometry):
         }
         for key, (low, high, unit) in rules.items():
             value = getattr(self, key)
-            if not low < value <= high:
+            if value is not None and not low < value <= high:
                 expected = f"{max(low, 0):g} to {high:g} {unit}".rstrip()
                 raise UserError("impossible geometry", key=key, expected=expected, got=value)
-        if not round(self.diameter * 1e3, 6).is_integer():
+        if not self.peg_mesh and not round(self.diameter * 1e3, 6).is_integer():
             raise UserError("a peg's diameter is whole millimetres", key="diameter", got=self.diameter)
-        if self.apothem + self.chamfer >= self.block:
+        if not self.hole_mesh and self.apothem + self.chamfer >= self.block:
             raise UserError(
                 "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
             )
@@ -102,6 +105,9 @@ class SceneConfig(PegGeometry):
                 expected=f"{near:g} to {far:g} m from the base's axis, {below:g} to 0.4 m high",
                 got=self.fixture,
             )
+
+        if self.peg_mesh or self.hole_mesh:  # last, for it takes meshes apart
+            object.__setattr__(self, "clearance_mm", user_cell.fitted(self))
 
     @property
     def gap(self) -> float:

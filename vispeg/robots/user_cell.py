@@ -3,39 +3,74 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.robots import tools
+from vispeg.robots import hole, tools, user_shapes
 from vispeg.robots.model import RobotModel, load
-from vispeg.robots.user_shapes import UserShape, gap, read
+from vispeg.robots.user_shapes import UserShape, gap, play, read
 
 if TYPE_CHECKING:
     from vispeg.robots.scene import SceneConfig
 
 INSIDE = 0.8  # share of the hole's depth at which the clearance is measured
+CLEARANCE = 3.0  # mm, of a cell that states none and whose hole is built in
 SAME = 0.1  # share by which the clearance that is stated may miss the one that the shapes leave
+LEVELS = 24  # heights at which the outlines of peg and hole are compared
+FLIP = np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
+PEG_CONTACT = {"contype": 0, "conaffinity": 1}
+WIDTH = 0.005, 0.08  # m, of a peg
+LEAST = tools.FINGER_SIZE[2] + 0.02  # m, of a peg: what the fingers hold, and what stands out of them
 
 
 def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
-    """Peg and hole block from their files, None each where the built-in one is meant."""
+    """Peg and hole block from their files, None each where the built-in one is meant.
+
+    Raises:
+        UserError: files that cannot be used, a peg that the gripper cannot hold; before a mesh is taken apart, which
+            takes seconds to minutes.
+    """
     c = config
+    if c.peg_mesh:
+        _holdable(user_shapes.size(c.peg_mesh, "peg_mesh", c.mesh_scale), c.peg_mesh)
+    if c.hole_mesh:
+        user_shapes.size(c.hole_mesh, "hole_mesh", c.mesh_scale)
     peg = read(c.peg_mesh, "peg_mesh", c.mesh_scale, c.mesh_concavity, tip=True) if c.peg_mesh else None
     block = read(c.hole_mesh, "hole_mesh", c.mesh_scale, c.mesh_concavity, c.hole_origin) if c.hole_mesh else None
     return peg, block
 
 
+def _holdable(extent: np.ndarray, file: str) -> None:
+    """Raises UserError for a peg of a size (3,) m that the gripper cannot hold."""
+    low, high = WIDTH
+    if not low <= extent[0] <= high:
+        expected = f"{1e3 * low:g} to {1e3 * high:g} mm along x"
+        raise UserError("no peg for this gripper", file=file, key="peg_mesh", expected=expected, got=_mm(extent))
+    if extent[2] < LEAST:
+        expected = f"{1e3 * LEAST:g} mm along z or more: the fingers hold the upper {1e3 * tools.FINGER_SIZE[2]:g} mm"
+        expected += ", so a shorter part gets a handle on top of it in its file"
+        raise UserError("no peg for this gripper", file=file, key="peg_mesh", expected=expected, got=_mm(extent))
+
+
+def _mm(extent: np.ndarray) -> str:
+    return " x ".join(f"{1e3 * x:.4g}" for x in extent) + " mm"
+
+
 def placed(config: SceneConfig, block: UserShape | None) -> SceneConfig:
     """The configuration with a block from a file standing on the table."""
-    if block is None:
-        return config
+    return config if block is None else replace(config, fixture=(*config.fixture[:2], _below(config, block)))
+
+
+def _below(config: SceneConfig, block: UserShape) -> float:
+    """How far a block reaches below its hole's mouth, m. Raises UserError: not as far as the hole."""
     below = -float(block.vertices[:, 2].min())
     if below < config.depth:
         raise UserError("the hole is deeper than its mesh", key="depth", expected=f"< {below:g}", got=config.depth)
-    return replace(config, fixture=(*config.fixture[:2], below))
+    return below
 
 
 def arm_with(config: SceneConfig, peg: str) -> RobotModel:
@@ -46,48 +81,95 @@ def arm_with(config: SceneConfig, peg: str) -> RobotModel:
 def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
     """The arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange, m."""
     width, length = float(peg.extent[0]), float(peg.extent[2])
-    if not (0.005 <= width <= 0.08 and length >= tools.FINGER_SIZE[2] + 0.02):
-        expected = f"5 to 80 mm across, {1e3 * tools.FINGER_SIZE[2] + 20:g} mm long or more"
-        raise UserError("no peg for this gripper", key="peg_mesh", expected=expected, got=peg.extent.round(6))
     arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
-    tip, flip = tools.GRASP + length, np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
+    tip = tools.GRASP + length
     spec = arm.spec()
     body = spec.body("peg")
     spec.delete(spec.geom("peg"))
-    contact = {"contype": 0, "conaffinity": 1}
-    peg.add(spec, body, "peg", lambda x: x * flip + [0, 0, tip], contact, {})
-    moments, axes = np.linalg.eigh(density * peg.inertia * np.outer(flip, flip))
+    peg.add(spec, body, "peg", lambda x: x * FLIP + [0, 0, tip], PEG_CONTACT, {})
+    moments, axes = np.linalg.eigh(density * peg.inertia * np.outer(FLIP, FLIP))
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     turn = np.empty(4)
     mujoco.mju_mat2Quat(turn, axes.ravel())
-    body.mass, body.ipos = density * peg.volume, peg.com * flip + [0, 0, tip]
+    body.mass, body.ipos = density * peg.volume, peg.com * FLIP + [0, 0, tip]
     body.inertia, body.iquat = moments, turn
     spec.site("peg_tip").pos = (0, 0, tip)
     return replace(arm, build=spec.copy), tip
 
 
-def check(spec: mujoco.MjSpec, config: SceneConfig, tip: float, peg: UserShape | None, block: UserShape | None) -> None:
-    """Whether the contact shapes leave the clearance that the configuration states.
+def fitted(config: SceneConfig) -> float:
+    """The clearance of a cell with a peg or a hole from a file, mm: the stated one, or the measured one where none is.
 
     Raises:
-        UserError: the pieces of a mesh are coarser than the clearance, or the shapes leave another one.
+        UserError: files that cannot be used, a peg that does not fit, pieces that take more than half of the room, a
+            clearance that is neither as drawn nor as the pieces leave it.
     """
-    coarse = sum(s.error for s in (peg, block) if s is not None)
-    if coarse > config.clearance_mm / 2000:
+    peg, block = shapes(config)
+    if block is not None:
+        _below(config, block)
+    stated = config.clearance_mm
+    usual = CLEARANCE if stated is None else stated
+    sizes = config.diameter, config.depth, config.shape, config.block, config.chamfer
+    left, drawn = (2000 * side for side in _play(*sizes, usual, peg, block))
+    if drawn < 0:
+        raise UserError("the peg does not fit its hole", key="peg_mesh", got=f"{-drawn / 2:.3g} mm too wide on a side")
+    if abs(drawn - left) > drawn / 2:
         raise UserError(
-            "the convex pieces of the mesh are coarser than the clearance on a side",
-            key="clearance_mm",
-            expected=f"> {2000 * coarse:.3g} mm, or a smaller mesh_concavity than {config.mesh_concavity:g}",
-            got=config.clearance_mm,
+            "the convex pieces of the mesh are coarser than the clearance allows",
+            key="mesh_concavity",
+            expected=f"a smaller one than {config.mesh_concavity:g}",
+            got=f"they leave {left:.3g} mm of {drawn:.3g} mm",
         )
-    side_gap = gap(spec.compile(), np.array([*config.fixture[:2], config.fixture[2] - INSIDE * config.depth + tip]))
-    if side_gap < 0:
-        raise UserError("the peg does not fit its hole", key="peg_mesh", got=f"{-1e3 * side_gap:.3g} mm too wide")
-    measured = 2000 * side_gap
-    if abs(measured - config.clearance_mm) > max(SAME * config.clearance_mm, 4000 * coarse):
-        raise UserError(
-            "peg and hole leave another clearance than stated",
-            key="clearance_mm",
-            expected=f"{measured:.3g}",
-            got=config.clearance_mm,
-        )
+    if block is not None and stated is None:
+        return round(left, 3)
+    low, high = sorted((left, drawn))
+    if low - SAME * usual <= usual <= high + SAME * usual:
+        return usual
+    what = f"peg and hole leave {left:.3g} mm by their pieces for contact, {drawn:.3g} mm as drawn"
+    if block is not None:
+        raise UserError(what, key="clearance_mm", expected=f"{left:.3g} to {drawn:.3g}, or none", got=usual)
+    # a hole that is built in is as wide as `diameter` and `clearance_mm` say, so the peg has another diameter
+    width = config.diameter + 1e-3 * (usual - drawn)
+    raise UserError(what, key="diameter", expected=f"{width:.6g}, as the peg has", got=config.diameter)
+
+
+@lru_cache(maxsize=32)
+def _play(
+    diameter: float,
+    depth: float,
+    shape: str,
+    width: float,
+    chamfer: float,
+    clearance_mm: float,
+    peg: UserShape | None,
+    block: UserShape | None,
+) -> tuple[float, float]:
+    """Room on a side of a peg at `INSIDE` of the depth: what contact leaves, and what is drawn; m."""
+    spec, at = mujoco.MjSpec(), -INSIDE * depth
+    body, fixture = spec.worldbody.add_body(name="peg"), spec.worldbody.add_body(name="fixture")
+    radius, apothem = diameter / 2, diameter / 2 + clearance_mm / 2000
+    n = 4 if shape == "square" else hole.sides(apothem)
+    if peg is not None:
+        peg.add(spec, body, "peg", lambda x: x * FLIP, PEG_CONTACT, {})
+    else:
+        half = tools.PEG_LENGTH / 2
+        kind = mujoco.mjtGeom.mjGEOM_BOX if shape == "square" else mujoco.mjtGeom.mjGEOM_CYLINDER
+        size = (radius, radius, half) if shape == "square" else (radius, half, 0.0)
+        body.add_geom(name="peg", type=kind, size=size, pos=(0, 0, -half), **PEG_CONTACT)
+    if block is not None:
+        block.add(spec, fixture, "fixture", lambda x: x, hole.CONTACT, {})
+    else:
+        hole.add_walls(spec, fixture, n, apothem, width, depth, chamfer)
+    contact = gap(spec.compile(), np.array([0.0, 0.0, at]))
+    drawn = np.inf
+    solid = np.concatenate([_ring(n, apothem), _ring(n, width)])
+    for z in at * (np.arange(LEVELS) + 0.5) / LEVELS:  # in the hole's frame
+        inside = _ring(n, radius) if peg is None else peg.section(z - at)
+        drawn = min(drawn, play(inside, solid if block is None else block.section(z)))
+    return contact, float(drawn)
+
+
+def _ring(n: int, apothem: float) -> np.ndarray:
+    """A regular outline (n, 2, 2), as `UserShape.section`."""
+    corners = hole.polygon(n, apothem)
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

@@ -15,6 +15,7 @@ import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,9 +23,8 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
-from vispeg.core.seeds import stream
 
-SAMPLES = 20000  # points on a mesh at which its pieces are checked
+FAR = 0.02  # m: what lies further from a peg is no wall of its hole; the greatest clearance is 20 mm
 CONVEX = 1e-6  # share of its hull's volume that a convex mesh may lack
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
@@ -36,14 +36,12 @@ class UserShape:
     Attributes:
         vertices, faces: (v, 3) m and (f, 3).
         pieces: corners (k, 3) m of convex pieces that fill it; one if it is convex itself.
-        error: greatest distance found between its surface and that of its pieces, m.
         volume, com, inertia: m^3, (3,) m, and (3, 3) about the centre for unit density, m^5.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     pieces: tuple[np.ndarray, ...]
-    error: float
     volume: float
     com: np.ndarray
     inertia: np.ndarray
@@ -52,6 +50,13 @@ class UserShape:
     def extent(self) -> np.ndarray:
         """Size (3,) along its axes, m."""
         return np.ptp(self.vertices, axis=0)
+
+    def section(self, z: float) -> np.ndarray:
+        """Its outline at a height in m: the ends (n, 2, 2) of segments, m."""
+        import trimesh
+
+        mesh = trimesh.Trimesh(self.vertices, self.faces, process=False)
+        return trimesh.intersections.mesh_plane(mesh, np.array([0, 0, 1.0]), np.array([0, 0, z]))[..., :2]
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
         """Adds geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
@@ -86,16 +91,26 @@ def read(
     Raises:
         UserError: not a mesh, not watertight, or of a size that no peg or fixture has.
     """
+    return _read(*_found(file, key), key, scale, concavity, origin, tip)
+
+
+def size(file: str, key: str, scale: float) -> np.ndarray:
+    """Size (3,) along its axes of a mesh in a file, m, before it is taken apart. Raises UserError: as `read`."""
+    low, high = _mesh(*_found(file, key), key, scale).bounds
+    return high - low
+
+
+def _found(file: str, key: str) -> tuple[str, int]:
+    """Path of a file, and when it was written: an edited file is read again."""
     path = Path(file).expanduser()
     if not path.is_file():
         raise UserError("no such mesh", file=file, key=key)
-    return _read(str(path.resolve()), path.stat().st_mtime_ns, key, scale, concavity, origin, tip)
+    return str(path.resolve()), path.stat().st_mtime_ns
 
 
 @lru_cache(maxsize=16)
-def _read(
-    file: str, stamp: int, key: str, scale: float, concavity: float, origin: tuple[float, ...], tip: bool
-) -> UserShape:
+def _mesh(file: str, stamp: int, key: str, scale: float) -> Any:
+    """The closed mesh of a file, in m."""
     import trimesh
 
     data = Path(file).read_bytes()
@@ -115,22 +130,28 @@ def _read(
     if not 0.002 <= (high - low).max() <= 0.4:
         hint = "2 to 400 mm at its longest (mesh_scale is m per unit of the file: 0.001 for mm)"
         raise UserError("no size for a peg or a hole", file=file, key=key, expected=hint, got=(high - low).round(6))
+    return mesh
+
+
+@lru_cache(maxsize=16)
+def _read(
+    file: str, stamp: int, key: str, scale: float, concavity: float, origin: tuple[float, ...], tip: bool
+) -> UserShape:
+    mesh = _mesh(file, stamp, key, scale).copy()
+    low, high = mesh.bounds
     start = np.array([0.0, 0.0, low[2]]) if tip else np.array([*(low + high)[:2] / 2, high[2]])
     if origin:
         start = scale * np.array(origin, float)
     if mesh.volume >= (1 - CONVEX) * mesh.convex_hull.volume:
-        pieces, error = (np.array(mesh.vertices),), 0.0
+        pieces: tuple[np.ndarray, ...] = (np.array(mesh.vertices),)
     else:
-        digest = hashlib.sha256(data + repr((1, scale, concavity)).encode()).hexdigest()
+        digest = hashlib.sha256(Path(file).read_bytes() + repr((1, scale, concavity)).encode()).hexdigest()
         pieces = _pieces(np.array(mesh.vertices), np.array(mesh.faces), concavity, digest, key)
-        points, _ = trimesh.sample.sample_surface(mesh, SAMPLES, seed=int(stream(0, "mesh").integers(2**31)))
-        error = distance(np.concatenate([mesh.vertices, points]), pieces)
     mesh.apply_translation(-start)
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
     pieces = tuple(p - start for p in pieces)
-    return UserShape(
-        vertices, faces, pieces, error, float(mesh.volume), np.array(mesh.center_mass), np.array(mesh.moment_inertia)
-    )
+    volume, com, inertia = float(mesh.volume), np.array(mesh.center_mass), np.array(mesh.moment_inertia)
+    return UserShape(vertices, faces, pieces, volume, com, inertia)
 
 
 def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: str, key: str) -> tuple[np.ndarray, ...]:
@@ -155,21 +176,39 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
     return pieces
 
 
-def distance(points: np.ndarray, pieces: tuple[np.ndarray, ...]) -> float:
-    """How far the furthest of the points (n, 3) on a surface lies outside all pieces, or inside one of them, m.
+def play(peg: np.ndarray, block: np.ndarray) -> float:
+    """Least distance between two outlines, segments (n, 2, 2) and (m, 2, 2) in m; negative where they overlap."""
+    if not len(peg) or not len(block):
+        return np.inf
+    low, high = block.min(axis=1), block.max(axis=1)
+    near = ((low <= peg.max((0, 1)) + FAR) & (high >= peg.min((0, 1)) - FAR)).all(axis=1)
+    if not near.any():
+        return FAR
+    least = min(_apart(peg.reshape(-1, 2), block[near]), _apart(block[near].reshape(-1, 2), peg))
+    overlap = _within(peg[:, 0], block).any() or _within(block[near][:, 0], peg).any()
+    return -least if overlap else least
 
-    Inside a convex body the distance to its surface is the least one to its faces' planes; outside, the greatest one
-    is a lower bound that is exact in front of a face.
-    """
-    from scipy.spatial import ConvexHull
 
-    nearest = np.full(len(points), np.inf)
-    for piece in pieces:
-        planes = ConvexHull(piece).equations
-        for some in np.array_split(np.arange(len(points)), max(1, len(points) * len(planes) // 4_000_000)):
-            out = (points[some] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-            nearest[some] = np.minimum(nearest[some], out)
-    return float(np.abs(nearest).max())
+def _apart(points: np.ndarray, segments: np.ndarray) -> float:
+    """Least distance of points (n, 2) to segments (m, 2, 2)."""
+    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
+    length = np.maximum((along**2).sum(axis=1), 1e-24)
+    least = np.inf
+    for some in np.array_split(points, max(1, len(points) * len(segments) // 1_000_000)):
+        to = some[:, None] - start  # (n, m, 2)
+        share = np.clip((to * along).sum(axis=2) / length, 0.0, 1.0)
+        least = min(least, float(np.linalg.norm(to - share[..., None] * along, axis=2).min()))
+    return least
+
+
+def _within(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """(n,) whether points (n, 2) lie within the area that segments (m, 2, 2) enclose: a ray crosses an odd number."""
+    (x0, y0), (x1, y1) = outline[:, 0].T, outline[:, 1].T
+    odd = np.zeros(len(points), bool)
+    for k, (x, y) in enumerate(points):
+        cross = (y0 > y) != (y1 > y)
+        odd[k] = (x0[cross] + (y - y0[cross]) / (y1[cross] - y0[cross]) * (x1[cross] - x0[cross]) > x).sum() % 2
+    return odd
 
 
 def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, ClassVar
 
 from vispeg.core.errors import UserError
@@ -38,6 +39,7 @@ class TaskConfig:
     Class attributes:
         rewards: the task's reward terms.
         tolerance: the setting that makes the task easier or harder; None where there is none.
+        files: settings that name a file: seen from the world file, and by their content in the world's hash.
 
     Attributes:
         name: of the task, see vispeg.task.registry.
@@ -65,6 +67,7 @@ class TaskConfig:
 
     rewards: ClassVar[Rewards]
     tolerance: ClassVar[Tolerance | None] = None
+    files: ClassVar[tuple[str, ...]] = ()
 
     name: str = ""
     robot: RobotConfig = RobotConfig()
@@ -121,6 +124,9 @@ class TaskConfig:
             )
         if not 0 <= self.start_radius <= 0.2:
             raise UserError("impossible start", key="start_radius", expected="0 to 0.2 m", got=self.start_radius)
+        for key in self.files:  # absolute, so that settings mean the same wherever they are written down
+            if stated := getattr(self, key):
+                object.__setattr__(self, key, str(Path(stated).expanduser().absolute()))
         if not self.cameras or len(set(self.cameras)) < len(self.cameras):
             raise UserError("wrong cameras", key="cameras", expected="names, each once", got=self.cameras)
         if self.image_size != 0 and not 8 <= self.image_size <= 1024:

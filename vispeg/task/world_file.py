@@ -21,7 +21,7 @@ from vispeg.formats.format import Format, enrol
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.yaml_data import read_yaml
 from vispeg.task.config import TaskConfig
-from vispeg.task.registry import config_of, digest_of, task_of
+from vispeg.task.registry import config_of, digest_of, kind_of, task_of
 from vispeg.task.world_robot import declared, identity
 from vispeg.worlds.entry import entry_dict, ranged
 from vispeg.worlds.identified import Identified, ranges_of
@@ -139,6 +139,7 @@ def world_hash(
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
     usual = type(config)
     settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
+    settings |= {k: _digest(settings[k]) for k in config.files if settings.get(k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
         settings["robot"]["model"] = robot
@@ -180,6 +181,8 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         raise UserError("not a key of the task", file=path, key="task.robot", expected="`robot` beside `task`")
     if data.get("robot") is not None:
         task = {**task, "robot": declared(data["robot"], path, parts.task.get("robot", {}))}
+    kind = kind_of({**parts.task, **task}, str(path))
+    task = {**task, **{k: _placed(task[k], path) for k in kind.files if k in task}}
     config_of({**{k: v for k, v in parts.task.items() if k == "name"}, **task}, str(path))
     parts.task |= task
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
@@ -230,6 +233,11 @@ def _path(source: str | Path, beside: Path | None) -> Path:
 def _beside(text: str, file: Path) -> Path:
     path = Path(text).expanduser()
     return path if path.is_absolute() else file.parent / path
+
+
+def _placed(stated: Any, file: Path) -> Any:
+    """A file that a setting of the task names, from wherever its world is read again; what is no path as it is."""
+    return str(_beside(stated, file).resolve()) if isinstance(stated, str) and stated else stated
 
 
 def _given(data: Mapping[str, Any], key: str, otherwise: Any) -> Any:

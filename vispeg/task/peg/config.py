@@ -26,6 +26,7 @@ class PegConfig(PegGeometry, TaskConfig):
 
     rewards: ClassVar[Rewards] = REWARDS
     tolerance: ClassVar[Tolerance | None] = Tolerance("clearance_mm", "clearance")
+    files: ClassVar[tuple[str, ...]] = ("peg_mesh", "hole_mesh")
 
     name: str = "peg"
     solref: tuple[float, float] = (0.004, 1.0)
@@ -45,7 +46,8 @@ class PegConfig(PegGeometry, TaskConfig):
         if not 1 <= self.dwell <= self.steps:
             expected = f"1 to {self.steps}, the steps of an episode"
             raise UserError("impossible dwell", key="dwell", expected=expected, got=self.dwell)
-        self.scene()  # raises where the geometry cannot be
+        scene = self.scene()  # raises where the geometry cannot be
+        object.__setattr__(self, "clearance_mm", scene.clearance_mm)
 
     def scene(self) -> SceneConfig:
         """The cell that this task needs."""
