@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
+from vispeg.recordings.cell import reaction
 from vispeg.recordings.recording import Control, Recording
 from vispeg.sim.reach import reach
 from vispeg.task.cell import Cell
@@ -33,22 +35,30 @@ MADE: dict[str, Recording] = {}
 
 def recorded(effects: tuple[EffectInstance, ...] = (), seed: int = 0, turned: bool = False) -> Recording:
     """3 s with encoder and wrench noise; `turned`, beside the hole along y instead of x."""
-    key = repr((effects, seed, turned))
-    if key not in MADE:
-        MADE[key] = _recorded(effects, seed, turned)
-    return MADE[key]
+    return recorded_together([effects], seed, turned)[0]
 
 
-def _recorded(effects: tuple[EffectInstance, ...], seed: int, turned: bool) -> Recording:
-    grid = np.arange(int(WAY[-1, 0] * RATE) + 1) / RATE
+def recorded_together(
+    plants: Sequence[tuple[EffectInstance, ...]], seed: int = 0, turned: bool = False
+) -> list[Recording]:
+    """The same of several plants side by side."""
+    keys = [repr((effects, seed, turned)) for effects in plants]
+    lacking = {k: effects for k, effects in zip(keys, plants, strict=True) if k not in MADE}
+    if lacking:
+        MADE.update(zip(lacking, _recorded(list(lacking.values()), seed, turned), strict=True))
+    return [MADE[k] for k in keys]
+
+
+def _recorded(plants: Sequence[tuple[EffectInstance, ...]], seed: int, turned: bool) -> list[Recording]:
+    grid, n = np.arange(int(WAY[-1, 0] * RATE) + 1) / RATE, len(plants)
     tip = np.stack([np.interp(grid, WAY[:, 0], column) for column in WAY[:, 1:].T], axis=1)
     if turned:
         tip = tip[:, [1, 0, 2]]
     pos = tip + np.array(SCENE.target) + [0.0, 0.0, SCENE.tip]
-    cell = Cell(SCENE, [World().add(*effects)], 0.5 / RATE, 1 / RATE, 1, [])
+    cell = Cell(SCENE, [World().add(*effects) for effects in plants], 0.5 / RATE, 1 / RATE, 1, [])
     posture = home(SCENE)
-    control = PoseControl(SCENE.nominal, 1, CONFIG, posture, 1)
-    start, _ = reach(control.nominal, pos[:1], DOWN[None], posture[None])
+    control = PoseControl(SCENE.nominal, n, CONFIG, posture, 1)
+    start, _ = reach(control.nominal, np.tile(pos[0], (n, 1)), np.tile(DOWN, (n, 1)), np.tile(posture, (n, 1)))
     control.home = start[0]
     inertia = 1 / np.diagonal(np.linalg.inv(control.nominal.operational(start)[0]), axis1=1, axis2=2)
     cell.start(start, np.zeros_like(start), control.nominal.gravity(start).copy(), inertia)
@@ -57,13 +67,17 @@ def _recorded(effects: tuple[EffectInstance, ...], seed: int, turned: bool) -> R
     for goal in pos:
         cell.read()
         q, dq = cell.measure()
-        angles.append(q[0])
-        cell.advance(control.torque(q, dq, goal[None], DOWN[None]), 2)
-        wrenches.append(-cell.felt()[0])
-    rng = stream(seed, "pressed")
-    noise = {"q": 2e-5, "ft": 0.1, "ft_torque": 0.005}
-    q = np.array(angles) + noise["q"] * rng.standard_normal((len(grid), 7))
-    sigma = np.repeat([noise["ft"], noise["ft_torque"]], 3)
-    ft = np.array(wrenches) + sigma * rng.standard_normal((len(grid), 6))
+        angles.append(q.copy())
+        cell.advance(control.torque(q, dq, np.tile(goal, (n, 1)), np.tile(DOWN, (n, 1))), 2)
+        wrenches.append(reaction(cell.felt()))
+    noise, out = {"q": 2e-5, "ft": 0.1, "ft_torque": 0.005}, []
     name = f"{'turned' if turned else 'pressed'}-{seed}"
-    return Recording(Path(name), "iiwa14", SCENE.joints, RATE, Control("unknown", RATE), grid, q, ft=ft, noise=noise)
+    for row in range(n):
+        rng = stream(seed, "pressed")
+        q = np.array(angles)[:, row] + noise["q"] * rng.standard_normal((len(grid), 7))
+        sigma = np.repeat([noise["ft"], noise["ft_torque"]], 3)
+        ft = np.array(wrenches)[:, row] + sigma * rng.standard_normal((len(grid), 6))
+        out.append(
+            Recording(Path(name), "iiwa14", SCENE.joints, RATE, Control("unknown", RATE), grid, q, ft=ft, noise=noise)
+        )
+    return out

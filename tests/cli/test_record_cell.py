@@ -5,7 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from vispeg.api.inputs import read_model
+from vispeg.api.recording.cell import cell_motion
 from vispeg.core import effect as effects
+from vispeg.core.errors import UserError
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.load import load
 from vispeg.task.belief import believed
@@ -104,3 +107,24 @@ def test_a_cell_of_one_s_own_is_found_again_beside_its_recordings(vispeg, tmp_pa
     rec = load(tmp_path / "runs" / "one")
     assert believed(rec.cell).config.clearance_mm == 1.0 and rec.outcomes[0].success
     assert vispeg("compare", "rig.yaml", "--recording", "runs/one", "--out", "compared")[0] == 0
+
+
+@pytest.mark.parametrize(("motion", "stiff"), [("slide", True), ("hard-press", False)])
+def test_a_motion_written_is_recorded_as_the_motion_by_name(vispeg, tmp_path, motion, stiff):
+    """Its file states the controller that it needs, and whoever replays the file goes by it."""
+    file = tmp_path / "motion.csv"
+    code, out, _ = vispeg("motions", motion, "--rate", "250", "--seed", "3", "--out", "motion.csv", "--json")
+    said, world = json.loads(out), read_model("peg-cell")
+    assert code == 0
+    by_name, read = (cell_motion(world, m, rate_hz=250.0, seed=3) for m in (motion, str(file)))
+    own = believed(world.cell).config
+    gains, limit = by_name.stiffness or own.stiffness, by_name.force_limit or own.force_limit
+    assert (gains != own.stiffness) is stiff and (limit > own.force_limit) is not stiff
+    assert said["kp"] == pytest.approx(gains) and said["force_limit"] == pytest.approx(limit)
+    assert read.stiffness == pytest.approx(gains) and read.force_limit == pytest.approx(limit)
+    np.testing.assert_allclose(read.ee_cmd, by_name.ee_cmd, atol=1e-7)
+    lines = file.read_text().splitlines()
+    column, last = lines[0].split(",").index("kp.rotation"), lines[-1].split(",")
+    file.write_text("\n".join([*lines[:-1], ",".join([*last[:column], "1", *last[column + 1 :]])]))
+    with pytest.raises(UserError, match="the same on all rows"):
+        cell_motion(world, str(file), rate_hz=250.0)

@@ -74,9 +74,9 @@ def drive(
     qpos, qvel, bias = batch.bind("qpos"), batch.bind("qvel"), batch.bind("qfrc_bias")
     place = np.tile(path.place, (len(worlds), 1, 1)) + (0 if way is None else way[:, 0])
     rate = np.tile(path.rate, (len(worlds), 1, 1)) + (0 if way is None else way[:, 1])
-    qpos[:, :6], qvel[:, :6] = place[:, 0], rate[:, 0]
+    qpos[:, :6], qvel[:, :6] = place[:, rest.start], rate[:, rest.start]
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-    weight = np.linalg.solve(path.jacobian[0], bias[:, :6].T).T
+    weight = np.linalg.solve(path.jacobian[rest.start], bias[:, :6].T).T
     zero = wrench[:, rest].mean(axis=1) - weight
     damping = -compiled(scene).actuator_biasprm[6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
@@ -21,7 +22,6 @@ from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
-from vispeg.robots.model import GRAVITY
 from vispeg.robots.scene import Scene
 from vispeg.sim.external import External
 from vispeg.sim.segments.segment import Segment
@@ -29,6 +29,9 @@ from vispeg.sim.touch import Touch, touch
 from vispeg.worlds.world import World
 
 BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
+# a tool may weigh otherwise and a sensor have a zero, but not turn a weight round (sign, frame), nor scale it (unit):
+FELT, TOWARDS, SCALE = 2.0, 0.5, 4.0  # N of weight that tells; least cosine of the angle between; most of the ratio
+ZEROED = 8.0  # N at most where the sensor was zeroed there
 H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
 
 
@@ -118,7 +121,7 @@ def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: in
     """One item an episode of a recording, of which `seconds` of contact are driven.
 
     Raises:
-        UserError: no episode begins in free air.
+        UserError: no episode begins in free air, or the wrench there is not what the tool weighs.
     """
     rec = t.recording
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
@@ -130,7 +133,9 @@ def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: in
     out = [_item(t, felt, scene, np.flatnonzero(number == n), each, hold, nthread) for n in episodes]
     out = [i for i in out if i is not None]
     if not out:
-        raise _no_free_air(t, np.flatnonzero(number == episodes[0]))
+        raise _no_free_air(t)
+    if t.torques is None:
+        _refuse_foreign(t, out[0])
     return out
 
 
@@ -139,7 +144,7 @@ def _item(
 ) -> ContactItem | None:
     rec = t.recording
     path = along(t.scene, rec, t.wrench, rows, H_MAX, t.believed)
-    phase = phases(t.scene, felt, path, BLOCK, _tared(rec))
+    phase = phases(felt, path, t.scene, BLOCK)
     if phase is None:
         return None
     phase = without(thinned(phase, seconds), _read(t, path))
@@ -170,17 +175,42 @@ def _read(t: Touching, path: Path) -> np.ndarray:
     return np.isfinite(read.sum(axis=1))
 
 
-def _no_free_air(t: Touching, rows: np.ndarray) -> UserError:
-    """What the first episode reads where it begins, and what it should."""
-    start = t.wrench[rows[: max(1, round(0.1 * t.recording.rate_hz))], :3]
-    reads = "nothing" if _tared(t.recording) else f"the tool's weight, {GRAVITY * tool_mass(t.scene):.1f} N up"
+def _no_free_air(t: Touching) -> UserError:
     return UserError(
         "no episode begins in free air",
         file=t.recording.path,
-        expected=f"0.3 s or more before the first contact, in which `ft` reads {reads}: sign, unit, frame and tare as "
-        "`wrench` says",
-        got=f"{np.linalg.norm(np.nanmean(start, axis=0)):.1f} N at the start",
+        expected="0.3 s or more at rest, then 1 mm or more of a move, before the first contact",
+        got="a wrench that changes by 2 N or more before the tool has moved, or no rest",
     )
+
+
+def _refuse_foreign(t: Touching, item: ContactItem) -> None:
+    """Raise UserError for a wrench that is not what the recording's `wrench` says.
+
+    At rest in free air it is then farther off the tool's weight than an error of mass or zero is.
+    """
+    reads, mass = item.path.wrench[item.phase.rest, :3].mean(axis=0), tool_mass(t.scene)
+    axes = Rotation.from_quat(item.path.frame, scalar_first=True)
+    axes *= Rotation.from_euler("XYZ", item.path.place[item.phase.rest.start, 3:])
+    weight = -mass * axes.inv().apply(np.array(t.scene.spec().option.gravity))
+    size, wanted = np.linalg.norm(reads), np.linalg.norm(weight)
+    if _tared(t.recording):
+        foreign, says = size > ZEROED, "nothing"
+    else:
+        along = float(reads @ weight) < TOWARDS * size * wanted
+        foreign = wanted > FELT and (along or not wanted / SCALE < size < SCALE * wanted)
+        says = f"about the tool's weight, {_newtons(weight)} N (flange x, y, z)"
+    if foreign:
+        raise UserError(
+            "`ft` at rest in free air is not what the tool weighs",
+            file=t.recording.path,
+            expected=f"{says}: sign, unit, frame and tare as `wrench` says",
+            got=f"{_newtons(reads)} N",
+        )
+
+
+def _newtons(force: np.ndarray) -> str:
+    return ", ".join(f"{f:.1f}" for f in np.round(force, 1) + 0.0)
 
 
 def _tared(rec: Recording) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.path import Path
+from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import IMPACT, REGIMES
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
@@ -16,7 +17,9 @@ NAMES = REGIMES
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
 STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
 STUCK = 0.005  # m/s, of a tip below which it sticks
-PRESSED = 8.0  # N beyond the declared tool's weight at the start, that only a contact can be
+# m that a tool must go from its rest before it touches: pressed, it would read another force by `TOUCH` (2 N) before,
+# on any surface stiffer than 2 N/mm; in free air it may go anywhere, however heavy it is
+AWAY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -85,10 +88,12 @@ class Phases:
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
 
 
-def phases(scene: Scene, touch: Touch, path: Path, block: float, tared: bool = False) -> Phases | None:
+def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | None:
     """Those of a path along which the tool touched what `touch` says; None where it does not begin in free air.
 
-    There a sensor reads the tool's weight, and one that was `tared` nothing.
+    What stands in free air reads the same for as long as it stands, and still when it begins to move. So the rest is
+    the first stretch without motion or touch, after which the tool goes somewhere before it touches; what it reads
+    there is the sensor's zero and the tool's weight, whatever both are.
     """
     size = max(1, round(block / path.step))
     m = len(path.time) // size
@@ -102,11 +107,8 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float, tared: bool = F
     flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
     moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
     touching, moving = touch.touching[at].reshape(m, size).any(axis=1), np.maximum(speed, moves) > STILL
-    first, still = (int(np.argmax(flag)) if flag.any() else m for flag in (touching, moving))
-    blocks = min(first - 1, still - 1, round(LONGEST / block))
-    begin = path.wrench[: max(1, int(0.1 / path.step)), :3].mean(axis=0)
-    weight = (not tared) * tool_mass(scene) * axes[0].apply(np.array(scene.spec().option.gravity))
-    if np.linalg.norm(begin + weight) > PRESSED or blocks * block < SHORTEST:
+    rest = _rest(path, touching, moving, size, block)
+    if rest is None:
         return None
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
@@ -114,8 +116,22 @@ def phases(scene: Scene, touch: Touch, path: Path, block: float, tared: bool = F
     inside = scene.config.apothem  # of the believed goal; a part of the path in which walls are near
     over = np.hypot(touch.tip[at, 0], touch.tip[at, 1]) < 2 * inside
     near = (over & (touch.tip[at, 2] < 0)).reshape(m, size).any(axis=1) | touching
-    rest = np.arange(m) < blocks
-    return Phases(time, code, rest, slice(0, blocks * size), size, speed, middle, near, *everything)
+    resting = (np.arange(m) >= rest.start) & (np.arange(m) < rest.stop)
+    steps = slice(rest.start * size, rest.stop * size)
+    return Phases(time, code, resting, steps, size, speed, middle, near, *everything)
+
+
+def _rest(path: Path, touching: np.ndarray, moving: np.ndarray, size: int, block: float) -> slice | None:
+    """Blocks at rest in free air before the first of those that touch (m,); None where there are not enough."""
+    first = int(np.argmax(touching)) if touching.any() else len(touching)
+    for a, b in runs(~(touching | moving)[:first]):
+        # a block aside of what moves: a block is of one kind by most of its samples
+        begin, end = a + (a > 0), min(b - 1, a + (a > 0) + round(LONGEST / block))
+        if (end - begin) * block >= SHORTEST:
+            way = path.place[end * size : max(first * size, end * size + 1)] - path.place[end * size - 1]
+            gone = np.hypot(np.linalg.norm(way[:, :3], axis=1), LEVER * np.linalg.norm(way[:, 3:], axis=1)).max()
+            return slice(begin, end) if gone > AWAY or not touching.any() else None
+    return None
 
 
 def tool_mass(scene: Scene) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from vispeg.contact.path import Path
 from vispeg.core.effect import effect
 from vispeg.identify.channels import shows
+from vispeg.recordings.cell import reaction
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
@@ -26,12 +27,12 @@ def hand_world(believed: World, world: World) -> World:
 
 def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
     """(n, 6) N, N m: the wrench on the tool if the sensor is as the world has it."""
-    wrench = path.wrench
+    wrench = reaction(path.wrench)
     placed = [(effect(e.effect), e.params) for e in world.effects]
     for kind, params in sorted(placed, key=lambda p: -p[0].order):
         if kind.overrides("wrench"):
             wrench = kind.unread(wrench, path.step, {k: v.value for k, v in params.items()})
-    return wrench
+    return reaction(wrench)
 
 
 def stands_for(path: Path, scene: Scene, world: World) -> float:

@@ -21,7 +21,7 @@ def thinned(phase: Phases, seconds: float) -> Phases:
     """The phases with windows of about so many seconds; all of a path that is no longer."""
     m = len(phase.time)
     block = float(phase.time[1] - phase.time[0]) if m > 1 else 1.0
-    first = int(phase.resting.sum())
+    first = int(np.flatnonzero(phase.resting)[-1]) + 1
     close = np.convolve(phase.near, np.ones(2 * NEAR + 1), "same") > 0
     chosen = _spread(close, seconds / block) | _spread(~close, min(FREE, seconds) / block)
     chosen[:first] = False

@@ -109,6 +109,16 @@ def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.
     return np.concatenate([force, torque + np.cross(np.array(sensor.pos), force)], axis=1)
 
 
+def reaction(wrench: np.ndarray) -> np.ndarray:
+    """Turn what the flange exerts on the tool into what the tool exerts on the flange, or back; any shape, N and N m.
+
+    Two sides stand side by side: recordings and laws of motion speak of what the flange exerts on the tool (`acts_on:
+    tool`), effects of the wrist's sensor of its reaction (`Effect.wrench`, as a policy is told it). Whoever passes from
+    one to the other does it here, or a bias changes its sign on the way.
+    """
+    return -wrench
+
+
 def wrench_noise(noise: Mapping[str, float]) -> np.ndarray | None:
     """1-sigma (6,) N and N m of a recording's `noise`; None where nothing is said of forces."""
     if "ft" not in noise:

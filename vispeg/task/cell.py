@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import effect
+from vispeg.recordings.cell import reaction
 from vispeg.robots.scene import Scene
 from vispeg.sim.physics import derive, exact
 from vispeg.sim.placement import Active, activate
@@ -123,7 +124,7 @@ class Cell(Plant):
         """What the wrist's force sensor says of the last step, or of the mean of the last tick where it is `filtered`:
         (nsim, 6) N and N m that the tool puts on the flange, in the flange's frame. To be asked once a control tick.
         """
-        return self.loop.feel(-self.read_out[:, :6], self.x)
+        return self.loop.feel(reaction(self.read_out[:, :6]), self.x)
 
     @property
     def read_out(self) -> np.ndarray:

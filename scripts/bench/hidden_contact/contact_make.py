@@ -95,14 +95,17 @@ def path_error(pos: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def wrench(true: np.ndarray, truth: Truth, own: np.random.Generator, common: np.random.Generator) -> np.ndarray:
-    """What a sensor reads of a true wrench (t, 6): late, scaled, with cross-talk, biased, drifting, noisy."""
+    """What a sensor reads of the true wrench on the tool (t, 6): late, scaled, with cross-talk, bias, drift and noise.
+
+    A bias is that of the tool's wrench on the flange, as effects have it: here it is its reaction.
+    """
     time = np.arange(len(true)) / RATE
     late = np.stack([np.interp(time - truth.delay, time, c) for c in true.T], axis=1)
     unit = np.array([1.0] * 3 + [LEVER] * 3)
     mix = CROSS * common.standard_normal((6, 6)) * (1 - np.eye(6)) * unit[:, None] / unit
     drift = DRIFT * own.uniform(-1, 1, 6) * unit * (time / time[-1])[:, None]
     noise = own.standard_normal(true.shape) * np.array([NOISE["ft"]] * 3 + [NOISE["ft_torque"]] * 3)
-    return truth.gain * late @ (np.eye(6) + mix).T + np.array(truth.bias) + drift + noise
+    return truth.gain * late @ (np.eye(6) + mix).T - np.array(truth.bias) + drift + noise
 
 
 def write(folder: Path, motion: str, limit: float, signals: dict[str, np.ndarray], command: tuple) -> None:

@@ -116,16 +116,21 @@ def names(space: str | None = None, model: str | None = None) -> list[str]:
     return [name for key, some in spaces.items() if space in (None, key) for name in some]
 
 
-def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: float | None) -> tuple[str, float]:
-    """A motion as the text of a CSV that a robot can replay, and how long it takes, s; `duration` of those of joints.
+def commands(
+    model: str, name: str, *, rate_hz: float, seed: int, duration: float | None
+) -> tuple[str, float, CellMotion | None]:
+    """A motion as the text of a CSV that a robot can replay, how long it takes, s, and in a cell the motion with the
+    controller that it is made for; `duration` of those of joints.
 
     Raises:
         UserError: no such motion or model, or one that the arm cannot make.
     """
     world = read_model(model)
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
-        made = cell_motion(world, name, rate_hz=rate_hz, seed=seed)
-        return table.text(made, believed(world.cell).scene.joints), float(made.time[-1])
+        made, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), believed(world.cell)
+        held = made.stiffness or belief.config.stiffness
+        made = replace(made, stiffness=held, force_limit=made.force_limit or belief.config.force_limit)
+        return table.text(made, belief.scene.joints), float(made.time[-1]), made
     if name in LOOKS:
         scene = scene_of(world)
         joints, joint = scene.joints, look_motion(name, scene, rate_hz, duration or LOOK_S)
@@ -136,4 +141,4 @@ def commands(model: str, name: str, *, rate_hz: float, seed: int, duration: floa
     head = ["time", *columns_of("q_cmd", joints), *columns_of("dq_cmd", joints)]
     rows = np.column_stack([joint.time, joint.q_cmd, joint.dq_cmd])
     lines = [",".join(head), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
-    return "\n".join(lines) + "\n", float(joint.time[-1])
+    return "\n".join(lines) + "\n", float(joint.time[-1]), None

@@ -11,12 +11,13 @@ from vispeg.core.files import write_text_atomic
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.report.text.summary import Line, html
 
-COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "q_null")  # of a motion's table, beside `time`
+COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "kp", "force_limit", "q_null")  # of a motion's table, beside `time`
 
 
 @dataclass(frozen=True)
 class MotionFile:
-    """A motion in a CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or `ee_cmd.*` of the flange.
+    """A motion in a CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints, or `ee_cmd.*` of the flange with the
+    controller that it is made for.
 
     Attributes:
         motion: its name.
@@ -24,6 +25,8 @@ class MotionFile:
         seconds: that it takes.
         rate_hz: commands a second.
         path: of the file.
+        kp: 1/s^2, translation and rotation, of the controller in a cell; None for a motion of joints.
+        force_limit: N, of that controller.
     """
 
     motion: str
@@ -31,15 +34,23 @@ class MotionFile:
     seconds: float
     rate_hz: float
     path: Path
+    kp: tuple[float, float] | None = None
+    force_limit: float | None = None
 
     @property
     def record(self) -> dict[str, object]:
         """What `vispeg motions NAME --json` prints."""
-        sizes = {"seconds": self.seconds, "rate_hz": self.rate_hz, "out": str(self.path)}
+        sizes: dict[str, object] = {"seconds": self.seconds, "rate_hz": self.rate_hz, "out": str(self.path)}
+        if self.kp is not None:
+            sizes |= {"kp": list(self.kp), "force_limit": self.force_limit}
         return {"motion": self.motion, "model": self.model, **sizes}
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.motion}, {self.seconds:.3g} s at {self.rate_hz:g} Hz"
+        text = f"{self.path}: {self.motion}, {self.seconds:.3g} s at {self.rate_hz:g} Hz"
+        if self.kp is None:
+            return text
+        gains = f"kp {self.kp[0]:g} (translation) and {self.kp[1]:g} 1/s^2 (rotation)"
+        return f"{text}; for a controller with {gains}, critically damped, that may ask for {self.force_limit:.3g} N"
 
     def _repr_html_(self) -> str:
         return html([Line(str(self), path=True)])
@@ -78,9 +89,10 @@ def write_motion(
     if overwrite and path.exists():
         _refuse_other(path)
     moving = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")
-    text, seconds = commands(moving, name, rate_hz=rate_hz, seed=seed, duration=duration)
+    text, seconds, made = commands(moving, name, rate_hz=rate_hz, seed=seed, duration=duration)
     write_text_atomic(path, text, overwrite=overwrite)
-    return MotionFile(name, moving, seconds, rate_hz, path)
+    controller = (None, None) if made is None else (made.stiffness, made.force_limit)
+    return MotionFile(name, moving, seconds, rate_hz, path, *controller)
 
 
 def _refuse_other(path: Path) -> None:

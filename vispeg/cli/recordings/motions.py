@@ -1,6 +1,7 @@
 """Lists the motions of `vispeg record`, or writes one as a CSV.
 
-A robot can replay the CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, in contact, `ee_cmd.*` of the flange.
+A robot can replay the CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, in contact, `ee_cmd.*` of the flange
+with the gains (`kp.*`, 1/s^2) and the force limit (N) of the controller that it is made for.
 
 Example:
     vispeg motions

@@ -24,7 +24,8 @@ PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
 
 def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     """White noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
-    rest = item.path.rows[item.path.clock < item.path.time[item.phase.rest.stop - 1]]
+    begin, end = item.path.time[item.phase.rest.start], item.path.time[item.phase.rest.stop - 1]
+    rest = item.path.rows[(item.path.clock >= begin) & (item.path.clock < end)]
     level = highpass_sigma(item.source.wrench[rest])
     return level, SPREAD * level / np.sqrt(2 * len(rest))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.recordings.cell import reaction
 from vispeg.recordings.recording import Control
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
@@ -62,7 +63,7 @@ class Reader:
         rows = [0, 1] if k == 0 else [k + 1]  # nothing was measured before the first step
         for row in rows:
             if row < len(self.ft):
-                self.ft[row], self.tau[row], self.touch[row], self.tip[row] = -felt, tau, touch, tip
+                self.ft[row], self.tau[row], self.touch[row], self.tip[row] = reaction(felt), tau, touch, tip
 
     def ran(self, diverged: np.ndarray, ticks: int | None = None) -> Ran:
         """All of it, worlds first."""

@@ -1,7 +1,8 @@
 """Commanded flange poses as a table that a robot can replay: time, and the pose column by column.
 
-Where a motion asks for a posture of its own, columns `q_null.JOINT` hold it on each row: the angles (rad) that the arm
-begins near and that the null space is pulled to.
+Its forces follow from the springs of the controller that it was made for: `kp.translation` and `kp.rotation` (1/s^2,
+critically damped) and `force_limit` (N) hold these on each row. Where a motion asks for a posture of its own, columns
+`q_null.JOINT` hold it, too: the angles (rad) that the arm begins near and that the null space is pulled to.
 """
 
 from __future__ import annotations
@@ -18,15 +19,24 @@ from vispeg.recordings.tables.table import Table
 from vispeg.recordings.validate import check_finite, check_unit
 from vispeg.task.rig.commanded import CellMotion
 
-NULL = "q_null"
+NULL, LIMIT = "q_null", "force_limit"
+GAINS = ("kp.translation", "kp.rotation")
 
 
 def text(motion: CellMotion, joints: Sequence[str]) -> str:
-    """A CSV: `time` (s) and `ee_cmd.x` .. `ee_cmd.qz` (m, w x y z), the flange in the base; `q_null.JOINT` (rad)."""
+    """Write a motion as CSV: `time` (s), `ee_cmd.x` .. `ee_cmd.qz` (m, w x y z), the flange in the base, and what it
+    states of the controller, see this module.
+    """
     head, rows = ["time", *columns_of("ee_cmd", ())], [motion.time, *motion.ee_cmd.T]
+    constants: dict[str, float] = {}
+    if motion.stiffness is not None:
+        constants |= dict(zip(GAINS, motion.stiffness, strict=True))
+    if motion.force_limit is not None:
+        constants[LIMIT] = motion.force_limit
     if motion.posture is not None:
-        head += columns_of(NULL, joints)
-        rows += [np.full(len(motion.time), angle) for angle in motion.posture]
+        constants |= dict(zip(columns_of(NULL, joints), motion.posture, strict=True))
+    head += constants
+    rows += [np.full(len(motion.time), value) for value in constants.values()]
     lines = (",".join(f"{value:.9g}" for value in row) for row in np.column_stack(rows))
     return "\n".join([",".join(head), *lines]) + "\n"
 
@@ -37,7 +47,8 @@ def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float |
     Positions are interpolated linearly, orientations on the sphere; a table at the controller's rate stays as it is.
 
     Raises:
-        UserError: a column is missing, time does not increase, an empty cell, a quaternion that is not of unit length.
+        UserError: a column is missing, time does not increase, an empty cell, a quaternion that is not of unit length,
+            a gain, limit or posture that changes or is not positive.
     """
     if not file.is_file():
         raise UserError("no such motion file", file=file)
@@ -55,22 +66,30 @@ def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float |
     grid = np.arange(int(np.floor(time[-1] * rate_hz + 1e-6)) + 1) / rate_hz
     if len(grid) != len(time) or np.any(np.abs(grid - time) > 1e-3 / rate_hz):
         pose = _resampled(time, pose, grid)
-    return CellMotion(file.stem, grid, pose, force_limit, posture=_posture(table, joints))
+    gains, limit = _constant(table, GAINS, "two gains > 0, 1/s^2"), _constant(table, (LIMIT,), "a force > 0, N")
+    for values, names in ((gains, GAINS), (limit, (LIMIT,))):
+        if values is not None and not (values > 0).all():
+            raise UserError("not positive", file=file, key=names[0], expected="a number > 0", got=values.tolist())
+    if force_limit is None and limit is not None:
+        force_limit = float(limit[0])
+    stiffness = None if gains is None else (float(gains[0]), float(gains[1]))
+    posture = _constant(table, columns_of(NULL, joints), "one posture for all rows, rad")
+    return CellMotion(file.stem, grid, pose, force_limit, stiffness, posture)
 
 
-def _posture(table: Table, joints: Sequence[str]) -> np.ndarray | None:
-    """(nj,) rad of the columns `q_null.JOINT`; None where there are none.
+def _constant(table: Table, names: Sequence[str], expected: str) -> np.ndarray | None:
+    """(len(names),) of columns that hold one value on all rows; None where there is none of their kind.
 
     Raises:
         UserError: some are missing, or they change.
     """
-    names = columns_of(NULL, joints)
-    if not any(name.startswith(f"{NULL}.") for name in table.names):
+    kind = names[0].partition(".")[0]
+    if not any(name.partition(".")[0] == kind for name in table.names):
         return None
-    angles = np.stack([table.number(name) for name in names], axis=1)
-    if not np.all(angles == angles[0]):
-        raise UserError("changes", file=table.file, key=f"{NULL}.*", expected="one posture for all rows, rad")
-    return angles[0]
+    values = np.stack([table.number(name) for name in names], axis=1)
+    if not np.all(values == values[0]):
+        raise UserError("changes", file=table.file, key=kind, expected=f"{expected}, the same on all rows")
+    return values[0]
 
 
 def _resampled(time: np.ndarray, pose: np.ndarray, grid: np.ndarray) -> np.ndarray:
