@@ -1,5 +1,6 @@
 # Sourced by the scripts beside it, from the repository root: makes .venv and installs this checkout into it.
-# Asks nothing, changes nothing outside .venv except that it installs the EGL packages where it may.
+# Asks nothing, changes nothing outside .venv except that it installs system packages where it may: EGL and Vulkan to
+# render without a display, and a browser for the tests of pages.
 
 say() { echo "vispeg: $*" >&2; }
 
@@ -39,20 +40,30 @@ setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again 
     fi
 }
 
-install_egl() { # pictures without a display need EGL, the Filament renderer Vulkan; everything else works without
-    [ "$(uname)" = Linux ] || return 0
-    .venv/bin/python -c 'import ctypes; [ctypes.CDLL(n) for n in ("libEGL.so.1", "libOpenGL.so.0", "libvulkan.so.1")]' \
-        2>/dev/null && return 0
-    local as="" packages="libegl1 libopengl0 libgl1-mesa-dri libvulkan1 mesa-vulkan-drivers"
+apt() { # apt WHY PACKAGE...: installs system packages; fails where this user may not
+    local as="" why=$1
+    shift
     if [ "$(id -u)" != 0 ]; then
         as="sudo -n"
     fi
-    if command -v apt-get >/dev/null && { [ -z "$as" ] || $as true 2>/dev/null; }; then
-        say "installing $packages, to render without a display"
-        # shellcheck disable=SC2086 # both are lists of words
-        if $as apt-get update -qq >&2 && DEBIAN_FRONTEND=noninteractive $as apt-get install -qq -y $packages >&2; then
-            return 0
-        fi
-    fi
-    say "note: no EGL or no Vulkan, so pictures are ray-cast; to get them run: sudo apt-get update && sudo apt-get install -y $packages"
+    command -v apt-get >/dev/null && { [ -z "$as" ] || $as true 2>/dev/null; } || return 1
+    say "installing $*, $why"
+    $as apt-get update -qq >&2 && DEBIAN_FRONTEND=noninteractive $as apt-get install -qq -y "$@" >&2
+}
+
+install_egl() { # pictures without a display need EGL, the Filament renderer Vulkan; everything else works without
+    local packages=(libegl1 libopengl0 libgl1-mesa-dri libvulkan1 mesa-vulkan-drivers)
+    [ "$(uname)" = Linux ] || return 0
+    .venv/bin/python -c 'import ctypes; [ctypes.CDLL(n) for n in ("libEGL.so.1", "libOpenGL.so.0", "libvulkan.so.1")]' \
+        2>/dev/null && return 0
+    apt "to render without a display" "${packages[@]}" ||
+        say "note: no EGL or no Vulkan, so pictures are ray-cast; to get them run: sudo apt-get update && sudo apt-get install -y ${packages[*]}"
+}
+
+install_browser() { # the tests of pages need one; without it they would be skipped in silence
+    .venv/bin/python tests/browser.py >/dev/null && return 0
+    apt "for the tests of pages" chromium || .venv/bin/python -m playwright install chromium >&2 || true
+    .venv/bin/python tests/browser.py >/dev/null && return 0
+    say "error: no Chromium, which the tests of pages need; run: sudo apt-get install -y chromium"
+    exit 1
 }

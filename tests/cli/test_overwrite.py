@@ -27,7 +27,6 @@ READS = {
     "render": "render --world data/w.yaml --frames 4 --workers 0",
     "dataset show": "dataset show data/frames",
     "dataset export": "dataset export data/frames",
-    "hub pull": "hub pull some/policy",
     "play": "play data/policy --episodes 1",
     "finetune": "finetune data/policy --world nominal --demos 1 --updates 1 --episodes 1",
     "combine": "combine data/policy data/policy",

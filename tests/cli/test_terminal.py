@@ -11,7 +11,7 @@ from vispeg.cli.main import COMMANDS, main
 from vispeg.core.effect import REGISTRY
 
 SUB = [("camera", "calibrate"), ("camera", "show"), ("dataset", "show"), ("dataset", "check"), ("dataset", "export")]
-SUB += [("suite", "run"), ("suite", "compare"), ("measure", "mass"), ("hub", "push"), ("hub", "pull")]
+SUB += [("suite", "run"), ("suite", "compare"), ("measure", "mass")]
 LEAVES = [(c,) for c in COMMANDS if c not in {sub[0] for sub in SUB}] + SUB
 
 

@@ -14,7 +14,7 @@ from vispeg.cli.main import COMMANDS, main
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LINE = re.compile(r"^(?:    |\w+=\S+ )?vispeg (?!COMMAND)([a-z].*)$", re.MULTILINE)
-WITH_SUBCOMMANDS = ("camera", "dataset", "hub", "measure", "suite")
+WITH_SUBCOMMANDS = ("camera", "dataset", "measure", "suite")
 
 
 def shown() -> set[tuple[str, str]]:

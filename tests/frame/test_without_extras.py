@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 MODULES = {
     "stable_baselines3": "stable-baselines3",
     "rerun": "rerun-sdk",
-    "huggingface_hub": "huggingface-hub",
 }  # whose packages have other names
 
 WORKS = """
@@ -75,11 +74,6 @@ compare iiwa14 --recording rig-a --rerun compared.rrd --out compared
 evaluate expert --rerun judged.rrd --out judged
 """,
     "wandb": "train peg-state --wandb peg --out run-2",
-    "hub": """
-hub push state-3mm someone/peg
-hub pull someone/peg --out pulled
-hub pull someone/frames --dataset --out frames
-""",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

@@ -3,15 +3,15 @@
 import html
 import json
 import re
-import shutil
 import subprocess
 
+import browser
 import numpy as np
 import pytest
 
 from vispeg.report.build import write_report
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = browser.chromium()
 
 
 def choices(k=2, m=4, nj=7, points=40):

@@ -1,12 +1,11 @@
 """A two-joint arm with a hidden effect, whose elbow has markup for a name, and a browser that looks at its page."""
 
-import os
 import shlex
-import shutil
 from importlib import import_module
 from pathlib import Path
 from urllib.parse import urlparse
 
+import browser
 import numpy as np
 import pressed
 import pytest
@@ -103,14 +102,14 @@ def chromium():
     library = pytest.importorskip(
         "playwright.sync_api", reason="the browser's driver is not installed: pip install playwright"
     )
-    path = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+    path = browser.chromium()
     if path is None:
         pytest.skip("no Chromium: apt-get install chromium")
     with library.sync_playwright() as driver:
         options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = driver.chromium.launch(executable_path=path, args=options)
-        yield browser
-        browser.close()
+        window = driver.chromium.launch(executable_path=path, args=options)
+        yield window
+        window.close()
 
 
 def understood(line: str) -> None:

@@ -105,19 +105,19 @@ class CheckedDataset:
 
 
 def check_dataset(
-    dataset: str | Path, *, watch: Callable[[str, int, int], None] = lambda name, by, total: None
+    dataset: str | Path, *, watch: Callable[[int, int], None] = lambda frames, total: None
 ) -> CheckedDataset:
     """Finds records that are cut short, changed, repeated or contradictory, in any layout.
 
     Args:
         dataset: its folder.
-        watch: called with the step, frames as they are checked, and the total.
+        watch: called with the number of frames just checked and of all.
 
     Raises:
         UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
     """
     data = open_dataset(dataset)
-    faults = check(dataset, lambda frames: watch("checking", frames, len(data)))
+    faults = check(dataset, lambda frames: watch(frames, len(data)))
     megabytes = sum(f.stat().st_size for f in data.folder.rglob("*") if f.is_file()) / 1e6
     return CheckedDataset(Path(dataset), faults, len(data), len(data.episodes), megabytes)
 

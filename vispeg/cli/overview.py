@@ -51,7 +51,6 @@ SECTIONS: dict[str, dict[str, str]] = {
         "perturb": "vispeg.cli.evaluation.perturb",
     },
     "other": {
-        "hub": "vispeg.cli.hub.command",
         "completion": "vispeg.cli.machine.completion",
     },
 }

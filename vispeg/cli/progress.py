@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,6 +66,20 @@ def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int,
             advance("rendering", drawn, f"{made / max(time.monotonic() - began, 1e-9):.1f} frames/s")
 
         yield lambda total, resumed: advance("rendering", resumed, resumed=True), watch
+
+
+@contextmanager
+def checking(quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar of frames that are checked; yields `watch(frames, total)`, whose first call tells the total."""
+    with ExitStack() as stack:
+        advance: list[Callable[..., None]] = []
+
+        def watch(frames: int, total: int) -> None:
+            if not advance:
+                advance.append(stack.enter_context(bars({"checking": total}, "frames", quiet)))
+            advance[0]("checking", frames)
+
+        yield watch
 
 
 @contextmanager

@@ -17,7 +17,6 @@ EXTRAS = {
     "view": ("viser", "websockets"),
     "viz": ("rerun",),
     "wandb": ("wandb",),
-    "hub": ("huggingface_hub",),
 }
 
 

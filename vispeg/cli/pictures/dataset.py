@@ -54,9 +54,9 @@ class Check:
     def run(self) -> int:
         """Prints what is wrong, a line each."""
         from vispeg.api.datasets import check_dataset
-        from vispeg.cli.hub.transfer import transfer
+        from vispeg.cli.progress import checking
 
-        with transfer(self.output.quiet) as watch:
+        with checking(self.output.quiet) as watch:
             checked = check_dataset(self.dataset, watch=watch)
         for line in checked.faults:
             print(f"vispeg: error: {line}", file=sys.stderr)
