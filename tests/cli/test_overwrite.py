@@ -145,3 +145,19 @@ def test_the_same_command_may_replace_what_it_wrote(data, capsys):
     assert "another kind of result (recording, not comparison)" in capsys.readouterr().err
     (data.parent / "again" / "mine.txt").write_text("x")
     assert main([*command, "--overwrite"]) == 2 and "mine.txt" in capsys.readouterr().err
+
+
+def test_files_beside_an_export_are_outputs_too(vispeg, refused, tmp_path):
+    """Meshes of the user's in the folder that an export would fill are replaced on request alone."""
+    assert vispeg("export", "iiwa14", "--to", "urdf", "--out", "first.urdf")[0] == 0
+    for mesh in (tmp_path / "first-meshes").iterdir():
+        (tmp_path / "arm-meshes").mkdir(exist_ok=True)
+        (tmp_path / "arm-meshes" / mesh.name).write_bytes(b"mine")
+    mine = sorted((tmp_path / "arm-meshes").iterdir())
+    refused(["export", "iiwa14", "--to", "urdf", "--out", "arm.urdf"], "arm-meshes", "--overwrite")
+    assert all(path.read_bytes() == b"mine" for path in mine)
+    assert vispeg("export", "iiwa14", "--to", "urdf", "--out", "arm.urdf", "--overwrite")[0] == 0
+    again = {path.name: path.read_bytes() for path in (tmp_path / "arm-meshes").iterdir()}
+    assert again == {path.name: path.read_bytes() for path in (tmp_path / "first-meshes").iterdir()}
+    (tmp_path / "arm.urdf").unlink()  # what is there with the same bytes is no conflict
+    assert vispeg("export", "iiwa14", "--to", "urdf", "--out", "arm.urdf")[0] == 0

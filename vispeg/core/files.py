@@ -9,7 +9,7 @@ import shutil
 import signal
 import threading
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
@@ -166,6 +166,25 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
         part.unlink(missing_ok=True)
         raise
     return Path(path)
+
+
+def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
+    """Write a file and those beside it that it refers to; refuse before the first one is written.
+
+    Args:
+        files: path -> content.
+        overwrite: whether files with another content are replaced; one with the same content is no conflict.
+
+    Raises:
+        UserError: one of them exists with another content and `overwrite` is False, or cannot be written.
+    """
+    for path, data in files.items():
+        if path.is_dir():
+            raise UserError("is a folder", file=path, expected="a file")
+        if path.exists() and not overwrite and path.read_bytes() != data:
+            raise UserError("exists already; name another or pass --overwrite", file=path)
+    for path, data in files.items():
+        write_bytes_atomic(path, data, overwrite=True)
 
 
 def remove_unfinished(file: Path) -> None:

@@ -10,7 +10,8 @@ from typing import Literal
 from vispeg.api.export.ending import check_ending
 from vispeg.api.export.urdf import to_urdf
 from vispeg.api.inputs import read_model
-from vispeg.core.files import write_bytes_atomic, write_text_atomic
+from vispeg.core.errors import UserError
+from vispeg.core.files import write_files_atomic
 from vispeg.core.marker import apart
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.sim.export import to_mjcf
@@ -80,8 +81,9 @@ def export_model(
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
     made = (to_mjcf if to == "mjcf" else to_urdf)(world, f"{path.stem}-meshes")
-    write_text_atomic(path, made.xml, overwrite=overwrite)
-    for name, file in made.meshes.items():
-        write_bytes_atomic(path.parent / name, file.read_bytes(), overwrite=True)
+    meshes = {path.parent / name: file.read_bytes() for name, file in made.meshes.items()}
+    if path.exists() and not overwrite:
+        raise UserError("exists already; name another or pass --overwrite", file=path)
+    write_files_atomic({**meshes, path: made.xml.encode()}, overwrite=overwrite)
     native, left_out = ([e.label for e in effects] for effects in (made.native, made.left_out))
     return ExportedModel(path, to, world.robot, [*made.meshes], native, left_out, getattr(made, "rotors", {}))
