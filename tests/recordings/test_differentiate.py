@@ -79,3 +79,18 @@ def test_the_callers_arrays_are_left_alone():
     before = time.copy(), q.copy()
     smooth(time, q, 20.0)
     assert np.array_equal(time, before[0]) and np.array_equal(q, before[1], equal_nan=True)
+
+
+def test_a_clock_in_a_wrong_unit_or_in_bursts_costs_no_memory():
+    """A filter's extension and an even grid are bounded by the samples there are, whatever their times say."""
+    import tracemalloc
+
+    n = 5000
+    bursts = np.cumsum(np.tile([1e-9] * 9 + [0.018], n // 10))  # nine of ten rows arrive at once
+    for time in (np.arange(n) * 2e-9, bursts):
+        tracemalloc.start()
+        q, _, _ = smooth(time, np.sin(time / time[-1])[:, None], 8.0)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 100e6 and np.isfinite(q).all()
+    assert np.allclose(q[:, 0], np.sin(time / time[-1]), atol=0.01)

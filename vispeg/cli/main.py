@@ -68,6 +68,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"vispeg: interrupted; this begins anew: {command_line(['vispeg', *argv])}", file=sys.stderr)
         return EXIT_INTERRUPT
+    except MemoryError as error:  # NumPy's says how much was asked for
+        what = " ".join(str(error).split()) or "no more memory"
+        print(f"vispeg: error: this needs more memory than there is: {what}", file=sys.stderr)
+        return EXIT_USAGE
     except BrokenPipeError:  # `vispeg effects | head`
         _drop_output()
         return EXIT_PIPE

@@ -11,6 +11,7 @@ SETTLE = 20  # over the cutoff in half-cycles a sample: extension after which th
 GAP_S = 0.020  # readings missing for longer than this are not invented
 UNEVEN = 1e-3  # of a sample period: beyond this, samples are put on an even grid before filtering
 BLOCK = 1 << 18  # samples that are filtered at once; longer runs in blocks that overlap, so that memory stays small
+FINER = 4  # times the mean rate: the finest even grid that samples are put on
 SPLINE = 200  # samples over which a spline forgets its end
 
 
@@ -106,13 +107,14 @@ def _smooth_run(time: np.ndarray, q: np.ndarray, at: np.ndarray, cutoff_hz: floa
     if len(time) < 2:
         return [np.repeat(q, len(at), axis=0), *np.full((2, len(at), q.shape[1]), np.nan)]
     start, time, at = time[0], time - time[0], at - time[0]  # small numbers keep the splines well conditioned
-    dt = float(np.median(np.diff(time)))
+    # a logger that writes in bursts has a median step far below the mean one: a finer grid would hold nothing more
+    dt = max(float(np.median(np.diff(time))), time[-1] / (FINER * len(time)))
     grid = np.linspace(0.0, time[-1], max(int(round(time[-1] / dt)) + 1, 2))
     if len(grid) != len(time) or np.max(np.abs(grid - time)) > UNEVEN * dt + 1e-12 * abs(start):
         q = make_interp_spline(time, q, k=min(3, len(time) - 1))(grid)
     fraction = 2 * cutoff_hz * (grid[1] - grid[0])
     if fraction < 0.9 and len(grid) > 6:
-        pad = int(np.ceil(SETTLE / fraction))
+        pad = int(min(np.ceil(SETTLE / fraction), BLOCK))  # a clock in the wrong unit would ask for 1e9 samples
         longer = np.pad(q, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")  # scipy's own stops at n - 1
         q = sosfiltfilt(butter(ORDER, fraction, output="sos"), longer, axis=0, padtype=None)[pad:-pad]
     degree = min(5, len(grid) - 1)
