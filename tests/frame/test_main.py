@@ -167,3 +167,25 @@ def test_a_reader_that_goes_away_is_no_error():
     error = process.stderr.read()
     process.stderr.close()
     assert (process.wait(60), error) == (141, b"")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"),
+    [("bogus", ("MUJOCO_GL", "bogus", "egl, osmesa")), ("osmesa", ("MUJOCO_GL", "libOSMesa.so.8", "libosmesa6"))],
+)
+def test_a_renderer_that_is_not_there_is_one_line(chosen, words, tmp_path):
+    """In a process of its own, whose loader finds no OSMesa, as on a machine that has none."""
+    code = (
+        "import ctypes, sys\n"
+        "load = ctypes.CDLL.__init__\n"
+        "def without(self, name, *more, **options):\n"
+        "    if 'OSMesa' in str(name): raise OSError('no such library')\n"
+        "    load(self, name, *more, **options)\n"
+        "ctypes.CDLL.__init__ = without\n"
+        "from vispeg.cli.main import main\n"
+        "sys.exit(main(['render', '--world', 'nominal', '--frames', '1', '--out', 'out']))\n"
+    )
+    env = {**os.environ, "MUJOCO_GL": chosen, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not list(tmp_path.iterdir()), done.stderr
+    assert all(word in done.stderr for word in words), done.stderr

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 
 from vispeg import __version__
-from vispeg.api.machine.graphics import choose_backend
+from vispeg.api.machine.graphics import check_backend, choose_backend
 from vispeg.cli.overview import COMMANDS, available, overview
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
@@ -39,8 +39,10 @@ def run(argv: Sequence[str]) -> int:
 
     choose_backend()
     os.environ.setdefault(BLAS_THREADS, "1")  # before NumPy comes in
+    if argv[0] != "doctor":  # who has to work where a library or the parser is what is missing
+        check_backend()
     module = importlib.import_module(COMMANDS[argv[0]])
-    special = getattr(module, "parse", None)  # the doctor's, who has to work where the parser is what is missing
+    special = getattr(module, "parse", None)
     args = special(argv[1:]) if special else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
     output = getattr(args, "output", getattr(getattr(args, "command", None), "output", None))
     if output is not None and output.quiet:

@@ -8,7 +8,16 @@ import sys
 from dataclasses import dataclass
 
 from vispeg.core.broken import run
+from vispeg.core.errors import UserError
 
+# MUJOCO_GL -> libraries that MuJoCo's binding loads at import, and the packages that bring them
+LIBRARIES: dict[str, tuple[tuple[str, ...], str]] = {
+    "egl": (("libEGL.so.1", "libOpenGL.so.0"), "libegl1 libopengl0 libgl1-mesa-dri"),
+    "osmesa": (("libOSMesa.so.8",), "libosmesa6"),
+    "glfw": ((), ""),
+    "glx": ((), ""),
+}
+WITHOUT = ("disable", "disabled", "off", "false", "0", "enable", "enabled", "on", "true", "1")  # no library is named
 APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
 # In a process of its own: a driver that crashes takes nothing else with it, and MuJoCo reads MUJOCO_GL at import.
 _PROBE = """
@@ -45,8 +54,25 @@ def probe(backend: str, timeout: float = 60.0) -> Probe:
     return Probe(backend, *run([sys.executable, "-c", _PROBE], {**os.environ, "MUJOCO_GL": backend}, timeout))
 
 
+def check_backend() -> None:
+    """Refuse a MUJOCO_GL that MuJoCo does not know, or whose library is missing: `import mujoco` itself would fail.
+
+    Raises:
+        UserError: names the choices, or how to get the library.
+    """
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if not chosen or not sys.platform.startswith("linux"):
+        return
+    if chosen not in (*LIBRARIES, *WITHOUT):
+        raise UserError("no such renderer", key="MUJOCO_GL", got=chosen, choices=[*LIBRARIES])
+    libraries, package = LIBRARIES.get(chosen, ((), ""))
+    if missing := [name for name in libraries if not has_library(name)]:
+        expected = f"sudo apt-get install -y {package}, or another MUJOCO_GL; `vispeg doctor` tells more"
+        raise UserError(f"the library {missing[0]} is missing", key="MUJOCO_GL", got=chosen, expected=expected)
+
+
 def choose_backend() -> None:
-    """Sets MUJOCO_GL=egl on a Linux machine without a display, where EGL exists and the user has not chosen.
+    """Set MUJOCO_GL=egl on a Linux machine without a display, where EGL exists and the user has not chosen.
 
     MuJoCo would look for a window system otherwise. Where EGL is missing nothing is set, because then `import mujoco`
     itself would fail, and everything but pictures works without.
