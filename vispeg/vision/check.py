@@ -160,8 +160,8 @@ def _views(rec: Recording, frames: Frames, scene: Scene) -> Mapping[str, Any]:
             poses.append(predictor.geometry.pose(name))
             views.append(View(borders, q[i], dq[i]))
             soft.append(_soft(frames[int(i)], borders))
-        if not views:
-            return {}
+        if not any(len(view.borders) for view in views):
+            return {"coverage": 0.0} if views else {}
         excitations = excited(predictor.geometry, name, views)
         speed = _speed(predictor, name, views)
     parts = list(scene.parts)
@@ -234,7 +234,9 @@ def warnings_of(check: CameraCheck) -> list[str]:
         out.append(f"{name}: borders are blurred by {check.softness:.1f} px: focus, expose shorter, or move slower")
     if check.fill_rate is not None and check.fill_rate < 70:
         out.append(f"{name}: {100 - check.fill_rate:.0f} % of the depth has no reading")
-    if check.coverage is not None and check.coverage < 0.5:
+    if check.coverage == 0:
+        out.append(f"{name}: shows no border of the cell from where it is stated to be: is its pose as stated?")
+    elif check.coverage is not None and check.coverage < 0.5:
         out.append(f"{name}: borders come by {check.coverage:.0%} of the image: nothing is told of the lens elsewhere")
     if check.distance is not None and check.near is not None and check.distance[1] < 1.5 * check.distance[0]:
         out.append(f"{name}: distances differ by less than 1.5 times: scale and bias of depth look the same")

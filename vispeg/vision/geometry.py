@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -28,16 +29,17 @@ class Geometry:
 
     Args:
         scene: the nominal cell.
-        cameras: as calibrated.
+        cameras: as calibrated, whatever their names: effects of cameras act on these.
 
     Attributes:
+        scene: the cell with these cameras.
         model, data: its own.
         eyes: by name, the cameras as the world makes them.
         offsets: (nj,) rad, measured minus true angle of each joint (the effect `encoder_offset`).
     """
 
     def __init__(self, scene: Scene, cameras: Sequence[Camera]):
-        self.scene, self.cameras = scene, tuple(cameras)
+        self.scene, self.cameras = replace(scene, cameras=tuple(c.name for c in cameras)), tuple(cameras)
         spec = scene.spec()
         model_camera.add(spec, self.cameras)
         self.model = spec.compile()

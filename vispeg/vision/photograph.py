@@ -61,7 +61,6 @@ def photograph(
         board: that lies on the table, somewhere beside the fixture.
         progress: called with the share that is done.
     """
-    scene = replace(scene, cameras=tuple(c.name for c in cameras))
     frames: list[RecordedFrame] = []
     beside = () if board is None else (showing(board, put_down(board, scene, seed)),)
     with Predictor(scene, cameras, backend, shadows, finer, *beside) as predictor:

@@ -75,9 +75,10 @@ class Predictor:
         if finer < 1 or finer % 2 == 0:
             raise ValueError(f"an odd number of rays, not {finer}")
         self.finer, self._beside = finer, beside
-        self.scene, self.cameras = scene, {c.name: c for c in cameras}
+        self.cameras = {c.name: c for c in cameras}
         self.geometry = Geometry(scene, cameras)
-        self._renderer = Renderer(scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
+        self.scene = self.geometry.scene
+        self._renderer = Renderer(self.scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
         self.world = World()
         self._looks: World | None = None
 

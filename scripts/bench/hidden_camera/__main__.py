@@ -30,6 +30,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
     parser.add_argument("--dev", action="store_true", help="development seeds, not the scored ones")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first case, for a draw that nobody has seen")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--frames", type=int, default=20, help="pictures of each of the two recordings")
     parser.add_argument("--renderer", default="filament", help="of the plant's pictures: filament, classic or raycast")
@@ -38,7 +39,7 @@ def main() -> int:
     args = parser.parse_args()
     from cases import choose
 
-    chosen = choose(args.only, args.dev, args.limit)
+    chosen = choose(args.only, 1000 if args.dev else args.first, args.limit)
     if args.list:
         print("\n".join(c.name for c in chosen))
         return 0

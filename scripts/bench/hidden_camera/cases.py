@@ -57,9 +57,9 @@ class Case:
         return next((MOTIONS[e] for e, _, _ in self.hidden if e in MOTIONS), "look")
 
 
-def cases(dev: bool) -> list[Case]:
-    """All cases; development ones have other seeds, hence other looks, errors and noise."""
-    out, first = [], 1000 if dev else 0
+def cases(first: int) -> list[Case]:
+    """All cases, numbered from a first seed: others have other looks, errors and noise."""
+    out: list[Case] = []
 
     def add(name: str, kind: str, hidden=(), unknown: str = "") -> None:
         robot = (1e-4, 1e-3)[len(out) % 2]
@@ -83,9 +83,9 @@ def cases(dev: bool) -> list[Case]:
     return out
 
 
-def choose(only: list[str], dev: bool, limit: int | None) -> list[Case]:
+def choose(only: list[str], first: int, limit: int | None) -> list[Case]:
     """The cases of these patterns, `limit` of them spread evenly."""
-    found = [c for c in cases(dev) if not only or any(fnmatch(c.name, p) for p in only)]
+    found = [c for c in cases(first) if not only or any(fnmatch(c.name, p) for p in only)]
     if limit is None or limit >= len(found):
         return found
     return [found[int((i + 0.5) * len(found) / limit)] for i in range(limit)]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.pictures.run import diagnose_pictures
 from vispeg.diagnosis.run import Diagnosis
-from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.read import sights_of
 from vispeg.recordings.recording import Recording
@@ -46,7 +46,11 @@ def border_evidence_of(
         UserError: as `diagnose`.
     """
     scene = scene_of(world, (*fitted, *held_out))
-    evidence, judged = border_evidence(scene, sights_of(fitted), sights_of(held_out), world)
+    (mine, theirs), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
+    if not mine:
+        raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
+    evidence, judged = border_evidence(scene, mine, theirs, world)
+    evidence.notes += blind
     evidence.recordings, judged.recordings = list(fitted), list(held_out)
     return evidence, judged if held_out else None
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import Excitation, border_excitations
 from vispeg.diagnosis.pictures.sensors import FINER, KINDS, SensorSearch, shots_by
-from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.read import sights_of
 from vispeg.identify.pictures.sensor import sensor_evidence
@@ -25,6 +25,8 @@ def excitations(
 ) -> list[Excitation]:
     """By how much a typical size of each effect of camera, sensor and arm changes the pictures of a recording.
 
+    Nothing where no camera sees anything of the cell.
+
     Args:
         scene: the cell as it is believed.
         rec: with frames.
@@ -34,7 +36,9 @@ def excitations(
     Raises:
         UserError: a camera whose pose is not stated, or with too few frames.
     """
-    sights = sights_of([rec])
+    (sights,), _ = seeing(scene, (sights_of([rec]),), world)
+    if not sights:
+        return []
     evidence, _ = border_evidence(scene, sights, [], world, EXACT)
     progress(0.4)
     out = border_excitations(BorderSearch(evidence, evidence), world)

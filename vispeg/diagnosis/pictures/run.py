@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import border_excitations, motion_between, not_excited
@@ -22,7 +23,7 @@ from vispeg.diagnosis.record import candidates, correlations, effects, screening
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
 from vispeg.diagnosis.selection.state import State
-from vispeg.identify.pictures.build import border_evidence
+from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.gather import gather
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.read import sights_of
@@ -54,9 +55,11 @@ def diagnose_pictures(
         say: is told what is being done.
 
     Raises:
-        UserError: recordings without frames, or with cameras whose pose is not stated.
+        UserError: recordings without frames, with cameras whose pose is not stated, or none that sees anything.
     """
-    mine, theirs = sights_of(fitted), sights_of(held_out)
+    (mine, theirs), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
+    if not mine:
+        raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
     say("bringing the predicted borders onto the pictures")
     evidence, judged = border_evidence(scene, mine, theirs, world)
     search, n_fixed = BorderSearch(evidence, judged, say), len(world.effects)
@@ -110,7 +113,7 @@ def diagnose_pictures(
         "correlations": correlations(state),
         "parameters_moved": [],
         "windows": [],
-        "notes": _notes(evidence, lost),
+        "notes": [*blind, *_notes(evidence, lost)],
         "views": {
             "cameras": [c.name for c in cameras],
             "frames": {"fit": sum(map(len, mine)), "validate": sum(map(len, theirs))},
@@ -133,7 +136,7 @@ def diagnose_pictures(
 def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
     """Share of the predicted borders without an edge within the wide window."""
     away = np.concatenate([p.along for _, p in wide])
-    return 1.0 - float(np.isfinite(away).mean()) if len(away) else 1.0
+    return 1.0 - float(np.isfinite(away).mean()) if len(away) else 0.0
 
 
 def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:

@@ -7,15 +7,65 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.identify.pictures.align import WINDOWS, align
+from vispeg.identify.pictures.depth_figures import FEW, NEARER
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
-from vispeg.identify.pictures.gather import gather
+from vispeg.identify.pictures.gather import SPACING, gather
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.posture import steadied
+from vispeg.identify.pictures.read import LEAST
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene
+from vispeg.vision.borders import borders_of
+from vispeg.vision.eye import delay_of
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
+
+
+Groups = tuple[Sequence[Sight], ...]
+
+
+def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight], ...], list[str]]:
+    """Leave out the cameras that see nothing of the cell from where a world has them.
+
+    A camera sees something in a frame that shows a border, or a part as near as depth is compared with a reading there.
+    One that does so in fewer than `LEAST` frames of a group is left out of all groups.
+
+    Args:
+        scene: the cell.
+        groups: sights to fit, to judge on; an empty group judges no camera.
+        world: where everything stands.
+
+    Returns:
+        The groups without those cameras, and a sentence on each of them.
+    """
+    every = [s for some in groups for s in some]
+    cameras, notes, blind = list({s.camera.name: s.camera for s in every}.values()), [], set()
+    if not cameras:
+        return tuple([] for _ in groups), []
+    with Predictor(scene, cameras) as predictor:
+        predictor.see(world)
+        for camera in cameras:
+            mine = [[s for s in some if s.camera.name == camera.name] for some in groups if some]
+            shown = [sum(min(_shown(predictor, s, world), LEAST) for s in some) for some in mine]
+            if min(shown) < LEAST:
+                blind.add(camera.name)
+                often = f"only {min(shown)}" if min(shown) else "none"
+                said = f"a border or a near surface of the cell shows in {often} of its frames"
+                notes.append(f"camera '{camera.name}' is left out: {said}; is its pose as stated?")
+    return tuple([s for s in some if s.camera.name not in blind] for some in groups), notes
+
+
+def _shown(predictor: Predictor, sight: Sight, world: World) -> int:
+    """In how many frames, up to `LEAST`, a sight shows something of the cell."""
+    frames, count = np.arange(len(sight)), 0
+    for i, q in zip(frames, sight.at(frames, -delay_of(world, sight.camera.name)), strict=True):
+        if count >= LEAST or not np.isfinite(q).all():
+            continue
+        picture, depth = predictor.draw(sight.camera.name, q), sight.depth(int(i))
+        near = 0 if depth is None else int(((picture.depth > 0) & (picture.depth < NEARER[-1]) & (depth > 0)).sum())
+        count += near >= FEW or len(borders_of(picture, predictor.geometry, step=SPACING)) > 0
+    return count
 
 
 def border_evidence(

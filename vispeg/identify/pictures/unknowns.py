@@ -80,4 +80,4 @@ def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tu
     away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
     posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / LOOSE**2, joints.T @ away)
     common += _edges(p, scale, away - joints @ posture)
-    return np.stack(common, 1), joints
+    return np.stack(common, 1) if common else np.zeros((len(p.frame), 0)), joints

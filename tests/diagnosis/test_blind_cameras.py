@@ -1,0 +1,62 @@
+"""A camera that sees nothing of the cell is said to, and left out; where none sees anything, nothing is diagnosed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from vispeg.api.recording.look import cameras_of, scene_of
+from vispeg.api.rooms.pictures import border_evidence_of, diagnose
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.pictures.coverage import excitations
+from vispeg.identify.motions.look_motion import look_motion
+from vispeg.identify.pictures.build import border_evidence, seeing
+from vispeg.identify.pictures.read import sights_of
+from vispeg.recordings.cell import CellBelief
+from vispeg.recordings.recording import Control, Recording
+from vispeg.vision.check import check_frames, warnings_of
+from vispeg.vision.photograph import photograph
+from vispeg.worlds.world import World
+
+CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
+SCENE = scene_of(CELL)
+(HAND,) = (c.moved(name="my hand") for c in cameras_of(["wrist_wide"], SCENE, (80, 60)))
+SKY = HAND.moved(name="sky", parent="base", pos=(0.0, 0.0, 3.0), quat=(1.0, 0.0, 0.0, 0.0))  # looks up
+FLOOR = HAND.moved(name="floor", parent="base", pos=(0.6, 0.35, 0.4), quat=(0.0, 1.0, 0.0, 0.0), fx=400.0, fy=400.0)
+
+
+def seen_by(*cameras, seed: int = 0) -> Recording:
+    motion = look_motion("look", SCENE, 100.0, 16.0)
+    q = motion.q_cmd if seed % 2 else motion.q_cmd[::-1]
+    shots = photograph(SCENE, cameras, CELL, CubicSpline(motion.time, q), np.linspace(1.0, 15.0, 7), seed, finer=1)
+    rec = Recording(Path(f"run-{seed}"), "iiwa14", SCENE.joints, 100.0, Control(), motion.time, q)
+    return replace(rec, frames=shots, cell=CELL.cell)
+
+
+def test_a_camera_that_sees_nothing_is_said_and_left_out():
+    groups = tuple(sights_of([seen_by(HAND, SKY, seed=k)]) for k in (0, 1))
+    left, (note,) = seeing(SCENE, groups, CELL)
+    assert [[s.camera.name for s in some] for some in left] == [["my hand"]] * 2
+    assert note.startswith("camera 'sky' is left out: ")
+
+
+def test_where_no_camera_sees_anything_nothing_is_diagnosed_and_check_says_why():
+    one, other = (seen_by(SKY, seed=k) for k in (0, 1))
+    for attempt in (lambda: diagnose(CELL, [one], [other]), lambda: border_evidence_of(CELL, [one], [other])):
+        with pytest.raises(UserError, match="no camera sees the cell: camera 'sky'"):
+            attempt()
+    assert excitations(SCENE, one, CELL) == []
+    (checked,) = check_frames(one, SCENE)
+    assert any("shows no border of the cell" in line for line in warnings_of(checked))
+
+
+def test_a_camera_that_sees_a_surface_and_no_border_stays_for_its_depth():
+    rec = seen_by(HAND, FLOOR)
+    sights = sights_of([rec])
+    assert seeing(SCENE, (sights,), CELL) == ((sights,), [])
+    evidence, _ = border_evidence(SCENE, sights, [], CELL, 0.0)
+    assert len(evidence.items[1].points.frame) == 0 and np.isfinite(evidence.error(CELL))
