@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 
-import numpy as np
 import pytest
-import yaml
 
 from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
 from vispeg.cli.main import main
@@ -22,7 +20,7 @@ NANO = 1_000_000_000
 
 
 def bag(path, rec) -> None:
-    """Writes joint states and the pictures of a recording as an MCAP file, by the library that ROS users have."""
+    """Writes joint states and the pictures of a recording as a bag, by the library that ROS users have."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -55,15 +53,13 @@ def test_from_a_bag_to_the_camera_s_offset(tmp_path, capsys, monkeypatch):
     pytest.importorskip("rosbags")
     monkeypatch.chdir(tmp_path)
     save_cameras("hand.yaml", HAND)
-    tool = {"name": "meg50+peg16", **record_look(CELL, fps=0.1, rate_hz=100.0).tool}
-    stated = {"cell": "nominal", "tool": tool}
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"recording": stated}))
+    (tmp_path / "map.yaml").write_text("recording: {cell: nominal, tool: meg50+peg16}\n")
     hidden = EffectInstance.of("camera_offset", "hand", x=0.004)
     for seed, name in ((61, "a"), (62, "b")):
         world = CELL.add(*look_of(f"S/{seed}", SCENE), hidden)
-        bag(tmp_path / f"{name}.mcap", record_look(world, cameras=[HAND], fps=0.7, rate_hz=100.0, seed=seed))
+        bag(tmp_path / f"{name}-log", record_look(world, cameras=[HAND], fps=0.7, rate_hz=100.0, seed=seed))
         read = ["--images", "all", "--cameras", "hand.yaml", "--torque-sensor", "joint", "--map", "map.yaml"]
-        assert main(["convert", f"{name}.mcap", "--robot", "iiwa14", *read, "--out", name]) == 0
+        assert main(["convert", f"{name}-log", "--robot", "iiwa14", *read, "--out", name]) == 0
     assert main(["check", "a", "--out", "checked"]) == 0
     excited = json.loads((tmp_path / "checked/check.json").read_text())["recordings"][0]["excited"]
     assert {x["where"] for x in excited if x["effect"] == "camera_offset"} == {"hand"}

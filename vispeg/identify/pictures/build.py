@@ -21,7 +21,6 @@ from vispeg.vision.eye import delay_of
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
-
 Groups = tuple[Sequence[Sight], ...]
 
 
