@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+import yaml
 
 from vispeg.api.recording.look import cameras_of, look_of, record_look, scene_of
 from vispeg.cli.main import main
@@ -53,11 +54,13 @@ def test_from_a_bag_to_the_camera_s_offset(tmp_path, capsys, monkeypatch):
     pytest.importorskip("rosbags")
     monkeypatch.chdir(tmp_path)
     save_cameras("hand.yaml", HAND)
-    (tmp_path / "map.yaml").write_text("recording: {cell: nominal, tool: meg50+peg16}\n")
     hidden = EffectInstance.of("camera_offset", "hand", x=0.004)
     for seed, name in ((61, "a"), (62, "b")):
         world = CELL.add(*look_of(f"S/{seed}", SCENE), hidden)
-        bag(tmp_path / f"{name}-log", record_look(world, cameras=[HAND], fps=0.7, rate_hz=100.0, seed=seed))
+        rec = record_look(world, cameras=[HAND], fps=0.7, rate_hz=100.0, seed=seed)
+        bag(tmp_path / f"{name}-log", rec)
+        stated = {"cell": "nominal", "tool": rec.tool}
+        (tmp_path / "map.yaml").write_text(yaml.safe_dump({"recording": stated}))
         read = ["--images", "all", "--cameras", "hand.yaml", "--torque-sensor", "joint", "--map", "map.yaml"]
         assert main(["convert", f"{name}-log", "--robot", "iiwa14", *read, "--out", name]) == 0
     assert main(["check", "a", "--out", "checked"]) == 0
