@@ -44,6 +44,14 @@ def test_a_shard_has_its_frames_and_both_looks(asked, episodes):
     assert [c["name"] for c in episodes[0].about["cameras"]] == list(CAMERAS)
 
 
+def test_labels_change_no_picture(asked, episodes):
+    plan, layout = plan_of("S", 8, looks=2, cameras=CAMERAS, size=24, seed=5, labels=False)
+    for labelled, bare in zip(episodes, shard(plan, layout, Shard(0, 0, 8)), strict=True):
+        for name in bare.values:
+            pairs = zip(labelled.values[name], bare.values[name], strict=True)
+            assert all(np.array_equal(a, b) for a, b in pairs), name
+
+
 def test_looks_share_states_and_physics_and_nothing_that_is_seen(asked, episodes):
     first, second = episodes[:2]
     n = min(len(first), len(second))

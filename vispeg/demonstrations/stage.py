@@ -30,7 +30,6 @@ from vispeg.render.cameras.camera_files import to_record
 from vispeg.render.cameras.rig import camera_velocity
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.image_kinds import FAR
-from vispeg.render.look import dress
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of as contract_of
@@ -95,7 +94,7 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
 
 
 class Stage:
-    """A simulation, renderers and an expert that make episodes, the same ones in whatever order.
+    """A simulation, a renderer and an expert that make episodes, the same ones in whatever order.
 
     Args:
         plan, layout: of the dataset.
@@ -113,10 +112,7 @@ class Stage:
         self.task = contract_of(self.config)
         self.expert = self.task.expert(self.config, ROWS)
         make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
-        self.labelled = Renderer(self.scene, layout.cameras, labels=True, **make)  # type: ignore[arg-type]
-        self.plain = self.labelled if plan.labels else Renderer(self.scene, layout.cameras, **make)  # type: ignore[arg-type]
-
-        self._placed: int | None = None  # the episode whose bodies stand in the guard's renderer
+        self.renderer = Renderer(self.scene, layout.cameras, labels=plan.labels, **make)  # type: ignore[arg-type]
 
     # Physics --------------------------------------------------------------------------------------------------
     def play(
@@ -189,15 +185,12 @@ class Stage:
     ) -> Take:
         """The same look as rendered, its sensor still to come."""
         view_seed = look_seed(seed, look)
-        if self._placed != seed:  # the guard judges the cell as it stands, which is the same in every look
-            self.labelled.render(moments[0].cell.qpos, moments[0].cell.bodies)
-            self._placed = seed
-        world, refused = redraw(self.seen, self.scene, self.labelled, view_seed, qpos=moments[0].cell.qpos)
-        if self.plain is not self.labelled:
-            dress(self.plain, self.scene, world)
+        cell = moments[0].cell  # the guard judges it as it stands, which is the same in every look
+        where = {"qpos": cell.qpos, "bodies": cell.bodies}
+        world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
         frames, shots = [], []
         for moment in moments:
-            views = self.plain.render(moment.cell.qpos, moment.cell.bodies)
+            views = self.renderer.render(moment.cell.qpos, moment.cell.bodies)
             frames.append(moment.values | self._labels(views))
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in views.items()})
             drawn(1)
@@ -213,7 +206,7 @@ class Stage:
             "category": "cut" if record is None else record["category"],
             "peak_force": 0.0 if record is None else record["peak_force"],
             "world": physics.values | world.values,
-            "cameras": [to_record(c) for c in self.plain.cameras],
+            "cameras": [to_record(c) for c in self.renderer.cameras],
         }
         twist, flange = np.stack([m.cell.twist for m in moments]), np.stack([m.cell.flange for m in moments])
         clips = {}
@@ -226,7 +219,7 @@ class Stage:
         return Take(frames, clips, about)
 
     def _labels(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
-        data, model = self.plain.data, self.plain.model
+        data, model = self.renderer.data, self.renderer.model
         labels = {}
         for name, site in ((self.scene.held, self.scene.tip_site), (self.scene.goal, self.scene.goal)):
             i = model.site(site).id
@@ -253,9 +246,8 @@ class Stage:
             yield recorder.finish(take.about)
 
     def close(self) -> None:
-        """Frees the renderers."""
-        self.labelled.close()
-        self.plain.close()
+        """Frees the renderer."""
+        self.renderer.close()
 
 
 def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:

@@ -140,6 +140,7 @@ def redraw(
     levels: Mapping[str, float] | float = 1.0,
     *,
     qpos: np.ndarray | None = None,
+    bodies: Mapping[str, np.ndarray] | None = None,
     rule: Rule | None = None,
     tries: int = TRIES,
 ) -> tuple[World, int]:
@@ -151,10 +152,11 @@ def redraw(
     Args:
         world: what is drawn.
         scene: whose targets they walk.
-        renderer: with labels and the scene's parts; it is left dressed in the world returned.
+        renderer: with the scene's parts; begun anew, and left dressed in the world returned.
         seed: of the episode.
         levels: as for `sample`.
         qpos: (nq,) configuration to look at; default: the renderer's present one.
+        bodies: where the episode places them, as for `dress`.
         rule: when a look is good enough.
         tries: looks drawn at most.
 
@@ -163,19 +165,20 @@ def redraw(
     """
     looks = tuple(r for r in world.ranges if effect(r.effect).family == "appearance")
     others = tuple(r for r in world.ranges if r not in looks)
-    fixed = replace(world, ranges=others).sample(seed, scene, levels)
-    if not looks:
-        return fixed, 0
-    best, best_score = fixed, -1.0
-    for k in range(tries):
+    renderer.restart()
+    best, best_score = replace(world, ranges=others).sample(seed, scene, levels), -1.0
+    fixed, labels = best, renderer.labels
+    for k in range(tries if looks else 0):
         look_seed = seed if k == 0 else int(stream(seed, "look", k).integers(2**31))
         drawn = fixed.add(*RandomizedWorld(ranges=looks).sample(look_seed, scene, levels).effects)
-        dress(renderer, scene, drawn)
+        dress(renderer, scene, drawn, bodies)
+        renderer.labels = True
         shots = delivered(renderer.render(qpos), renderer.cameras, drawn)
+        renderer.labels = labels
         score = contrast(shots, renderer.cameras, scene, rule)
         if score > best_score:
             best, best_score = drawn, score
         if score >= 1:
             return drawn, k
-    dress(renderer, scene, best)
-    return best, tries
+    dress(renderer, scene, best, bodies)
+    return best, tries if looks else 0

@@ -1,11 +1,12 @@
 """A sampled world's look, put on a renderer: colours, textures, lights, things in the background, camera geometry.
 
-Every look starts from the renderer's pristine fields, so that nothing is left of the one before.
+Every look starts from the renderer's pristine fields and from where its own episode places the bodies, so that nothing
+is left of the one before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -40,13 +41,18 @@ class Fields:
         return place(self.model, name)[None]
 
 
-def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
+def dress(
+    renderer: Renderer, scene: Any, world: World, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
+) -> list[int]:
     """Puts the looks of a world on a renderer: its effects of kind `appearance`, and what of `camera` moves a camera.
+
+    Bodies are placed first, for a look may go by them: distractors keep away from the fixture.
 
     Args:
         renderer: drawn with from now on; made from a Scene where camera effects shall show.
         scene: what the effects name their targets by.
         world: as drawn.
+        bodies: as for `Renderer.render`, where this episode places them; what is not named stands as in the model.
 
     Returns:
         The textures whose pixels had to be handed to the driver.
@@ -56,6 +62,7 @@ def dress(renderer: Renderer, scene: Any, world: World) -> list[int]:
             renderer's model has no row for.
     """
     renderer.pristine.restore(renderer.model)
+    renderer.move(bodies or {})
     rows = _rows(renderer)
     for i, camera in rows.values():
         model_camera.write(renderer.model, i, camera)

@@ -72,7 +72,8 @@ class Cell(Plant):
         drawn = {a.effect.name: a.p for a in activate(self.robot, worlds)}
         fresh = RowFields(self.model, len(rows))
         fields = Fields(fresh, self.robot)
-        for name in {w for a in self.active for w in a.effect.writes}:
+        # dry friction is also set step by step, by effects that do not write it
+        for name in {w for a in self.active for w in a.effect.writes} | {"dof_frictionloss"}:
             if self.batch.expanded(name) is not None:  # else a value of the row's last episode would stay
                 fresh.expand(name)
         for a in self.active:

@@ -80,7 +80,7 @@ class Predictor:
         self.scene = self.geometry.scene
         self._renderer = Renderer(self.scene, list(cameras)[:1], backend, labels=True, shadows=shadows)
         self.world = World()
-        self._looks: World | None = None
+        self._dressed: tuple[World, dict[str, tuple[float, ...]]] | None = None
 
     @property
     def backend(self) -> str:
@@ -91,9 +91,11 @@ class Predictor:
         """Predicts for this world from now on: its looks, cameras, lenses, and where fixture and held part stand."""
         self.geometry.place(world)
         looks = world.only(lambda e: effect(e.effect).family == "appearance")
-        if looks != self._looks:
-            dress(self._renderer, self.scene, looks)
-            self._looks = looks
+        bodies = self.geometry.bodies if looks.effects else {}  # a look may go by them: distractors keep away
+        wanted = looks, {name: tuple(pose) for name, pose in bodies.items()}
+        if wanted != self._dressed:
+            dress(self._renderer, self.scene, looks, bodies)
+            self._dressed = wanted
         self.world = world
 
     def draw(self, camera: str, q: np.ndarray) -> Rendering:

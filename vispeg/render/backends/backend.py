@@ -172,8 +172,7 @@ class Renderer:
             if np.shape(qpos) != (self.model.nq,):
                 raise UserError("not a configuration", key="qpos", expected=f"({self.model.nq},)", got=np.shape(qpos))
             self.data.qpos[:] = qpos
-        for name, pose in (bodies or {}).items():
-            self._move(name, np.asarray(pose, float))
+        self.move(bodies or {})
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
@@ -181,6 +180,26 @@ class Renderer:
         drawn = [View(self._pinhole(view.camera), view.pos, view.rot) for view in true]
         pictures = backend.draw(self.data, drawn, self.labels)
         return {v.camera.name: self._shot(v, picture) for v, picture in zip(true, pictures, strict=True)}
+
+    def restart(self) -> None:
+        """Forget the pictures drawn so far: those that follow depend on the model and on each other alone.
+
+        OpenGL and rays have nothing to forget; Filament's context is made anew, which takes about half a second.
+        """
+        if self._backend is not None and self._backend.remembers:
+            self._open(*self._size)
+
+    def move(self, bodies: Mapping[str, Sequence[float] | np.ndarray]) -> None:
+        """Place bodies in their parents, as for `render`. Raises UserError: no such body, or no pose."""
+        for name, place in bodies.items():
+            pose = np.asarray(place, float)
+            body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+            if body < 0 or pose.shape not in ((3,), (7,)):
+                names = [self.model.body(i).name for i in range(1, self.model.nbody)]
+                what = "a body's position (3,), or pose (7,)"
+                raise UserError("cannot move that", key="bodies", expected=what, got=name, choices=names)
+            self.model.body_pos[body] = pose[:3]
+            self.model.body_quat[body] = pose[3:] if len(pose) == 7 else self.model.body_quat[body]
 
     def close(self) -> None:
         """Frees driver memory. A closed renderer draws no more."""
@@ -205,15 +224,6 @@ class Renderer:
     def _pinhole(self, camera: Camera) -> Camera:
         warp = self._warps.get(camera)
         return warp.pinhole if warp else camera
-
-    def _move(self, name: str, pose: np.ndarray) -> None:
-        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
-        if body < 0 or pose.shape not in ((3,), (7,)):
-            names = [self.model.body(i).name for i in range(1, self.model.nbody)]
-            what = "a body's position (3,), or pose (7,)"
-            raise UserError("cannot move that", key="bodies", expected=what, got=name, choices=names)
-        self.model.body_pos[body] = pose[:3]
-        self.model.body_quat[body] = pose[3:] if len(pose) == 7 else self.model.body_quat[body]
 
     def _live(self) -> Backend:
         if self._backend is None:

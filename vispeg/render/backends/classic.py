@@ -35,6 +35,7 @@ class Classic:
     """
 
     name = "classic"
+    remembers = False
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool):
         self.model, self.shadows = model, shadows

@@ -52,10 +52,12 @@ class Filament:
         self._option.sitegroup[:] = 0
         self._parts: tuple[Any, Any, Any, Any] | None = None
         self._drawn = b""
+        self.remembers = False
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         scene, lights, things = self._prepare()
+        self.remembers = True  # the dither of its colours goes by the number of frames drawn
         groups = self.model.geom_group.copy()
         self.model.geom_group[~is_visible(self.model)] = HIDDEN
         try:

@@ -34,9 +34,14 @@ class Picture:
 
 
 class Backend(Protocol):
-    """What draws."""
+    """What draws.
+
+    Attributes:
+        remembers: whether its next picture depends on those that it has drawn.
+    """
 
     name: str
+    remembers: bool
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """One picture a view, in order; `data` has its kinematics and lights done."""

@@ -1,4 +1,4 @@
-"""The fields of a model that a look may change, as they were."""
+"""The fields of a model that a look or an episode's placement may change, as they were."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-PREFIXES = ("geom_", "mat_", "light_", "cam_", "tex_data")
+PREFIXES = ("geom_", "mat_", "light_", "cam_", "tex_data", "body_pos", "body_quat")
 BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
 
 
@@ -20,13 +20,16 @@ def place(model: mujoco.MjModel, name: str) -> np.ndarray:
 
 
 class Pristine:
-    """A copy of every visual field of a model. `restore` writes it back; about half a megabyte for the cell."""
+    """A copy of every field of a model that decides what is seen: looks, cameras, and where bodies are placed.
+
+    `restore` writes it back; about half a megabyte for the cell.
+    """
 
     def __init__(self, model: mujoco.MjModel):
         self._kept = {name: array.copy() for name, array in _visual(model)}
 
     def restore(self, model: mujoco.MjModel) -> None:
-        """Makes the visual fields of `model` what they were, bit for bit."""
+        """Makes these fields of `model` what they were, bit for bit."""
         for name, array in self._kept.items():
             place(model, name)[...] = array
 

@@ -22,6 +22,7 @@ class Raycast:
     """Draws by ray casting; arguments as for `Classic`, of which size and shadows do not matter here."""
 
     name = "raycast"
+    remembers = False
 
     def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
         self.model = model

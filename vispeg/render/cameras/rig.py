@@ -83,8 +83,6 @@ class CameraRig:
         self._seeds = np.zeros(rows, np.int64)
         self._film: Renderer | None = None
         self._infrared: dict[int, Renderer] = {}
-        self._guarded = any(effect(r.effect).family == "appearance" for r in self.world.ranges)
-        self._guard: Renderer | None = None
         self._renderers = [self._renderer(self.cameras) for _ in range(rows if cameras else 0)]
         self._pipelines = {c.name: Pipeline([World()] * rows, c.name) for c in self.cameras}
         self._matchers: list[dict[str, dict[str, float]]] = [{} for _ in range(rows)]  # cameras that match depth
@@ -96,8 +94,8 @@ class CameraRig:
             for kind in kinds:
                 self._delivered[key_of(kind, c.name)] = np.zeros((rows, *kind.shape(c.height, c.width)), kind.dtype)
 
-    def _renderer(self, cameras: Sequence[Camera], labels: bool = False) -> Renderer:
-        return Renderer(self.scene, cameras, self.backend, labels=labels, shadows=self.shadows)  # type: ignore[arg-type]
+    def _renderer(self, cameras: Sequence[Camera]) -> Renderer:
+        return Renderer(self.scene, cameras, self.backend, shadows=self.shadows)  # type: ignore[arg-type]
 
     def begin(
         self,
@@ -116,26 +114,18 @@ class CameraRig:
             return
         for row, snapshot in snapshots.items():
             self._seeds[row] = self._seed_of(seeds[row])
-            world = self.drawn[row] = self._draw(snapshot, int(self._seeds[row]), levels)
-            dress(self._renderers[row], self.scene, world)
+            seed, stands = int(self._seeds[row]), {"qpos": snapshot.qpos, "bodies": snapshot.bodies}
+            world, refused = redraw(self.world, self.scene, self._renderers[row], seed, levels, **stands)
+            self.drawn[row], self.redrawn = world, self.redrawn + refused
             matched = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
             self._matchers[row] = {name: p for name, p in matched.items() if p is not None}
             # an infrared pair needs no materials, but many pixels
             if self._matchers[row] and self.backend == "filament":
                 if row not in self._infrared:
                     self._infrared[row] = Renderer(self.scene, self.cameras, "auto")
-                dress(self._infrared[row], self.scene, world)
+                dress(self._infrared[row], self.scene, world, snapshot.bodies)
         for pipeline in self._pipelines.values():
             pipeline.place(list(snapshots), [self.drawn[row] for row in snapshots])
-
-    def _draw(self, snapshot: Snapshot, seed: int, levels: Mapping[str, float] | float) -> World:
-        if not self._guarded:
-            return self.world.sample(seed, self.scene, levels)
-        self._guard = self._guard or self._renderer(self.cameras, labels=True)
-        self._guard.render(snapshot.qpos, snapshot.bodies)  # puts the fixture where it stands
-        world, refused = redraw(self.world, self.scene, self._guard, seed, levels, qpos=snapshot.qpos)
-        self.redrawn += refused
-        return world
 
     def look(self, snapshots: Mapping[int, Snapshot]) -> None:
         """Draws these rows as they stand now."""
@@ -195,11 +185,11 @@ class CameraRig:
         if self._film is None:
             self._film = self._renderer([self.outside])
         looks = self.drawn[row].only(lambda e: effect(e.effect).family == "appearance")
-        dress(self._film, self.scene, looks)
+        dress(self._film, self.scene, looks, snapshot.bodies)
         return self._film.render(snapshot.qpos, snapshot.bodies)[self.outside.name].rgb
 
     def close(self) -> None:
         """Frees the renderers."""
-        for r in (*self._renderers, *self._infrared.values(), self._film, self._guard):
+        for r in (*self._renderers, *self._infrared.values(), self._film):
             if r is not None:
                 r.close()
