@@ -10,8 +10,8 @@ from pressed import recorded
 
 from vispeg.contact.errors.nuisance import Nuisance
 from vispeg.contact.next_motion import separating
-from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fails
-from vispeg.contact.run import evidence_of
+from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fails, worst_left
+from vispeg.contact.run import compare_contact, evidence_of
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.worlds.world import World
 
@@ -30,6 +30,29 @@ def test_an_error_of_contact_is_not_called_one_of_free_air():
     assert np.sum(spread[free] ** 2) > 0.1 * np.sum(spread[pressed] ** 2) > 0, "which the test of an effect allows for"
     assert where_it_fails(evidence, predicted) == [{"joint": "force z", "regime": "press", "share": 1.0}]
     assert str(arrays(evidence, predicted)["worst/moment"]).endswith("press")
+
+
+def test_the_error_is_what_a_person_takes_from_the_plot():
+    """Plain newtons, measured less model, of all that is drawn; no allowance for a sensor's zero or a path is in it."""
+    compared = compare_contact(World(), [recorded((FIXTURE,))])
+    drawn = compared.arrays["0/measured"] - compared.arrays["0/before"]
+    plain = float(np.sqrt(np.nanmean(drawn**2)))
+    assert compared.record["ladder"][0]["heldout_error"] == pytest.approx(plain, rel=1e-12)
+    axes = [row["error"] for row in compared.record["joints"][:3]]
+    assert plain == pytest.approx(np.sqrt(np.mean(np.square(axes))), rel=1e-9), "and what each axis says"
+
+
+def test_the_place_of_what_is_left_is_told():
+    evidence = evidence_of([recorded((FIXTURE,))])
+    (item,) = evidence.items
+    predicted = [np.repeat(item.measured[None], 2, axis=0)]
+    block = int(np.flatnonzero(item.phase.of("slide") & item.valid[:, 2])[5])
+    predicted[0][1, block, 2] -= 2.0
+    worst = worst_left(evidence, predicted)
+    assert worst["phase"] == "slide" and worst["force"] == pytest.approx(2.0)
+    assert worst["time_s"] == pytest.approx(item.segment.time[block], abs=0.01)
+    x, y, z = worst["tip_m"]
+    assert x == pytest.approx(0.03, abs=2e-3) and abs(y) < 0.021 and abs(z) < 2e-3, "it slides beside the hole"
 
 
 def test_the_worst_moment_is_none_in_which_contact_ends():

@@ -69,4 +69,4 @@ def test_a_model_must_come_near_what_least_squares_leaves():
     assert decide(1000.0, 20.0, 3, [], []).verdict == "identified"
     assert decide(1000.0, 20.0, 3, [], [], mark=10.0).verdict == "unexplained"
     assert decide(1000.0, 10.0 * MARK, 3, [], [], mark=10.0).verdict == "identified"
-    assert "leaves 10.0" in decide(1000.0, 20.0, 3, [], [], mark=10.0).reason
+    assert "leaves 3.2 ×" in decide(1000.0, 20.0, 3, [], [], mark=10.0).reason

@@ -43,13 +43,13 @@ def test_coarse_encoders_raise_the_floor_of_angles_alone(evidence):
 def test_the_verdict_rests_on_it_however_bad_the_nominal_model_was():
     assert decide(3000.0, 75.0, 9, [], []).verdict == "identified", "as a mean over all readings"
     verdict = decide(3000.0, 75.0, 9, [], [], farthest=149.0)
-    assert verdict.verdict == "unexplained" and verdict.partial and "149 times" in verdict.reason
+    assert verdict.verdict == "unexplained" and verdict.partial and "12 × its own noise floor" in verdict.reason
     assert decide(1e6, 75.0, 9, [], [], farthest=149.0).verdict == "unexplained"
     assert decide(3000.0, 34.0, 9, [], [], farthest=67.0).verdict == "identified"
 
 
 def test_an_adequate_model_says_what_noise_leaves_of_the_right_one():
     said = decide(1872.0, 1872.0, 0, [], [], floor=28920.0)
-    assert said.verdict == "adequate" and "28920.0 are what coarse or noisy readings leave" in said.reason
+    assert said.verdict == "adequate" and "readings leave 170 × the noise floor" in said.reason
     assert "no effect lowers it" not in said.reason, "none was asked"
     assert "no effect lowers it" in decide(1.4, 1.4, 0, [], []).reason

@@ -87,7 +87,11 @@ def judge() -> Judge:
 def test_a_value_at_its_bound_stands_behind_whatever_else_passes():
     state = State(World(), np.full((40, 1), 25e3), np.zeros(1))
     friction, limit = trial("viscous_friction", 150.0), trial("torque_speed_limit", 90.0, at_bound=True)
-    lost = trial("rotor_inertia", 50.0, rejected="its interval includes no effect")
+    lost = trial(
+        "rotor_inertia",
+        50.0,
+        rejected="it may be absent: its 95 % interval includes the value at which it does nothing",
+    )
     names = [t.score.placed.effect for t in in_order(judge(), state, [lost, limit, friction])]
     assert names == ["viscous_friction", "torque_speed_limit", "rotor_inertia"]
     free = trial("torque_speed_limit", 90.0)
@@ -147,7 +151,11 @@ def test_what_removes_little_beside_friction_is_named_where_no_friction_can_remo
     search = SimpleNamespace(least_share=0.001, evidence=SimpleNamespace(least_gain=0.01), holds=lambda state, t: True)
     t = replace(trial(name, 600.0), gain=Gain(400.0, 9.0, 0.4))
     text = refusal(search, state, t, 3.0, True)  # type: ignore[arg-type]
-    assert text == "its interval includes no effect" if passes else text.startswith("only refines")
+    assert (
+        text == "it may be absent: its 95 % interval includes the value at which it does nothing"
+        if passes
+        else text.startswith("only refines")
+    )
 
 
 @pytest.mark.parametrize(("at_bound", "remains"), [(True, 90.0), (False, 90.0), (False, 110.0), (False, 1.1)])

@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from vispeg.report.text import contact_words, effect_words, joint_errors, words
+from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.conclusion.verdict import decide, settled_names
+from vispeg.report.text import contact_words, effect_words, joint_errors, unseen, words
 from vispeg.report.text.quantities import interval, plain, quantity
 from vispeg.report.text.terminal import effects_table
 
@@ -62,6 +64,43 @@ def test_down_to_the_noise_floor_only_where_it_is():
     assert "down to the noise floor" in words.verdict(_ladder(1e-2, 1.1e-4, **named))
     assert "down to 1.50 × the noise floor" in words.verdict(_ladder(1e-2, 1.5e-4, **named))
     assert "down to the noise floor" not in words.verdict(_ladder(1e-2, 1.1e-4, floor=None, **named))
+
+
+def test_an_error_that_began_at_the_floor_did_not_come_down_to_it():
+    """Whatever the verdict, and of one effect or of several."""
+    rival = {"effect": "link_mass", "where": "link7"}
+    for verdict in ("identified", "ambiguous"):
+        for others in ([], [rival]):
+            found = [{"effect": "payload", "where": "flange", "indistinguishable_from": others}]
+            said = words.verdict(_ladder(0.9e-4, 0.5e-4, verdict=verdict, effects=found))
+            assert "down to" not in said and "at the noise floor from the start" in said, said
+
+
+def test_what_cannot_be_told_apart_is_counted_alike_in_the_headline_and_in_the_reason():
+    """Ten effects have rivals, seven of them are tentative anyhow."""
+    labels = [f"joint_bias(joint{i})" for i in range(10)]
+    rivals = [Rivals(label, ("another",), ()) for label in labels]  # type: ignore[arg-type]
+    unsure = set(labels[3:])
+    verdict = settled_names(decide(1e4, 1.1, 10, rivals, []), rivals, unsure)
+    other = [{"effect": "cable_spring", "where": "joint0"}]
+    effects = [
+        {"effect": "joint_bias", "where": f"joint{i}", "indistinguishable_from": other, "tentative": i >= 3}
+        for i in range(10)
+    ]
+    said = words.verdict(_ladder(1e-2, 1e-4, verdict=verdict.verdict, effects=effects))
+    assert "3 that these recordings cannot tell from others" in said
+    assert [label in verdict.reason for label in labels] == [True] * 3 + [False] * 7
+    named = settled_names(verdict, rivals, set(labels))
+    assert named.reason == verdict.reason, "what was said once stays"
+
+
+def test_the_reason_has_the_error_of_the_ladder():
+    """One scale, multiples of the noise floor, and one figure of it."""
+    record = _ladder(1.2e-2, 1.07e-4)
+    for n, first in ((1, 120.0), (0, 1.07)):
+        verdict = decide(first**2, 1.3, n, [], [], errors=(first, 1.07))
+        assert "1.07 × the noise floor" in verdict.reason and "variance" not in verdict.reason
+    assert "1.07 × the noise floor" in words.fall(record)
 
 
 def _joint(name, after, floor, channel="needed", **more):
@@ -216,3 +255,47 @@ def test_the_phase_in_which_the_error_falls_most_is_told_and_none_where_none_fal
     assert contact_words.phases({"phases": phases[:1]}) == contact_words.phases({}) == ""
     lone = [{"phase": "press", "seconds": 2.0, "before": 1.4, "floor": 0.1}]
     assert contact_words.phases({"phases": lone}) == "", "a comparison has one model alone"
+
+
+def test_the_phase_and_the_place_of_what_is_left_of_a_contact_are_told():
+    phases = [
+        {"phase": "press", "seconds": 3.0, "floor": 0.17, "before": 0.20, "after": 0.19},
+        {"phase": "slide", "seconds": 2.0, "floor": 0.083, "before": 0.80, "after": 0.71},
+    ]
+    worst = {"recording": "slide-2", "time_s": 12.34, "force": 2.1, "phase": "slide", "tip_m": [0.0031, -2e-4, 4e-4]}
+    said = contact_words.left({"phases": phases, "worst_left": worst})
+    assert said.startswith("What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor")
+    assert "2.10 N, at 12.3 s of slide-2 with the tip x 3.1, y −0.20, z 0.40 mm from the goal" in said
+    assert contact_words.left({"phases": phases[:1]}) == "", "a phase at its floor is none"
+
+
+def test_what_could_not_have_been_seen_is_listed_the_least_certain_first():
+    found = [{"effect": "contact_friction", "where": "peg"}]
+    rows = [
+        {"effect": "contact_friction", "where": "peg", "between": {"scale": [0.9, 1.1]}},
+        {"effect": "wrench_bias", "where": "flange", "between": {"fx": [-0.5, 0.5], "fy": [-0.5, 0.5]}},
+        {"effect": "fixture_compliance", "where": "fixture", "between": {"x": None, "z": [0.0, 2e-5]}},
+        {"effect": "contact_stiffness", "where": "peg", "between": {"scale": [0.5, 2.0]}},
+    ]
+    said = unseen.sentence({"effects": found, "shows_from": rows})
+    assert said.startswith("not seen if no larger: Fixture compliance at fixture (x at any size; z up to 20 µm/N); ")
+    assert "(fx, fy ±0.50 N)" in said and "(scale 0.50 to 2.0)" in said and "friction" not in said
+    assert unseen.sentence({"effects": found}) == ""
+
+
+def test_the_terminals_table_says_of_each_effect_how_sure_its_name_is():
+    value = {"params": {"mass": {"value": 0.6, "low": 0.5, "high": 0.7, "unit": "kg"}}}
+    effects = [
+        {"effect": "payload", "where": "flange", **value},
+        {"effect": "link_mass", "where": "link6", "tentative": True, **value},
+        {
+            "effect": "link_mass",
+            "where": "link7",
+            **value,
+            "indistinguishable_from": [{"effect": "a"}, {"effect": "b"}],
+        },
+    ]
+    sheet = effects_table({"verdict": "ambiguous", "effects": effects})
+    column = [c.head for c in sheet.columns].index("Name")
+    assert [row[column] for row in sheet.rows] == ["named", "tentative", "1 of 3"]
+    assert "Name" not in [c.head for c in effects_table({"effects": effects}).columns], "a fit names nothing"

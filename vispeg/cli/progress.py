@@ -1,4 +1,4 @@
-"""How far long work is, on standard error: bars on a terminal; elsewhere a line now and then, for a log."""
+"""How far long work is, on standard error: one bar on a terminal; elsewhere a line now and then, for a log."""
 
 from __future__ import annotations
 
@@ -14,12 +14,48 @@ if TYPE_CHECKING:
     from vispeg.evaluation.records import Episode
 
 SHARE, SECONDS = 0.1, 10.0  # a line in a log is this much further than the last one, and so much later
-MOST = 12  # rows of a terminal
+SURE = 5.0  # s of work, before which nothing is said of the time that remains
+
+
+class Pace:
+    """How long work still takes, from the time that its kinds took so far; unknown rather than wrong.
+
+    Policies differ a hundredfold in what an episode takes, so each counts by its own pace, and one that has not begun
+    has none. Where nothing has come for as long as everything should take, the estimate has shown to be false.
+
+    Args:
+        totals: name -> how many there will be.
+    """
+
+    def __init__(self, totals: Mapping[str, int]):
+        self.totals = dict(totals)
+        self.done = dict.fromkeys(totals, 0)
+        self.new = dict.fromkeys(totals, 0)
+        self.took = dict.fromkeys(totals, 0.0)
+        self.last = time.monotonic()
+
+    def advance(self, name: str, by: int, resumed: bool = False) -> None:
+        """Counts `by` more of a name, done since the last call; `resumed`: done by an earlier run."""
+        self.done[name] += by
+        if not resumed:
+            now = time.monotonic()
+            self.new[name] += by
+            self.took[name] += now - self.last
+            self.last = now
+
+    def left(self) -> float | None:
+        """Seconds that remain; None where that is not known."""
+        waiting = [n for n, total in self.totals.items() if self.done[n] < total]
+        if any(not self.new[n] for n in waiting) or sum(self.took.values()) < SURE:
+            return None
+        seconds = sum((self.totals[n] - self.done[n]) * self.took[n] / self.new[n] for n in waiting)
+        seconds -= time.monotonic() - self.last
+        return seconds if seconds > 0 else None
 
 
 @contextmanager
 def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
-    """Bars by name, and one of all where there are several; yields `advance(name, by, note="", resumed=False)`.
+    """One bar of all names together; yields `advance(name, by, note="", resumed=False)`.
 
     Args:
         totals: name -> how many there will be.
@@ -27,28 +63,33 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
         quiet: show nothing.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn
+    from rich.table import Column
+    from rich.text import Text
 
-    terminal = sys.stderr.isatty()
+    class Left(ProgressColumn):
+        """What remains, also while nothing comes."""
+
+        def render(self, task: object) -> Text:
+            return Text(_left(pace))
+
+    terminal, pace = sys.stderr.isatty(), Pace(totals)
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", table_column=Column(no_wrap=True)),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        TimeRemainingColumn(),
+        Left(table_column=Column(no_wrap=True)),
+        TextColumn("{task.fields[note]}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)),
     )
-    with Progress(*columns, console=Console(stderr=True), disable=quiet or not terminal) as display:
-        several = len(totals) > 1
-        rows = {n: display.add_task(n, total=t, note="") for n, t in [*totals.items()][:MOST]}
-        overall = display.add_task(f"all {unit}", total=sum(totals.values()), note="") if several else None
-        log = _Log(totals, unit, quiet or terminal)
+    with Progress(*columns, console=Console(stderr=True), disable=quiet or not terminal, expand=True) as display:
+        title = unit if len(totals) > 1 else next(iter(totals), unit)
+        row = display.add_task(title, total=sum(totals.values()), note="")
+        log = _Log(pace, unit, quiet or terminal)
 
         def advance(name: str, by: int, note: str = "", resumed: bool = False) -> None:
-            if name in rows:
-                display.update(rows[name], advance=by, note=note if overall is None else "")
-            if overall is not None:
-                display.update(overall, advance=by, note=note)
-            log.advance(name, by, note, resumed)
+            pace.advance(name, by, resumed)
+            display.update(row, advance=by, note=note)
+            log.told(note, resumed)
 
         yield advance
 
@@ -109,39 +150,48 @@ def playing(
 
 
 class _Log:
-    """Lines in place of bars."""
+    """Lines in place of a bar."""
 
-    def __init__(self, totals: Mapping[str, int], unit: str, quiet: bool):
-        self.totals, self.unit, self.quiet = totals, unit, quiet
-        self.done = dict.fromkeys(totals, 0)
-        self.resumed, self.share = 0, 0.0
-        self.began = self.last = time.monotonic()
+    def __init__(self, pace: Pace, unit: str, quiet: bool):
+        self.pace, self.unit, self.quiet = pace, unit, quiet
+        self.share, self.last = 0.0, time.monotonic()
 
-    def advance(self, name: str, by: int, note: str, resumed: bool) -> None:
-        """`resumed`: what was done before."""
-        self.done[name] += by
-        self.resumed += by if resumed else 0
-        done, total, now = sum(self.done.values()), sum(self.totals.values()), time.monotonic()
-        share = done / max(total, 1)
-        if self.quiet or resumed or done >= total or share - self.share < SHARE or now - self.last < SECONDS:
+    def told(self, note: str, resumed: bool) -> None:
+        """Says how far the work is, if it is much further than when it was said last."""
+        done, totals, now = self.pace.done, self.pace.totals, time.monotonic()
+        count, total = sum(done.values()), sum(totals.values())
+        share = count / max(total, 1)
+        if self.quiet or resumed or count >= total or share - self.share < SHARE or now - self.last < SECONDS:
             return
         self.share, self.last = share, now
-        seconds = (now - self.began) * (total - done) / max(done - self.resumed, 1)
-        each = ", ".join(f"{n} {d} of {self.totals[n]}" for n, d in self.done.items() if len(self.done) > 1)
-        words = (f"{done} of {total} {self.unit} ({share:.0%})", note, each, f"about {duration(seconds)} left")
+        each = ", ".join(f"{n} {d} of {totals[n]}" for n, d in done.items() if len(done) > 1)
+        words = (f"{count} of {total} {self.unit} ({share:.0%})", note, each, _left(self.pace))
         print("; ".join(filter(None, words)), file=sys.stderr, flush=True)
+
+
+def _left(pace: Pace) -> str:
+    """`about 12 min left`; empty where that is not known."""
+    seconds = pace.left()
+    return "" if seconds is None else f"about {duration(seconds)} left"
 
 
 @contextmanager
 def stages(quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """A line that changes on a terminal, lines elsewhere; yields what tells the present stage."""
+    """One line that changes on a terminal, with the time that it took so far; lines elsewhere. Nobody knows how many
+    stages there will be, so nothing is said of the time that remains. Yields what tells the present stage.
+    """
     from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
     if quiet:
         yield lambda text: None
     elif sys.stderr.isatty():
-        with Console(stderr=True).status("") as status:
-            yield lambda text: status.update(text)
+        stage = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+        columns = (SpinnerColumn(), TimeElapsedColumn(), stage)
+        with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+            row = display.add_task("", total=None)
+            yield lambda text: display.update(row, description=text)
     else:
         yield lambda text: print(text, file=sys.stderr, flush=True)
 

@@ -146,6 +146,19 @@ class ContactEvidence(Evidence):
             self._recent = [(key, answer), *self._recent[:7]]
         return answer
 
+    def errors(self, worlds: Sequence[World]) -> list[float]:
+        """RMS of measured less predicted force over the blocks that are compared, N: as a person takes it from a plot.
+
+        What the sensor's zero and the path may be off by is in it; residuals are without.
+        """
+        per_item, out = self.simulated(worlds), []
+        for w in range(len(worlds)):
+            pairs = zip(self.items, per_item, strict=True)
+            missed = [np.where(i.valid, i.measured - y[w], 0.0)[:, :3] for i, y in pairs]
+            total = sum(float(np.sum(m**2)) for m in missed)
+            out.append(float(np.sqrt(total / max(sum(int(i.valid[:, :3].sum()) for i in self.items), 1))))
+        return out
+
     @property
     def floors(self) -> np.ndarray:
         """(6,) RMS floor of each column, N and N m."""

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_dilation
+from scipy.spatial.transform import Rotation
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.diagnosis.schema import Failure, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
+from vispeg.sim.compiled import flange_pose
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
@@ -74,6 +76,28 @@ def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> li
     return out
 
 
+def worst_left(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, object]:
+    """Where the last world is furthest off in its floors: recording, s, N, phase, the tip from the goal in m."""
+    worst = (-1.0, 0, 0)
+    for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
+        size = (judged.whiten(item, y[-1])[:, :3] ** 2).sum(axis=1)
+        k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
+        worst = max(worst, (float(size[k]), r, k))
+    _, r, k = worst
+    item = judged.items[r]
+    off = (item.measured - predicted[r][-1])[k, :3]
+    scene = item.source.scene
+    pose = flange_pose(scene.nominal, item.recording.q[item.segment.rows[k]][None])[0]
+    tip = pose[:3] + Rotation.from_quat(pose[3:], scalar_first=True).apply([0.0, 0.0, scene.tip]) - item.path.goal
+    return {
+        "recording": item.name,
+        "time_s": round(float(item.segment.time[k]), 2),
+        "force": float(np.linalg.norm(off)),
+        "phase": NAMES[item.phase.code[k]],
+        "tip_m": [round(float(v), 5) for v in tip],
+    }
+
+
 def _root(parts: Sequence[np.ndarray]) -> float:
     values = np.concatenate([p.ravel() for p in parts])
     return float(np.sqrt(np.mean(values**2)))
@@ -87,7 +111,8 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
         out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
         for w, key in zip(range(len(y)), ("before", "after"), strict=False):
-            out |= {f"{r}/{key}": y[w, :, :3], f"{r}/{key}_tau": y[w, :, 3:]}
+            compared = np.where(item.valid, y[w], np.nan)  # so that a plot shows what the errors are of
+            out |= {f"{r}/{key}": compared[:, :3], f"{r}/{key}_tau": compared[:, 3:]}
         out[f"{r}/sigma"] = item.sigma
         size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
         k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))

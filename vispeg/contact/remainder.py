@@ -14,6 +14,7 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.scale import floors
 from vispeg.worlds.world import World
 
 FORM = 1.0  # variances of the floor, which counts what the form of the right model leaves, that it may leave in a phase
@@ -60,7 +61,8 @@ def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
         return verdict
     where = "held-out" if worst.held_out else "fitted"
     text = (
-        f"in {worst.phase} a residual {worst.mean_square:.1f} times the noise variance remains ({worst.blocks} "
-        f"{where} blocks, up to {worst.bar:.1f} is chance and form), which no known effect explains"
+        f"in {worst.phase} an error of {floors(worst.mean_square)} × the noise floor remains beyond what the sensor's "
+        f"zero and the path may be off by ({worst.blocks} {where} blocks, up to {floors(worst.bar)} × is chance and "
+        "form), which no known effect explains"
     )
     return Verdict("unexplained", text, {"depends_on": [], "text": text}, partial=True)

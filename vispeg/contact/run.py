@@ -12,7 +12,7 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.law import unsure
 from vispeg.contact.next_motion import separating
-from vispeg.contact.record import arrays, channels, not_excited, phase_errors, shows_from, where_it_fails
+from vispeg.contact.record import arrays, channels, not_excited, phase_errors, shows_from, where_it_fails, worst_left
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.selection import entangled, layer, weighed
@@ -30,7 +30,6 @@ from vispeg.diagnosis.record import candidates, correlations, effects, ladder, m
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.share import Share
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
@@ -61,24 +60,24 @@ def diagnose_contact(
         UserError: recordings without a wrench, or none that begins in free air.
     """
     evidence, judged = evidence_of(fitted, nthread), evidence_of(held_out, nthread)
-    judge, say = Judge(judged), Share(say, ahead=2)
+    judge = Judge(judged)
     search = ContactSearch(evidence, judge, say, progress)
     begin = begun(world)
     world, n_fixed = begin.world, begin.n_fixed
-    before_fit, before_held = evidence.residuals([world])[0], judged.residuals([world])[0]
+    before_held = judged.residuals([world])[0]
     shows = least_sizes(search, world)
     state = search.run(world, n_fixed)
-    say.ahead = 1
     tool = weighed.weighed(search, state, n_fixed)
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
-    after_held = judged.residuals([state.world])[0]
+    errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
     say("running blows again")
     hit = struck(state.world, fitted, held_out, nthread)
     beside = (*louder(world, evidence.items, judged.items), *hit.effects)
     fitted_world = state.world.add(*beside)
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
-    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, []), rests)
+    seen = (errors[0] / judged.floor, errors[1] / judged.floor)
+    verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=seen), rests)
     corrected = widened(repeated(state.world, n_fixed), n_fixed, before, after).add(*beside)
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
@@ -90,8 +89,7 @@ def diagnose_contact(
         n_fixed,
         fitted,
         held_out,
-        judged.angle_rms(before_held),
-        judged.angle_rms(after_held),
+        *errors,
         verdict.partial,
         unsure(corrected, n_fixed),
     )
@@ -104,10 +102,11 @@ def diagnose_contact(
         "verdict": verdict.verdict,
         "reason": verdict.reason,
         "effects": weighed.beside(entangled.beside(effects(final, n_fixed, rivals, fitted_world), pairs), tool),
-        "ladder": ladder(evidence, judged, state, before_fit, before_held),
+        "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
         "phases": phase_errors(judged, predicted),
+        "worst_left": worst_left(judged, predicted),
         "unexplained": verdict.unexplained,
         "channels": channels(judged, predicted),
         "not_excited": unseen,
@@ -130,7 +129,7 @@ def compare_contact(
     """How far the wrench of a model is off what was measured, axis by axis and phase by phase."""
     evidence = evidence_of(recordings, nthread)
     residual, predicted = evidence.residuals([world])[0], evidence.simulated([world])
-    error = evidence.angle_rms(residual)
+    (error,) = evidence.errors([world])
     rows = channels(evidence, predicted)
     record: ComparisonRecord = {
         "format": "vispeg-compare/1",

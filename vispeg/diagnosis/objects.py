@@ -13,6 +13,7 @@ from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Gain, Judge
@@ -85,7 +86,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
 
     def announce(self, state: Tossed) -> None:
         """Says the model and its held-out error."""
-        self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.1f} x noise variance")
+        self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise")
 
     def offers(self, state: Tossed, n_fixed: int) -> list[Tried]:
         """The best sizes of the screening, fitted and judged; those that pass come first."""
@@ -176,14 +177,15 @@ def diagnose_object(
     say("what else would do as well")
     equals = search.rivals(final, n_fixed)
     before, after = (judge.mean(judge.losses([w])[0]) for w in (world, final))
-    verdict = decide(before, after, len(final.effects) - n_fixed, [], [])
+    distance = [judged.errors(w)[0] for w in (world, final)]
+    rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
+    seen = (rms[0] / judged.floor, rms[1] / judged.floor)
+    verdict = decide(before, after, len(final.effects) - n_fixed, [], [], errors=seen)
     named = [label for label, others in equals.items() if others]
     if verdict.verdict == "identified" and named:
         verdict = type(verdict)("ambiguous", f"these tosses cannot tell {', '.join(named)} from other effects")
     say("what each length of window can tell")
     rows = windows(fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
-    distance = [judged.errors(w)[0] for w in (world, final)]
-    rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
     result = with_origin(final, n_fixed, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",

@@ -87,43 +87,24 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
 
 
 def ladder(
-    evidence: Evidence,
-    judged: Evidence,
-    state: State,
-    fit0: np.ndarray,
-    held0: np.ndarray,
-    read: tuple[str, World] | None = None,
+    evidence: Evidence, judged: Evidence, state: State, nominal: World, read: tuple[str, World] | None = None
 ) -> list[Rung]:
-    """Error of each model on the way, fitted and held out; `fit0`, `held0` are the residuals of the first.
+    """Error of each model on the way, fitted and held out, from the `nominal` one.
 
     `read` is the model with what the readings show by themselves, and that label, where they show something.
     """
+    models = [("nominal", nominal)]
+    models += [] if read is None else [read]
+    models += [] if state.opened is None else [(ANEW, state.opened)]
+    models += [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
+    if len(models) > 1 and state.world.label != models[-1][1].label:
+        models.append(("after backward deletion", state.world))
+    worlds = [world for _, world in models]
     unit = f"{judged.unit} RMS"
-    rungs: list[Rung] = [
-        {
-            "model": "nominal",
-            "fit_error": evidence.angle_rms(fit0),
-            "heldout_error": judged.angle_rms(held0),
-            "unit": unit,
-        }
+    return [
+        {"model": label, "fit_error": fit, "heldout_error": held, "unit": unit}
+        for (label, _), fit, held in zip(models, evidence.errors(worlds), judged.errors(worlds), strict=True)
     ]
-    opened = [] if state.opened is None else [state.opened]
-    begun = [] if read is None else [read[1]]
-    worlds = begun + opened + [best.fit.world for best, _ in state.steps]
-    if worlds and state.world.label != worlds[-1].label:
-        worlds.append(state.world)
-    labels = ([] if read is None else [read[0]]) + [ANEW] * len(opened)
-    for best, _ in state.steps:
-        labels.append(f"+ {best.score.label}")
-    if len(worlds) > len(labels):
-        labels.append("after backward deletion")
-    if worlds:
-        fits, helds = evidence.each_residual(worlds), judged.each_residual(worlds)
-        for label, f, h in zip(labels, fits, helds, strict=True):
-            rungs.append(
-                {"model": label, "fit_error": evidence.angle_rms(f), "heldout_error": judged.angle_rms(h), "unit": unit}
-            )
-    return rungs
 
 
 def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:

@@ -13,7 +13,7 @@ from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import Verdict, decide
+from vispeg.diagnosis.conclusion.verdict import Verdict, decide, settled_names
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
@@ -36,7 +36,6 @@ from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.diagnosis.selection.judge import FARTHEST, Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.share import Share
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.soft import near
@@ -85,15 +84,12 @@ def diagnose(
             fitted, held_out = roles.fitted, roles.held_out
             evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
     judge = Judge(judged)
-    say = Share(say, ahead=3)  # of one effect: its fit, its rivals, the next experiment
     search = Search(evidence, judge, say, progress)
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
-    before_fit = evidence.residuals([world])[0]
     before_held = judged.residuals([world])[0]
     state = search.start(begin.first, n_fixed) if within(judged, begin.first) else search.run(begin.first, n_fixed)
-    say.ahead = 1
     rivals = settled(search, state, n_fixed, say)
     after_held = judged.residuals([state.world])[0]
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -112,20 +108,22 @@ def diagnose(
     unjudged = None if roles is None else roles.unjudged(state.world, evidence)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
-    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read))
+    errors = judged.errors([world, state.world])
+    seen = (errors[0] / judged.floor, errors[1] / judged.floor)
+    verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
     changing = search.changes(state, n_fixed)
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > FARTHEST)
     unsure |= {c.label for c in changing}
+    verdict = settled_names(verdict, rivals, unsure)
     final = with_origin(
         widened(state.world, n_fixed, before, after - floor + 1.0),
         n_given,
         fitted,
         held_out,
-        judged.angle_rms(before_held),
-        judged.angle_rms(after_held),
+        *errors,
         verdict.partial,
         unsure,
     )
@@ -137,7 +135,6 @@ def diagnose(
         drawing[f"map/{axis}/after"] = final_maps[axis][1]
     upcoming, more = (None, {})
     if plan_next:
-        say.ahead = 0
         say("choosing what to record next")
         if unjudged is not None:
             upcoming = repeated(unjudged.alone)
@@ -149,7 +146,7 @@ def diagnose(
         "verdict": verdict.verdict,
         "reason": verdict.reason,
         "effects": effects(final, n_given, rivals, state.world),
-        "ladder": ladder(evidence, judged, state, before_fit, before_held, rung),
+        "ladder": ladder(evidence, judged, state, world, rung),
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",

@@ -245,6 +245,7 @@ class DiagnosisRecord(Summary):
     contact: NotRequired[Mapping[str, object]]
     evidence: NotRequired[str]
     phases: NotRequired[Sequence[Mapping[str, object]]]
+    worst_left: NotRequired[Mapping[str, object]]
     views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[NotExcited]]
     shows_from: NotRequired[list[ShowsFrom]]

@@ -190,7 +190,7 @@ class Evidence(Freedom):
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
         """RMS error of the principal channel under each world, in `unit`."""
-        return [self.angle_rms(r) for r in self.residuals(worlds)]
+        return [self.angle_rms(r) for r in self.each_residual(worlds)]
 
     @property
     def floors(self) -> np.ndarray:

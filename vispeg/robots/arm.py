@@ -143,18 +143,25 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
             raise UserError("a free or ball joint", file=label, key=joint.name, expected="a fixed-base arm with hinges")
     if slides:
         gone = {j.name for j in slides}
+        carrying = [j.name for j in slides if _carries(j)]
         for tendon in list(spec.tendons):
             spec.delete(tendon)
         for equality in list(spec.equalities):
             coupled = equality.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
             if coupled and (equality.type == mujoco.mjtEq.mjEQ_TENDON or gone & {equality.name1, equality.name2}):
                 spec.delete(equality)
-        named = ", ".join(sorted(name or "without a name" for name in gone))
-        warnings.warn(f"{label}: sliding joints are held where they stand: {named}", stacklevel=2)
+        if carrying:  # a gripper's fingers carry nothing: no arm moves otherwise for them
+            named = ", ".join(sorted(name or "without a name" for name in carrying))
+            warnings.warn(f"{label}: sliding joints that carry others are held where they stand: {named}", stacklevel=2)
         for joint in slides:
             spec.delete(joint)
     if not list(spec.joints):
         raise UserError("no hinge joint", file=label, expected="an arm with revolute (hinge) joints")
+
+
+def _carries(joint: mujoco.MjsJoint) -> bool:
+    """Whether a hinge moves along with a sliding joint, as on a linear axis."""
+    return any(j.type == HINGE for j in joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))
 
 
 def _motor(spec: mujoco.MjSpec, joint: str) -> None:

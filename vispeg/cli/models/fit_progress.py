@@ -1,35 +1,43 @@
-"""How far `vispeg fit` is: a bar for each start with its present error on a terminal, a line now and then elsewhere."""
+"""How far `vispeg fit` is: one bar with the best error so far on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from vispeg.cli.progress import SECONDS
+from vispeg.diagnosis.scale import floors
 from vispeg.identify.checkpoint import Trace
 
 
 @contextmanager
 def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Shows the optimizers' progress while the body runs; yields a function to call at each step."""
+    """Shows the optimizers' progress while the body runs; yields a function to call at each step.
+
+    An optimizer may end long before its last step, so nothing is said of the time that remains.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[error]}"), TimeElapsedColumn())
     log, last = not quiet and not sys.stderr.isatty(), time.monotonic()
+    done, best = [0.0] * starts, math.inf
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=quiet or log) as progress:
-        bars = [progress.add_task(f"start {i + 1}", total=steps, error="") for i in range(starts)]
+        title = "fitting" if starts == 1 else f"fitting, {starts} starts"
+        bar = progress.add_task(title, total=starts * steps, error="")
 
         def follow(i: int, trace: Trace) -> None:
-            nonlocal last
-            done = trace.laps + min(len(trace.generations) / 10.0, steps - 1.0)
-            error = f"{trace.cost:.4g} noise variances"
-            progress.update(bars[i], completed=done, error=error)
+            nonlocal last, best
+            done[i] = trace.laps + min(len(trace.generations) / 10.0, steps - 1.0)
+            best = min(best, trace.cost)
+            error = f"{floors(best)} x noise"
+            progress.update(bar, completed=sum(done), error=error)
             if log and time.monotonic() - last > SECONDS:
                 last = time.monotonic()
-                print(f"start {i + 1} of {starts}: {done:.0f} of {steps} steps at most, {error}", file=sys.stderr)
+                print(f"start {i + 1} of {starts}: {done[i]:.0f} of {steps} steps at most, {error}", file=sys.stderr)
 
         yield follow
 

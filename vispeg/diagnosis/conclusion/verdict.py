@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
 from vispeg.diagnosis.evidence.roles import Roles
+from vispeg.diagnosis.scale import floors, times
 from vispeg.diagnosis.selection.judge import FARTHEST
 
 FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
@@ -36,6 +39,7 @@ def decide(
     unjudged: Roles | None = None,
     farthest: float | None = None,
     n_read: int = 0,
+    errors: tuple[float, float] | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -50,7 +54,10 @@ def decide(
         farthest: of the kinds of channels the one that the final model describes worst, over its floor; by default the
             mean over all.
         n_read: of the effects added those that the readings show by themselves, whatever the error does.
+        errors: held-out RMS error of the two models over the noise floor, as the ladder has them: what the reason says.
+            By default the roots of `before` and `after`.
     """
+    first, last = errors or (np.sqrt(before), np.sqrt(after))
     if unjudged is not None:
         rest = {"depends_on": [], "text": unjudged.note, "explained_share": 0.0, "shows_in": unjudged.alone}
         return Verdict("unexplained", unjudged.note, rest, partial=True)
@@ -62,21 +69,21 @@ def decide(
     if not at_floor and (explained < EXPLAINED or far or not n_added):
         on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
-        text = f"a residual {after:.1f} times the noise variance remains that no known effect explains; {what}"
+        text = f"an error of {times(last)} × the noise floor remains that no known effect explains; {what}"
         if farthest is not None and farthest > FARTHEST:
-            text += f"; what is described worst is {farthest:.0f} times its noise variance off"
+            text += f"; what is described worst is {floors(farthest)} × its own noise floor off"
         if mark is not None:
-            text += f"; least squares of all masses, friction and bias leaves {mark:.1f}"
+            over = f"over all readings the model leaves {floors(after)} × their noise"
+            text += f"; {over}, least squares of all masses, friction and bias leaves {floors(mark)} ×"
         rest = {"depends_on": on, "text": text, "explained_share": round(explained, 4)}
         return Verdict("unexplained", text, rest, partial=True)
     if not n_added:
-        text = f"held-out error is {after:.2f} times the noise variance"
+        text = f"the held-out error is {times(last)} × the noise floor"
         drowned = _of_readings(floor) if after <= floor else ""
         return Verdict("adequate", text + (drowned or " and no effect lowers it"))
-    names = {r.label for r in rivals if r.equals}
+    names = [r.label for r in rivals if r.equals]
     if names:
-        text = f"these recordings cannot tell {', '.join(sorted(names))} from other effects"
-        return Verdict("ambiguous", text, partial=not at_floor)
+        return Verdict("ambiguous", confounded(names), partial=not at_floor)
     remainder = (
         ""
         if at_floor
@@ -85,11 +92,32 @@ def decide(
     )
     remainder += _of_readings(floor)
     if n_added == n_read:
-        text = f"the readings lie on a grid; the held-out error of {after:.2f} noise variances is what its steps leave"
+        text = (
+            f"the readings lie on a grid; the held-out error of {times(last)} × the noise floor is what its steps leave"
+        )
         return Verdict("identified", text)
-    return Verdict("identified", f"held-out error fell from {before:.1f} to {after:.2f} noise variances{remainder}")
+    return Verdict(
+        "identified", f"held-out error fell from {times(first)} to {times(last)} × the noise floor{remainder}"
+    )
+
+
+def confounded(names: Sequence[str]) -> str:
+    """The reason for `ambiguous`: the effects (labels) that others explain as well."""
+    return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
+
+
+def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
+    """The verdict whose reason counts as the page does: effects with rivals, less those that are tentative anyhow."""
+    names = [r.label for r in rivals if r.equals]
+    if verdict.verdict != "ambiguous" or verdict.reason != confounded(names):
+        return verdict
+    certain = [name for name in names if name not in unsure]
+    text = confounded(certain) if certain else "every effect that others explain as well is tentative"
+    return replace(verdict, reason=text)
 
 
 def _of_readings(floor: float) -> str:
-    """What coarse or noisy readings leave of the right model, in noise variances, where that is more than the noise."""
-    return f"; {floor:.1f} are what coarse or noisy readings leave even of the right model" if floor > 1.05 else ""
+    """What coarse or noisy readings leave of the right model, in noise floors, where that is more than the noise."""
+    if floor <= 1.05:
+        return ""
+    return f"; coarse or noisy readings leave {floors(floor)} × the noise floor even of the right model"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.diagnosis.scale import floors
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.columns import SIGNALS
@@ -56,8 +57,8 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
             return Roles([first, *rest, *judged.recordings], [second], note)
-        what = f"{loud[0].name} is {max(means):.3g} noise variances from the model, and none of it shows in {names}"
-        note = f"{what}: nothing can be judged before another recording shows it"
+        far = f"{loud[0].name} is {floors(max(means))} × the noise floor from the model"
+        note = f"{far}, and none of it shows in {names}: nothing can be judged before another recording shows it"
         return Roles(evidence.recordings, judged.recordings, note, loud[0].name)
     most = evidence.recordings[int(np.argmax(means))]
     judge = [r for r in loud if r is not most][-1]

@@ -43,6 +43,8 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
 
 def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) -> str:
     """Why a trial fails a criterion; empty where it fails none. `level`: standard errors that its gain must reach."""
+    if t.gain.mean <= 0:
+        return "the held-out error does not fall"
     share = t.gain.mean / state.scale
     stays = without(state.world, t.score.out).effects if not t.score.beside else ()
     alike = [e for e in stays if _alike(e, t.score.placed)]
@@ -61,7 +63,7 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
     if not search.holds(state, t):
         return "it does not show in the held-out recordings alone"
     if absent:
-        return "its interval includes no effect"
+        return "it may be absent: its 95 % interval includes the value at which it does nothing"
     if bic_gain(search.evidence, state.world, state.residual, t.fit) <= 0:
         return "BIC with the effective sample size does not improve"
     return ""

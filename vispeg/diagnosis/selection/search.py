@@ -11,6 +11,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups, shortlist
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
 from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
@@ -75,7 +76,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
     def announce(self, state: State) -> None:
         """Says the model and its held-out error."""
-        self.say(f"{state.world.label}: held-out {self.judge.mean(state.loss):.3f} x noise variance; screening")
+        self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """What `step` tries."""

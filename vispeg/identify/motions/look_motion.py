@@ -85,6 +85,17 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
     if not 4 * EASE <= duration <= 120 or not 20 <= rate_hz <= 4000:
         expected = f"{4 * EASE:g} to 120 s at 20 to 4000 Hz"
         raise UserError("no such motion", key="--duration", expected=expected, got=f"{duration:g} s at {rate_hz:g} Hz")
+    motion = _made(name, scene, rate_hz, duration)
+    share, joint = _speed(motion, scene)
+    if share > 1:
+        least = f"{_shortest(name, scene, rate_hz):.1f} s or more"
+        raise UserError(f"{name} is too fast for {joint}", key="--duration", expected=least, got=f"{duration:g} s")
+    _touches_nothing(motion, scene)
+    return motion
+
+
+def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
+    """The motion, however fast. Raises UserError for a pose out of reach."""
     knots = np.linspace(0.0, duration, round(duration * KNOTS) + 1)
     nominal = nominal_of(scene.nominal, len(knots))
     x, y, z = scene.target
@@ -102,9 +113,7 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
         raise UserError(said, expected="a fixture nearer to the middle of its reach", got=list(scene.target))
     spline = CubicSpline(knots, q, bc_type="clamped")
     time = np.arange(round(duration * rate_hz)) / rate_hz
-    motion = Motion(name, time, spline(time), spline(time, 1))
-    _check(motion, scene, duration)
-    return motion
+    return Motion(name, time, spline(time), spline(time, 1))
 
 
 def _down(scene: Scene, home: np.ndarray) -> Rotation:
@@ -130,12 +139,26 @@ def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotati
     return about * down * Rotation.from_euler("z", at["roll"][:, None]), mouth + about.apply(above)
 
 
-def _check(motion: Motion, scene: Scene, duration: float) -> None:
-    """Raises UserError where the motion is too fast for the joints, or touches what stands in the cell."""
+def _speed(motion: Motion, scene: Scene) -> tuple[float, str]:
+    """The greatest share of a joint's speed that may be used, and whose it is."""
     share = np.abs(motion.dq_cmd).max(axis=0) / (FAST * np.asarray(scene.velocity_limit))
-    if share.max() > 1:
-        expected = f"{duration * share.max():.1f} s or more"
-        raise UserError(f"{motion.name} is too fast for {scene.joints[int(share.argmax())]}", expected=expected)
+    return float(share.max()), scene.joints[int(share.argmax())]
+
+
+def _shortest(name: str, scene: Scene, rate_hz: float) -> float:
+    """Seconds, in tenths, that the motion takes at least: the same whatever was asked for.
+
+    Twice as long is not half as fast, as it sets in and dies away in `EASE` each.
+    """
+    duration = share = 4 * EASE
+    while share > 1:
+        share, _ = _speed(_made(name, scene, rate_hz, duration), scene)
+        duration = float(np.ceil(10 * duration * share - 1e-6)) / 10 if share > 1 else duration
+    return duration
+
+
+def _touches_nothing(motion: Motion, scene: Scene) -> None:
+    """Raises UserError where the motion touches what stands in the cell."""
     model = scene.compile()
     data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
     every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))

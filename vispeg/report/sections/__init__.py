@@ -13,6 +13,7 @@ DIAGNOSIS = (
     "measured_vs_model",
     "maps",
     "pictures",
+    "unseen",
     "candidates",
     "confusions",
     "next_experiment",
@@ -22,8 +23,18 @@ DIAGNOSIS = (
 COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
 FIT = ("headline", "found", "doubts", "measured_vs_model", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
-VIEWS = ("headline", "found", "views", "candidates", "confusions", "next_experiment", "provenance")
-CONTACT = ("headline", "found", "wrench", "where_it_fails", "candidates", "confusions", "next_experiment", "provenance")
+VIEWS = ("headline", "found", "views", "unseen", "candidates", "confusions", "next_experiment", "provenance")
+CONTACT = (
+    "headline",
+    "found",
+    "wrench",
+    "where_it_fails",
+    "unseen",
+    "candidates",
+    "confusions",
+    "next_experiment",
+    "provenance",
+)
 CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")
 ROOMS = ("headline", "rooms", "found", "next_experiment")  # of several rooms; then what each of them shows
 SHARED = ("headline", "found", "next_experiment", "provenance")  # sections that a page of several rooms has once

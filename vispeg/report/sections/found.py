@@ -37,7 +37,14 @@ def context(record: Record) -> Mapping[str, object]:
 
 def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
     """The effects under `key` as rows of a table, one a parameter."""
-    return [{"effect": label(e), **row} for e in record.rows(key) for row in _params(e) or [_NOTHING]]
+    listed = record.rows(key)
+    return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [_NOTHING]]
+
+
+def sure(effect: Mapping[str, Any]) -> str:
+    """How sure the name of an effect is: `named`, `tentative`, or `1 of 3` where others explain the recordings too."""
+    others = len(rows(effect, "indistinguishable_from"))
+    return "tentative" if effect.get("tentative") else f"1 of {others + 1}" if others else "named"
 
 
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:

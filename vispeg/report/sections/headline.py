@@ -40,7 +40,7 @@ def context(record: Record) -> Mapping[str, object]:
         "onward": words.onward(values) if record.kind == "diagnosis" else "",
         "reason": str(values.get("reason") or "").rstrip("."),
         "judged": _judged(record),
-        "counted": contact_words.COUNTED if values.get("evidence") == "contact" else "",
+        "left": contact_words.left(values) if values.get("unexplained") else "",
         "robot": "" if record.robot is None else data_link(record.robot),
         "marks": _marks(record),
         "floor_unit_differs": bool(floor.get("unit")) and floor.get("unit") != unit and bool(unit),

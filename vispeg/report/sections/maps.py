@@ -25,7 +25,7 @@ LABELS = {
     "time": "time (s)",
     "frequency": "frequency (Hz)",
 }
-SHADES = ("#f6f5f1", "#f9d9a8", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")
+SHADES = ("#fff6da", "#fbdba4", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")  # the noise is no grey: that is no data
 NO_DATA, BETWEEN = day("empty"), "#fefefe"  # the page turns cells dark at night, and what is between them with them
 
 
@@ -61,6 +61,7 @@ def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
 def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> Figure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
+    from matplotlib.patches import Patch
 
     both = any(m.after is not None for m in maps)
     finite = np.concatenate([a[np.isfinite(a)] for m in maps for a in (m.before, m.after) if a is not None])
@@ -86,6 +87,8 @@ def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> F
     bar.set_ticks(named, labels=[f"{v:g}" for v in named])
     bar.ax.tick_params(length=0, which="both")
     bar.outline.set_visible(False)  # type: ignore[operator]
+    if any(not np.isfinite(a).all() for m in maps for a in (m.before, m.after) if a is not None):
+        figure.legend([Patch(facecolor=NO_DATA)], ["no data"], loc="outside lower right", handlelength=1.2)
     return figure
 
 
@@ -102,7 +105,7 @@ def _map(
     k = values.shape[1]
     masked = np.ma.masked_invalid(values)
     ax.pcolormesh(np.arange(k + 1), np.arange(len(joints) + 1), masked, cmap=colours, norm=norm, ec=BETWEEN, lw=0.6)
-    ax.set_facecolor(NO_DATA)
+    ax.axhspan(0, len(joints), color=NO_DATA, lw=0, zorder=0)  # the patch of the axes is not drawn
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
     ticks = np.arange(0, k + 1, max(1, -(-k // parts)))

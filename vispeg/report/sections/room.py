@@ -18,6 +18,7 @@ def context(record: Record, room: str) -> Mapping[str, object]:
         "verdict": str(values.get("verdict") or ""),
         "fall": words.fall(values),
         "phases": contact_words.phases(values),
+        "left": contact_words.left(values) if values.get("unexplained") else "",
         "reason": str(values.get("reason") or "").rstrip("."),
         "picture": drawn if len(record.rows("ladder")) > 1 else "",
     }

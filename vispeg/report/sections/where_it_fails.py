@@ -20,6 +20,7 @@ def context(record: Record) -> Mapping[str, object]:
     total = sum(number(row.get("share")) or 0.0 for row in shares)
     rest = record.mapping("unexplained")
     return {
+        "column": "Axis" if record.values.get("evidence") == "contact" else "Joint",
         "shares": [
             {"joint": str(row.get("joint", "?")), "regime": str(row.get("regime", "?")), **_share(row)}
             for row in shares

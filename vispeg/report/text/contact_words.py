@@ -7,19 +7,17 @@ from typing import Any
 
 from vispeg.recordings.regimes import REGIMES
 from vispeg.report.record import rows
-from vispeg.report.text.quantities import number, quantity
-from vispeg.report.text.words import change
+from vispeg.report.text.quantities import number, plain, quantity
+from vispeg.report.text.words import NEAR_FLOOR, against_floor, change
 
 WHERE: dict[str, str] = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
 LEAST = 1.2  # times smaller, from which a fall is worth a sentence
-COUNTED = "without what errors of sensor and kinematics explain"  # how the ladder's errors count
 
 
 def phases(values: Mapping[str, Any]) -> str:
     """`In presses the force error falls 2.6-fold, from 1.37 N RMS to 0.523 N RMS.`
 
     Of the phase in which the squared error over its time falls most; empty where none has become 1.2 times smaller.
-    The ladder's error leaves out what sensor and kinematics may do, this one is plain: measured less predicted.
     """
     best, most = "", 0.0
     for row in rows(values, "phases"):
@@ -31,3 +29,34 @@ def phases(values: Mapping[str, Any]) -> str:
             ends = f"from {quantity(before, 'N RMS')} to {quantity(after, 'N RMS')}"
             best = f"{WHERE.get(name, 'in ' + name).capitalize()} the force error {change(before, after)}, {ends}."
     return best
+
+
+def left(values: Mapping[str, Any]) -> str:
+    """`What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor; largest at 12.3 s of slide-2.`
+
+    Of the phase whose squared error over its floor is greatest, over its time; empty where none stands above its floor.
+    """
+    best, most = "", 0.0
+    for row in rows(values, "phases"):
+        error, floor, seconds = (number(row.get(key)) for key in ("after", "floor", "seconds"))
+        if error is None or not floor or seconds is None or error <= NEAR_FLOOR * floor:
+            continue
+        if (over := seconds * (error**2 / floor**2 - 1)) > most:
+            name, most = str(row.get("phase")), over
+            best = f"{WHERE.get(name, 'in ' + name)}: {quantity(error, 'N RMS')} there, {against_floor(error, floor)}"
+    return f"What is left shows most {best}{_worst(values)}." if best else ""
+
+
+def _worst(values: Mapping[str, Any]) -> str:
+    """`; largest, 2.10 N, at 12.3 s of slide-2 with the tip x 3.1, y −0.2, z 0.4 mm from the goal`, where known."""
+    worst = values.get("worst_left")
+    if not isinstance(worst, Mapping):
+        return ""
+    said = (
+        f"; largest, {quantity(worst.get('force'), 'N')}, at {plain(worst.get('time_s'))} s of {worst.get('recording')}"
+    )
+    tip = worst.get("tip_m")
+    if isinstance(tip, list) and len(tip) == 3:
+        places = ", ".join(f"{axis} {plain(1e3 * v, 2)}" for axis, v in zip("xyz", tip, strict=True))
+        said += f" with the tip {places} mm from the goal"
+    return said

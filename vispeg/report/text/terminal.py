@@ -10,7 +10,7 @@ from vispeg.report.drawings.ladder import ladder_rows
 from vispeg.report.record import Record, rows
 from vispeg.report.sections.found import correlations, effect_rows
 from vispeg.report.sections.rooms import room_row
-from vispeg.report.text import camera_words, contact_words, words
+from vispeg.report.text import camera_words, contact_words, unseen, words
 from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line, print_summary
 from vispeg.report.text.tables import Column, Sheet
@@ -24,15 +24,17 @@ def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """What was found: effect, parameter, value with its 95 % interval, unit, and whether it ended at its bound."""
+    """What was found: effect, parameter, value with its 95 % interval, unit, how sure its name is, and whether it ended
+    at its bound. A fit names nothing: its effects are the user's."""
     effects = effect_rows(_record(diagnosis))
-    bound = any(row["bound"] for row in effects)
+    bound, sure = any(row["bound"] for row in effects), bool(diagnosis.get("verdict"))
     columns = [Column("Effect"), Column("Parameter"), Column("Value", right=True), Column("95 % interval")]
-    columns += [Column("Unit"), *([Column("Bound")] if bound else [])]
-    cells = [[row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]] for row in effects]
-    return Sheet(
-        columns, [c + ([row["bound"]] if bound else []) for c, row in zip(cells, effects, strict=True)], keys=2
-    )
+    columns += [Column("Unit"), *([Column("Name")] if sure else []), *([Column("Bound")] if bound else [])]
+    cells = []
+    for row in effects:
+        line = [row["effect"], row["param"], row["value"], row["interval"] or "–", row["unit"]]
+        cells.append(line + ([row["sure"]] if sure else []) + ([row["bound"]] if bound else []))
+    return Sheet(columns, cells, keys=2)
 
 
 def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
@@ -70,6 +72,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     out += [Line(words.fall(diagnosis)), ladder_table(diagnosis)]
     if said := contact_words.phases(diagnosis):
         out.append(Line(said))
+    if diagnosis.get("unexplained") and (said := contact_words.left(diagnosis)):
+        out.append(Line(said))
     if diagnosis.get("rooms"):
         out.append(rooms_table(diagnosis))
     if diagnosis.get("effects"):
@@ -87,6 +91,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
     out += [Line(f"note: {said}") for said in diagnosis.get("missing") or ()]
     for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
+        if hidden := unseen.sentence(record):
+            out.append(Line(hidden))
         if record.get("evidence") == "contact":
             out += _contact(record)
         if isinstance(views := record.get("views"), Mapping):

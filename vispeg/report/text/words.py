@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from vispeg.diagnosis.scale import times
 from vispeg.report.record import rows
 from vispeg.report.text import joint_errors
 from vispeg.report.text.effect_words import named as named_effect
@@ -13,6 +14,7 @@ from vispeg.report.text.quantities import fold, number, quantity
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
+BEST = "best of what is known"  # how well a model explains that is above the floor, or was there all the time
 PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
 TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
 MOST_PRICED = 3  # joints whose remainder is played back
@@ -51,7 +53,7 @@ def change(first: Any, last: Any) -> str:
 def against_floor(error: Any, floor: Any) -> str:
     """`1.1 × the noise floor`; empty where either is unknown or the floor is not positive."""
     e, f = number(error), number(floor)
-    return f"{_times(e / f)} × the noise floor" if e is not None and f is not None and f > 0 else ""
+    return f"{times(e / f)} × the noise floor" if e is not None and f is not None and f > 0 else ""
 
 
 def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, str]:
@@ -104,6 +106,7 @@ def verdict(values: Mapping[str, Any]) -> str:
     names = _names(values)
     last, floor = ladder_ends(values)[1], _floor(values)
     down = last is not None and floor is not None and last <= NEAR_FLOOR * floor
+    there = _from_the_start(values)
     if kind == "adequate":
         if down or last is None or floor is None or not values.get("reason"):
             return "The model is adequate: no known effect improves its prediction of the held-out recordings."
@@ -111,12 +114,12 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         times = against_floor(last, floor) if last is not None else ""
-        above = f"down to {times}" if times else "best of what is known"
-        reach = _down(values) if down else above
+        above = f"down to {times}" if times else BEST
+        reach = there or (_down(values) if down else above)
         what = named(names) if names else "The model"
         return f"{what} {verb} the held-out recordings {reach}, and no rival does as well."
     if kind == "ambiguous":
-        return _ambiguous(values, _down(values) if down else "best of what is known")
+        return _ambiguous(values, there or (_down(values) if down else BEST))
     if kind == "unexplained":
         if only := _shows_in(values):
             return f"What the model lacks shows in {only} alone: no other recording can judge what it is."
@@ -233,6 +236,13 @@ def _down(values: Mapping[str, Any]) -> str:
     return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
 
 
+def _from_the_start(values: Mapping[str, Any]) -> str:
+    """That the error stood at the noise floor before anything was found, where it did: then it came down to nothing."""
+    first, floor = ladder_ends(values)[0], _floor(values)
+    at = first is not None and floor is not None and first <= NEAR_FLOOR * floor
+    return f"{BEST}, though the error was at the noise floor from the start" if at else ""
+
+
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
     classes = rivals(values)
     if not classes:
@@ -273,7 +283,3 @@ def _shows_in(values: Mapping[str, Any]) -> str:
 def _floor(values: Mapping[str, Any]) -> float | None:
     floor = values.get("noise_floor")
     return number(floor.get("value")) if isinstance(floor, dict) else None
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.2f}" if ratio < 2 else fold(ratio)

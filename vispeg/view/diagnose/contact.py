@@ -46,7 +46,7 @@ class Contact(Subject):
 
     def error(self, world: World) -> float:
         """RMS of the force."""
-        return self.judged.angle_rms(self.judged.residuals([world])[0])
+        return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
         """A track an episode, a row a block of time."""

@@ -1,0 +1,84 @@
+"""What recordings could not have shown: the size that an effect may have without being seen, for each not found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import REGISTRY
+from vispeg.core.params import Param
+from vispeg.report.record import rows
+from vispeg.report.text.effect_words import named, unit
+from vispeg.report.text.quantities import number, plain, prefix
+
+SHOWN = 6  # effects that stand open, and that a terminal lists
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """An effect that was not found.
+
+    Attributes:
+        effect: in words.
+        sizes: the values of its parameters that these recordings do not show: `x, y ±0.50 N; tx ±50 mN m`.
+        share: of a parameter's range that is hidden, the greatest; 1 where one shows at no size.
+    """
+
+    effect: str
+    sizes: str
+    share: float
+
+
+def unseen(values: Mapping[str, Any]) -> list[Unseen]:
+    """What was not found and up to which size it may be there, the least certain first."""
+    found = {(e.get("effect"), e.get("where")) for e in rows(values, "effects")}
+    out = []
+    for row in rows(values, "shows_from"):
+        between = row.get("between")
+        if (row.get("effect"), row.get("where")) in found or not isinstance(between, dict) or not between:
+            continue
+        kind = REGISTRY.get(str(row.get("effect")))
+        sizes: dict[str, list[str]] = {}
+        shares = []
+        for name, ends in between.items():
+            words, share = _between(ends, kind.params.get(name) if kind is not None else None)
+            sizes.setdefault(words, []).append(str(name).replace("_", " "))
+            shares.append(share)
+        texts = [f"{', '.join(names)} {words}" for words, names in sizes.items()]
+        out.append(Unseen(named(row), "; ".join(texts), max(shares)))
+    return sorted(out, key=lambda hidden: -hidden.share)
+
+
+def sentence(values: Mapping[str, Any]) -> str:
+    """The same for a terminal: the least certain; empty without a record."""
+    hidden = unseen(values)
+    if not hidden:
+        return ""
+    more = f"; {len(hidden) - SHOWN} more on the page" if len(hidden) > SHOWN else ""
+    return f"not seen if no larger: {'; '.join(f'{h.effect} ({h.sizes})' for h in hidden[:SHOWN])}{more}"
+
+
+def _between(between: Any, param: Param | None) -> tuple[str, float]:
+    """`−0.50 to 0.50 N`, `up to 20 µm/N`, and the share of the parameter's range that is hidden."""
+    ends = [number(v) for v in between] if isinstance(between, (list, tuple)) else []
+    if len(ends) != 2 or ends[0] is None or ends[1] is None:
+        return "at any size", 1.0
+    low, high = ends
+    factor, name = prefix(max(abs(low), abs(high)), unit(param.unit) if param is not None else "")
+    if param is None:
+        return f"{plain(low, 2)} to {plain(high, 2)}", 0.0
+    texts = [plain(factor * v, 2) for v in (low, high)]
+    if low == param.low == param.null:
+        text = f"up to {texts[1]} {name}"
+    elif high == param.high == param.null:
+        text = f"down to {texts[0]} {name}"
+    elif low == 2 * param.null - high and param.null == 0:
+        text = f"±{texts[1]} {name}"
+    else:
+        text = f"{texts[0]} to {texts[1]} {name}"
+    scale = np.log if param.scale == "log" else float
+    share = (scale(high) - scale(low)) / (scale(param.high) - scale(param.low)) if param.high > param.low else 0.0
+    return text.strip(), min(float(share), 0.999)
