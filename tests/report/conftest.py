@@ -75,6 +75,10 @@ def example_diagnosis(verdict: str = "identified") -> dict[str, Any]:
             {"effect": "link_mass", "where": "link7", "score": 0.79, "cosine_group": 0},
             {"effect": "coulomb_friction", "where": "joint4", "score": 0.22, "cosine_group": 1},
         ],
+        "shows_from": [
+            {"effect": "viscous_friction", "where": "joint4", "between": {"damping": [0.0, 0.02]}},
+            {"effect": "backlash", "where": "joint2", "between": {"gap": None}},
+        ],
         "notes": ["rig-b: 3 rows without a reading were left out"],
         "parameters_moved": [
             {"effect": "viscous_friction", "where": "joint1", "param": "damping", "before": 0.5, "after": 0.62}

@@ -141,7 +141,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
 @pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained", None, "odd"])
 def test_a_record_with_nothing_but_a_verdict(run, verdict):
     assert _page(run({"verdict": verdict})).sections == [
-        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")
+        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "unseen")
     ]
 
 
