@@ -101,9 +101,9 @@ def assert_all_work(text, folder):
 def test_the_modules_are_those_of_pyproject():
     given = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     packages = {extra: {MODULES.get(module, module) for module in modules} for extra, modules in EXTRAS.items()}
-    assert packages == {
-        extra: {re.split(r"[\[<>=!~ ]", text)[0] for text in texts} for extra, texts in given.items() if extra != "dev"
-    }
+    named = {extra: {re.split(r"[\[<>=!~ ]", text)[0] for text in texts} for extra, texts in given.items()}
+    assert packages == {extra: names for extra, names in named.items() if extra not in ("all", "dev")}
+    assert set(re.findall(r"\w+", given["all"][0])) - {"vispeg"} == set(EXTRAS)
 
 
 def test_every_extra_is_asked_for():
