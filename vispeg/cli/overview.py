@@ -59,8 +59,8 @@ HEAD = """usage: vispeg COMMAND [ARGUMENTS]
 
 Finds what a robot model is missing, from recordings of the real robot, and
 trains insertion policies in simulation on what it found."""
-FOOT = """`vispeg COMMAND --help` shows arguments and examples; `vispeg --version` the
-version. Example:
+FOOT = """`vispeg help COMMAND` or `vispeg COMMAND --help` shows arguments and
+examples; `vispeg --version` the version. Example:
 
   vispeg diagnose iiwa14 --recording rig-a --recording rig-b \\
       --validate rig-c --out found"""

@@ -9,6 +9,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
 from vispeg.cli.help import MARK, Page, laid_out
+from vispeg.cli.values import check_values
 from vispeg.core.errors import UserError
 
 RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
@@ -16,6 +17,10 @@ FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
 UNKNOWN = "Unrecognized options: "
 NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # in help, of what the package's own task has
+NOT_OF_KIND = (  # what the parser quotes of Python's own conversion, and what a person should type
+    (r"Error parsing (\S+): .*invalid literal for int\(\) with base 10: '(.*?)'.*", "a whole number"),
+    (r"Error parsing (\S+): .*could not convert string to float: '(.*?)'.*", "a number"),
+)
 ELSEWHERE = {  # what is looked for as an option and stands elsewhere
     "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
     "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
@@ -44,12 +49,14 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
         with redirect_stdout(page), redirect_stderr(text):
-            return tyro.cli(kind, prog=program, description=MARK, args=list(argv), config=flags)
+            args = tyro.cli(kind, prog=program, description=MARK, args=list(argv), config=flags)
     except SystemExit as stop:
         if not stop.code:
             print(laid_out(page.getvalue(), filled(description or "")))
             raise
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
+    check_values(args)
+    return args
 
 
 def filled(text: str) -> str:
@@ -80,6 +87,9 @@ def one_line(framed: str) -> str:
     sentences = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
     if sentences and sentences[0].startswith(UNKNOWN):
         return _unknown(sentences[0].removeprefix(UNKNOWN), " ".join(sentences[1:]))
+    for pattern, expected in NOT_OF_KIND:
+        if sentences and (match := re.fullmatch(pattern, sentences[0])):
+            return str(UserError("is not understood", key=match[1], expected=expected, got=match[2]))
     return "; ".join(sentences) or "bad arguments"
 
 

@@ -1,0 +1,42 @@
+"""Values that no command can use are refused in one line before any work, and nothing is written."""
+
+import os
+
+import pytest
+
+NOT_UTF8 = os.fsdecode(b"caf\xe9")
+
+
+@pytest.mark.parametrize(
+    ("out", "words"),
+    [
+        ("x" * 300, ("--out", "255 bytes", "300 characters")),
+        ("a/" * 2500 + "b", ("--out", "4095")),
+        ("~nobodysuch/x", ("--out", "no such user")),
+        (NOT_UTF8, ("--out", "UTF-8", "caf")),
+        ("a\0b", ("--out", "zero byte")),
+    ],
+)
+def test_impossible_paths(refused, out, words):
+    refused(["add", "iiwa14", "payload", "flange", "--out", out], *words)
+    refused(["compare", "iiwa14", "--recording", out, "--out", "c"], "--recording", *words[1:])
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("diagnose iiwa14 --recording a --validate b --out d --seed -1", ("--seed", "-1", "2^63")),
+        ("diagnose iiwa14 --recording a --validate b --out d --seconds 1e30", ("--seconds", "1e+09")),
+        ("record iiwa14 --motion fourier --out r --duration nan", ("--duration", "nan")),
+        ("record iiwa14 --motion fourier --out r --rate inf", ("--rate", "inf")),
+        ("gap expert --worlds nominal --out g --episodes -3", ("--episodes", "-3")),
+        ("train peg-state --out t --steps abc", ("--steps", "a whole number", "abc")),
+        ("record iiwa14 --motion fourier --out r --duration long", ("--duration", "a number", "long")),
+    ],
+)
+def test_impossible_numbers(refused, command, words):
+    refused(command.split(), *words)
+
+
+def test_help_of_a_command_by_name(vispeg):
+    assert vispeg("help", "camera", "calibrate") == vispeg("camera", "calibrate", "--help")
