@@ -91,3 +91,17 @@ def test_torques_of_rivals_are_separated_too():
     )  # less the ends
     found, arrays = next_experiment(torques(), STATE, REFUSED, "unexplained", 0)
     assert found["motion"] == "triangle" and "gains stated" in found["why"] and arrays["next/q_cmd"].shape[1] == 7
+
+
+def test_no_motion_is_asked_for_that_was_recorded():
+    """What is unexplained asks for one motion after the other, and in the end for none of the menu."""
+    asked = set()
+    for _ in MENU:
+        found, arrays = next_experiment(search(), STATE, REFUSED, "unexplained", 0, asked)
+        assert found["motion"] in MENU and found["motion"] not in asked and "next/q_cmd" in arrays
+        asked.add(found["motion"])
+    found, arrays = next_experiment(search(), STATE, REFUSED, "unexplained", 0, asked)
+    assert found["motion"] == "" and "another arm posture" in found["why"] and not arrays
+    best = next_experiment(search(), STATE, EQUAL, "ambiguous", 0)[0]["motion"]
+    other = next_experiment(search(), STATE, EQUAL, "ambiguous", 0, {best})[0]
+    assert other["motion"] != best and other["expected_separation_sigma"] >= DECISIVE

@@ -163,7 +163,9 @@ def _complete(place: Path, command: str) -> bool:
     return (place / "killed").is_dir() if new_folder else any((place / "killed").glob("*.html"))
 
 
-def test_an_interrupt_says_what_goes_on_and_ends_the_workers_at_once(tmp_path, monkeypatch):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_says_what_goes_on_and_ends_the_workers_at_once(tmp_path, monkeypatch, number):
+    """Of a terminal, which reaches everybody, and of a batch system, which may reach the program alone."""
     monkeypatch.chdir(tmp_path)
     command = "render --world nominal --frames 4000 --size 32 --workers 2 --out frames"
     running = start(command, start_new_session=True)
@@ -171,9 +173,9 @@ def test_an_interrupt_says_what_goes_on_and_ends_the_workers_at_once(tmp_path, m
         assert running.poll() is None
         time.sleep(0.1)
     time.sleep(3)
-    os.killpg(running.pid, signal.SIGINT)  # as a terminal does: everybody
+    os.killpg(running.pid, number) if number == signal.SIGINT else running.send_signal(number)
     said = running.communicate(timeout=20)[1].decode().strip().splitlines()
-    assert running.returncode == 130
+    assert running.returncode == 128 + number
     assert said[-1] == f"vispeg: interrupted; this goes on: vispeg {command}"
     assert not [line for line in said if "Traceback" in line]
     assert _alone(running.pid), "workers are still there"

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from vispeg import __version__
 from vispeg.api.machine.graphics import check_backend, choose_backend
@@ -21,7 +25,7 @@ from vispeg.core.provenance import command_line
 # Many small problems, side by side with simulations: BLAS threads of each only wait for one another (15 times the
 # processor time of a diagnosis in torque space). PyTorch's threads are others.
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE = 2, 130, 141
+EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
 def run(argv: Sequence[str]) -> int:
@@ -53,9 +57,38 @@ def run(argv: Sequence[str]) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 141 the output's reader went away."""
+    """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 143 terminated, 141 the output's reader
+    went away.
+    """
     warnings.showwarning = _note
-    argv = [*(sys.argv[1:] if argv is None else argv)]
+    with _terminable() as stopped:
+        code = _main([*(sys.argv[1:] if argv is None else argv)])
+    return EXIT_TERMINATED if stopped and code == EXIT_INTERRUPT else code
+
+
+@contextmanager
+def _terminable() -> Iterator[list[int]]:
+    """SIGTERM, as a batch system sends it, ends a command as Ctrl-C does; yields the signals that came."""
+    stopped: list[int] = []
+    owner = os.getpid()
+
+    def stop(number: int, _: FrameType | None) -> None:
+        if os.getpid() != owner:  # a forked helper has nothing to clean up
+            os._exit(128 + number)
+        stopped.append(number)
+        raise KeyboardInterrupt
+
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, stop)
+    try:
+        yield stopped
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _main(argv: list[str]) -> int:
     try:
         code = run(argv)
         sys.stdout.flush()

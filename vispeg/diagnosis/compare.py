@@ -128,10 +128,11 @@ def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.nda
     out = {"joints": np.array(evidence.items[0].robot.joints), "unit": np.array(evidence.unit)}
     for r, (item, y) in enumerate(zip(evidence.items, predicted, strict=True)):
         nj = item.nj
+        before = np.where(item.valid, y[0], np.nan)  # what is not compared is not drawn: one error on a page
         out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name)}
-        out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": y[0][:, :nj]}
+        out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": before[:, :nj]}
         if evidence.unit != "rad":
             out[f"{r}/posture"] = item.posture
         if item.beside == "torque":
-            out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": y[0][:, nj:]}
+            out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": before[:, nj:]}
     return out

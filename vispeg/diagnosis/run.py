@@ -140,7 +140,8 @@ def diagnose(
             upcoming = repeated(unjudged.alone)
         else:
             named = [r for r in rivals if r.equals and r.label not in unsure]  # what is tentative comes after them
-            upcoming, more = next_experiment(search, state, named or rivals, verdict.verdict, seed)
+            recorded = {r.motion for r in (*fitted, *held_out)}
+            upcoming, more = next_experiment(search, state, named or rivals, verdict.verdict, seed, recorded)
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,

@@ -4,13 +4,13 @@ Where several effects explain the recordings equally well: the motion on which t
 most (T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
 between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below DECISIVE no
 motion is proposed: what rounding makes of two predictions that are alike is no experiment. Where no known effect
-explains what remains: a motion that shows the regimes apart. A model that is adequate, or identified without a rival,
-asks for nothing.
+explains what remains: a motion that shows the regimes apart. What was recorded already is asked for last. A model that
+is adequate, or identified without a rival, asks for nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,25 +27,39 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
+SHOWS = {  # what a motion is for where no known effect explains what remains, in the order in which they are asked for
+    "triangle": "shows speed, reversal and load regimes apart, each joint alone",
+    "sweep": "shows each joint over its whole reach, the others still",
+    "chirp": "shows speed and frequency apart, up to what the joints' limits allow",
+    "steps": "shows rest, breaking loose and small moves",
+    "fourier": "is another trajectory, on which what is left may repeat or not",
+}
 MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
 SECONDS = 6.0
 DECISIVE = 3.0  # sigma between two predictions, below which one recording would not settle it
 
 
 def next_experiment(
-    search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int
+    search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
-    """The record's `next_experiment` and the arrays of its picture; None where nothing is left to find out."""
+    """The record's `next_experiment` and the arrays of its picture; None where nothing is left to find out.
+
+    `recorded` names the motions that were recorded, where that is known.
+    """
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
         return None, {}
     stage = _Stage(search, seed) if search.evidence.unit == "rad" else _TorqueStage(search, seed)
     if pair is None:
-        why = f"shows speed, reversal and load regimes apart, each joint alone{stage.beside}"
-        return stage.record("triangle", why), stage.arrays("triangle")
+        name = next((name for name in SHOWS if name not in recorded), "")
+        if not name:
+            why = "every motion of the menu is recorded: record another arm posture or another speed of one of them"
+            return {"motion": "", "why": why}, {}
+        return stage.record(name, SHOWS[name] + stage.beside), stage.arrays(name)
     first, second, names = pair
     apart = stage.apart(first, second)
-    name = max(apart, key=lambda n: apart[n][0])
+    fresh = {n: rows for n, rows in apart.items() if n not in recorded and rows[0] >= DECISIVE}
+    name = max(fresh or apart, key=lambda n: apart[n][0])
     sigma, a, b = apart[name]
     if sigma < DECISIVE:
         why = f"no motion of the menu separates {names[0]} from {names[1]} by {DECISIVE:g} sigma (the best, {name}, by "

@@ -108,8 +108,8 @@ def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
 def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[Mapping[str, Any]]:
     out = []
     for k, row in enumerate(values.get("projection") or []):
-        if f"projection/{k}/shift" not in arrays:
-            continue
+        if f"projection/{k}/shift" not in arrays or not (row["rms_px"] or row["uncertainty_px"]):
+            continue  # nothing of this camera was fitted: its picture is the calibration's, and known to nothing
         pixels, shift = (arrays[f"projection/{k}/{key}"] for key in ("pixels", "shift"))
         title = f"{row['camera']} at {row['distance_m']:g} m: {row['rms_px']:.2f} px RMS"
 
