@@ -4,6 +4,8 @@ import importlib
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from vispeg.core.assets import assets
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.suite import summarise
 
+ROOT = Path(__file__).parents[2]
 # Each command that replaces something, with an input at data/INPUT. What is run is this with --overwrite and --out.
 READS = {
     "check": "check data/rig",
@@ -161,3 +164,27 @@ def test_files_beside_an_export_are_outputs_too(vispeg, refused, tmp_path):
     assert again == {path.name: path.read_bytes() for path in (tmp_path / "first-meshes").iterdir()}
     (tmp_path / "arm.urdf").unlink()  # what is there with the same bytes is no conflict
     assert vispeg("export", "iiwa14", "--to", "urdf", "--out", "arm.urdf")[0] == 0
+
+
+HOLD = """
+import sys, time
+from vispeg.core.lock import claimed
+with claimed(sys.argv[1]):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_what_another_process_writes_is_left_to_it(data, capsys):
+    """Every command that writes a folder takes its lock before it works."""
+    out = data.parent / "taken"
+    before = tree(data.parent)
+    held = [sys.executable, "-c", HOLD, str(out)]
+    with subprocess.Popen(held, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None and process.stdout.readline() == "held\n"
+        for name, command in READS.items():
+            assert main([*command.split(), "--out", str(out)]) == 2, name
+            said = capsys.readouterr().err.strip().splitlines()[-1]
+            assert "writes it since" in said and str(out) in said, (name, said)
+        process.kill()
+    assert {k: v for k, v in tree(data.parent).items() if k != ".taken.lock"} == before

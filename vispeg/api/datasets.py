@@ -10,7 +10,7 @@ from typing import Literal
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.core.files import refuse
+from vispeg.core.files import reserved
 from vispeg.core.provenance import here
 from vispeg.datasets.check import check
 from vispeg.datasets.formats.registry import EXPORTS
@@ -173,9 +173,7 @@ def render_dataset(
         raise UserError("must not be negative", key="workers", got=workers)
     if engine == "ray":
         require("ray", "--engine ray")
-    refuse(out, overwrite, holds="dataset", inputs=(world,))
     shape = {"looks": looks, "cameras": cameras, "size": size, "seed": seed, "noise": noise}
-    plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, **shape)
     start, resumed = time.monotonic(), list[int]()
 
     def on_frames(drawn: int) -> None:
@@ -185,17 +183,19 @@ def render_dataset(
         else:
             watch(drawn)
 
-    render(
-        plan,
-        layout,
-        shard,
-        out,
-        engine=on_ray if engine == "ray" else local,
-        workers=workers,
-        watch=on_frames,
-        export=EXPORTS.get(format),
-        provenance={"versions": here(seed, {})["versions"]},
-        overwrite=overwrite,
-    )
+    with reserved(out, overwrite, holds="dataset", inputs=(world,)):
+        plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, **shape)
+        render(
+            plan,
+            layout,
+            shard,
+            out,
+            engine=on_ray if engine == "ray" else local,
+            workers=workers,
+            watch=on_frames,
+            export=EXPORTS.get(format),
+            provenance={"versions": here(seed, {})["versions"]},
+            overwrite=overwrite,
+        )
     names = tuple(camera.name for camera in layout.cameras)
     return RenderedDataset(Path(out), plan.frames, names, resumed[0] if resumed else 0, time.monotonic() - start)

@@ -36,14 +36,13 @@ class Args:
         from rich.console import Console
 
         from vispeg.api.demo import FITTED, HELD_OUT, Demonstration, demo
-        from vispeg.core.files import refuse
+        from vispeg.core.files import reserved
         from vispeg.report.record import ROBOT, SHEET
 
         start = time.monotonic()
-        refuse(self.out, self.overwrite, holds=Demonstration.holds)
         console = Console(stderr=True, highlight=False, quiet=self.output.quiet)
-        console.print(f"fitted: {', '.join(FITTED)}; held out: {', '.join(HELD_OUT)}")
-        with console.status("reading") as status:
+        with reserved(self.out, self.overwrite, holds=Demonstration.holds), console.status("reading") as status:
+            console.print(f"fitted: {', '.join(FITTED)}; held out: {', '.join(HELD_OUT)}")
             demonstration = demo(seed=self.seed, threads=self.threads, say=status.update)
             demonstration.save(self.out, overwrite=self.overwrite)
         if demonstration.problem:
