@@ -40,3 +40,10 @@ def test_impossible_numbers(refused, command, words):
 
 def test_help_of_a_command_by_name(vispeg):
     assert vispeg("help", "camera", "calibrate") == vispeg("camera", "calibrate", "--help")
+
+
+def test_a_dataset_that_cannot_teach_is_refused_before_anything_is_played(refused, tmp_path):
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "notes.txt").write_text("no dataset")
+    command = "finetune depth-S --world S --dataset frames --episodes 50 --out tuned"
+    refused(command.split(), "frames")

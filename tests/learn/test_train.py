@@ -242,6 +242,12 @@ def test_runs_are_not_overwritten_and_strangers_not_resumed(tmp_path):
     train(config(steps=320), tmp_path / "other", make("state"), show=False)
     with pytest.raises(UserError, match="exists already"):
         train(config(steps=320, seed=1), tmp_path / "other", make("state"), show=False)
+    for file in filter(Path.is_file, (tmp_path / "other/checkpoints/last").iterdir()):
+        file.write_bytes(file.read_bytes()[:40])
+    before = {p: p.read_bytes() for p in (tmp_path / "other").rglob("*") if p.is_file()}
+    with pytest.raises(UserError):
+        resume(tmp_path / "other", 480, make("state"), show=False)
+    assert {p: p.read_bytes() for p in (tmp_path / "other").rglob("*") if p.is_file()} == before
     shutil.rmtree(tmp_path / "other/checkpoints/last")
     with pytest.raises(UserError, match="no checkpoint"):
         resume(tmp_path / "other", 480, make("state"), show=False)

@@ -55,9 +55,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
     """
     config = read_config(folder / "config.yaml")
     with claimed(folder):
-        if steps is not None:
-            config = replace(config, steps=steps)
-            config.write(folder / "config.yaml")
+        asked = config if steps is None else replace(config, steps=steps)
         last = folder / "checkpoints" / "last"
         if last.parent.is_dir():
             recover(last)
@@ -66,9 +64,13 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
                 return folder / "checkpoints" / "best"
             if config.recipe == "sac" and len(Table(folder / "progress.csv", sys.maxsize).rows) > 1:
                 raise UserError("there is no checkpoint to go on from", file=last)
-            return _begin(config, folder, make, show)
-        run = SacRun(config, folder, make, show)
+            if steps is not None:
+                asked.write(folder / "config.yaml")
+            return _begin(asked, folder, make, show)
+        run = SacRun(asked, folder, make, show)
         run.resume()
+        if steps is not None:  # only now: a checkpoint that is damaged leaves the folder as it was
+            asked.write(folder / "config.yaml")
         best = run.run()
         shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # of a distillation before, whose run was killed after it
         return best

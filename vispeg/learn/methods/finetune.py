@@ -113,15 +113,17 @@ def finetune(
     with new_folder(out, overwrite, holds="policy", inputs=(source, dataset)) as folder:
         env = Sb3Env(target(settings.rows, {}))
         teacher(env.env)  # refuses who cannot teach here, before anything is played
+        shown = None
+        if dataset is not None:  # likewise refuses a folder that cannot
+            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device)
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
         others: list[Origin] = []  # of the worlds that it learns in beside the target
-        if dataset is not None:
+        if dataset is not None and shown is not None:
             others.append(made_in(dataset))
-            ring = from_folder(dataset, policy.modality, actor.layout, seed, actor.device)
-            say(f"{int(ring.done.sum())} demonstrations that succeeded")
-            rings.append((ring, 1 - settings.known))
+            say(f"{int(shown.done.sum())} demonstrations that succeeded")
+            rings.append((shown, 1 - settings.known))
         else:
             ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
             say(f"{settings.demos} demonstrations, {tried} tried")
