@@ -9,14 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, felt, of_cell, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
 from vispeg.api.result import Result
+from vispeg.api.rooms.cell import readable
+from vispeg.api.rooms.pictures import shown
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import compare_contact
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as rooms
-from vispeg.diagnosis.schema import ComparisonRecord
+from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.schema import ComparisonRecord, Rung
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
@@ -24,12 +27,14 @@ from vispeg.report.live.arm import arm_arrays
 from vispeg.report.text.summary import Block
 from vispeg.report.text.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
-from vispeg.task.belief import believed
-from vispeg.vision.compare import Compared, compare_frames
+from vispeg.task.belief import cell_of, recorded_cell, scene_of
+from vispeg.vision.compare import Compared, border_rms, compare_frames
 from vispeg.vision.show import pictures
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
+
+UNSEEN = f"frames are compared with a cell, as {OPEN_CELL} is, or with a robot's file that shows more than its arm"
 
 
 @dataclass(frozen=True)
@@ -77,8 +82,9 @@ def compare(
 ) -> ComparisonResult:
     """Compares a model, driven by the recorded commands, with recordings: size, joint and time of its error.
 
-    A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact, and by pictures, which
-    are predicted at the measured angles: `record["pictures"]` holds the errors of borders, depth and colour.
+    A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact. So are pictures with a
+    model of a cell, or of a robot whose file shows more than the arm. They are predicted at the measured angles:
+    `record["pictures"]` holds the errors of borders, depth and colour.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
@@ -90,36 +96,53 @@ def compare(
     Raises:
         UserError: a model or a recording that cannot be read, or that cannot be compared with each other.
     """
-    cell = of_cell(model)
-    inputs = read_inputs(model, recordings, (), need_validate=False, **windows(cell, seconds), reading=reading)
-    if cell and felt(inputs.fitted):
+    whole = windows(model, seconds, recordings)
+    inputs = read_inputs(model, recordings, (), need_validate=False, **whole, reading=reading)
+    can = readable(inputs.world, inputs.fitted)
+    looked = [rec for rec in inputs.fitted if rec.frames is not None]
+    if can == ("pictures",):
+        result = Comparison(_seen_alone(inputs), {})
+    elif "contact" in can:
         result = compare_contact(inputs.world, inputs.fitted, nthread=threads)
         result.arrays.update(worst_moment(result.arrays, inputs.fitted))
     else:
         arm = replace(of_arm(inputs.world), cell=None)
-        some = [choose(r, seconds) for r in inputs.fitted] if cell else inputs.fitted
+        some = [choose(r, seconds) for r in inputs.fitted]
         result = rooms.compare(arm, some, nthread=threads, label=inputs.world.label)
         result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
     record: ComparisonRecord = {**result.record, "provenance": inputs.provenance(None)}
     arrays = dict(result.arrays)
-    looked = [rec for rec in inputs.fitted if rec.frames is not None]
-    if looked and inputs.world.cell is None:
-        said = (
-            f"{', '.join(rec.name for rec in looked)}: "
-            f"frames are compared where the model is of a cell, as {OPEN_CELL} is"
-        )
+    unseen = [rec.name for rec in looked if not shown(inputs.world, rec)]
+    if unseen:
+        said = f"{', '.join(unseen)}: {UNSEEN}"
         record["notes"] = [*record.get("notes", ()), said]
     elif looked:
         compared = [frame for rec in looked for frame in compared_pictures(rec, inputs.world, reading)]
         record["pictures"], drawn = pictures(compared)
         arrays |= drawn
+        if can == ("pictures",):
+            record["ladder"][0]["heldout_error"] = border_rms(compared)
     return ComparisonResult(finite(record), arrays, inputs.files)
 
 
+def _seen_alone(inputs: Inputs) -> ComparisonRecord:
+    """The record of recordings that have nothing to compare but pictures, before these are."""
+    rung: Rung = {"model": inputs.world.label, "fit_error": None, "heldout_error": None, "unit": "px RMS"}
+    names = [rec.name for rec in inputs.fitted]
+    note = "neither commands nor torques to compare the joints by: pictures alone are compared"
+    return {
+        "format": "vispeg-compare/1",
+        "ladder": [rung],
+        "noise_floor": {"value": None, "unit": "px RMS", "from": ""},
+        "recordings": {"fit": [], "validate": names},
+        "notes": [note],
+    }
+
+
 def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
-    """The frames of a recording against a model of its cell."""
-    belief = believed(rec.cell, rec.path / "recording.yaml")
-    scene = replace(belief.scene, cameras=tuple(rec.frames.names) if rec.frames is not None else ())
+    """The frames of a recording against what a model shows: its cell, or its robot's own bench."""
+    scene = replace(scene_of(world, rec), cameras=tuple(rec.frames.names) if rec.frames is not None else ())
+    assumed = () if cell_of(world, rec) is None else recorded_cell(rec).world.effects
     for placed in world.effects:
         if effect(placed.effect).family == "camera":
             try:
@@ -127,4 +150,4 @@ def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -
             except UserError as error:
                 raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
     with reading(rec.path) as progress:
-        return compare_frames(rec, scene, belief.world.add(*world.effects), progress=progress)
+        return compare_frames(rec, scene, World(rec.robot).add(*assumed, *world.effects), progress=progress)

@@ -24,7 +24,7 @@ from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.rooms.conduct import RoomName
 from vispeg.diagnosis.schema import DiagnosisRecord
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import SECONDS
+from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.live.arm import arm_arrays
 from vispeg.report.text.summary import Block
 from vispeg.report.text.terminal import diagnosis_summary
@@ -114,8 +114,8 @@ def diagnose(
         episodes: of each policy, with and without the remainder.
         part: a folder of finished steps until the result is saved; with the same arguments and folder a stopped
             diagnosis goes on.
-        rooms: of a cell, the evidence to diagnose: `joints`, `contact`, `pictures`; by default all if the recordings
-            have joint torques, a wrench and pictures, else pictures or wrench.
+        rooms: the evidence to diagnose: `joints`, `contact`, `pictures`; by default all that a robot's own bench has.
+            In a cell all if the recordings have joint torques, a wrench and pictures, else pictures or wrench.
         say: called with a line on each step.
         reading: progress display of reading a recording.
 
@@ -136,14 +136,15 @@ def diagnose(
     contact = of_cell(model)
     if contact and (not isinstance(baseline, Sequence) or len(baseline)):
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-    inputs = read_inputs(model, recordings, validate, **windows(contact, seconds), reading=reading)
+    whole = windows(model, seconds, recordings, validate)
+    inputs = read_inputs(model, recordings, validate, **whole, reading=reading)
     price = Price.of(policies, cell, episodes, inputs.world) if asked else None
     before = _before(model, baseline, seconds, reading)
     stamp = inputs.provenance(seed)
     progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    looking = _rooms(rooms, inputs) if contact and before is None else ()
+    looking = _rooms(rooms, inputs) if before is None else ()
     if len(looking) > 1:
         both = inputs.fitted, inputs.held_out
         result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, seed=seed, nthread=threads, say=say)
@@ -154,7 +155,8 @@ def diagnose(
         result = diagnose_contact(inputs.world, inputs.fitted, inputs.held_out, **of_contact)
         result.arrays.update(worst_moment(result.arrays, inputs.held_out))
     elif before is None:
-        result = run.diagnose(inputs.world, inputs.fitted, inputs.held_out, **options)
+        some = ([choose(rec, seconds) for rec in group] for group in (inputs.fitted, inputs.held_out))
+        result = run.diagnose(inputs.world, *some, **options)
     else:
         was = (*before.fitted, *before.held_out)
         result = diagnose_change(inputs.world, was, inputs.fitted, inputs.held_out, **options)
@@ -177,14 +179,17 @@ def diagnose(
 def _rooms(asked: Sequence[RoomName], inputs: Inputs) -> tuple[RoomName, ...]:
     """Where to look: as asked, or in every room if the recordings have something for all; `joints` where for no other.
 
+    Outside a task's cell every room that can be read is looked in.
+
     Raises:
         UserError: a room asked for that the recordings have nothing for.
     """
-    can = readable(inputs.fitted, inputs.held_out)
+    can = readable(inputs.world, inputs.fitted, inputs.held_out)
     for name in asked:
         if name not in can:
             raise UserError("the recordings have nothing for this room", key="--rooms", got=name, choices=can)
-    usual: tuple[RoomName, ...] = can if {"pictures", "contact"} <= set(can) else can[-1:]
+    every = inputs.world.cell is None or {"pictures", "contact"} <= set(can)
+    usual: tuple[RoomName, ...] = can if every else can[-1:]
     return tuple(name for name in can if name in (asked or usual))
 
 

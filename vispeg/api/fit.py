@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from vispeg.api.inputs import Model, Reading, Source, of_cell, read_inputs, silent, windows
+from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
 from vispeg.api.result import Result
+from vispeg.api.rooms.cell import readable
 from vispeg.api.rooms.pictures import border_evidence_of, photographed
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import OPTICAL, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.evidence.starts import begun
 from vispeg.diagnosis.record import arrays
@@ -23,8 +24,9 @@ from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import SECONDS
+from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.live.arm import arm_arrays
 from vispeg.report.text.summary import Block
@@ -119,7 +121,12 @@ def fit(
         if number < 1:
             raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)
     inputs = read_inputs(
-        model, recordings, validate, need_validate=False, **windows(of_cell(model), seconds), reading=reading
+        model,
+        recordings,
+        validate,
+        need_validate=False,
+        **windows(model, seconds, recordings, validate),
+        reading=reading,
     )
     world, free, unstated = _free(inputs.world, effects)
     stamp = inputs.provenance(seed)
@@ -127,12 +134,13 @@ def fit(
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    if world.cell is not None and photographed(inputs.fitted, inputs.held_out):
+    if _by_pictures(world, free, inputs):
         evidence, judged = border_evidence_of(world, inputs.fitted, inputs.held_out)
     else:
-        evidence, judged = (_evidence(world, recs, threads) for recs in (inputs.fitted, inputs.held_out))
+        evidence, judged = (_evidence(world, recs, threads, seconds) for recs in (inputs.fitted, inputs.held_out))
     assert evidence is not None  # read_inputs refuses an empty list
-    if world.cell is None:
+    of_joints = world.cell is None and not isinstance(evidence, BorderEvidence)
+    if of_joints:
         world = begun(evidence, world, unstated)
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
@@ -141,20 +149,31 @@ def fit(
     record, final = fit_record(inputs.world, result, free, evidence, judged)
     record = finite(record | {"provenance": stamp})
     drawn = {}
-    if world.cell is None:
+    if of_joints:
         judge = evidence if judged is None else judged
         drawn = arrays(judge, judge.simulated([inputs.world, final]))
         drawn |= arm_arrays(inputs.world, drawn["joints"])
     return FitResult(record, final, tuple(final.effects[i] for i in free), inputs.files, drawn, checkpoint)
 
 
-def _evidence(world: World, recordings: Sequence[Recording], threads: int) -> Evidence | None:
+def _evidence(world: World, recordings: Sequence[Recording], threads: int, seconds: float) -> Evidence | None:
     """Of the wrench where the model is of a cell, else of the joints; None without recordings."""
     if not recordings:
         return None
-    return (
-        evidence_of(recordings, threads) if world.cell is not None else evidence_for(world, recordings, threads, 1e-3)
-    )
+    if world.cell is not None:
+        return evidence_of(recordings, threads)
+    return evidence_for(world, [choose(rec, seconds) for rec in recordings], threads, 1e-3)
+
+
+def _by_pictures(world: World, free: Sequence[int], inputs: Inputs) -> bool:
+    """Whether the free effects are fitted to pictures: always in a cell that is photographed.
+
+    On a bench where they are a camera's, or where there is nothing else to fit to.
+    """
+    if not photographed(world, inputs.fitted, inputs.held_out):
+        return False
+    seen = any(effect(world.effects[i].effect).family in OPTICAL for i in free)
+    return world.cell is not None or seen or "joints" not in readable(world, inputs.fitted, inputs.held_out)
 
 
 def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...], tuple[int, ...]]:

@@ -17,14 +17,17 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
 from vispeg.core.provenance import Provenance, digest, here
+from vispeg.recordings.frames.read import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose
+from vispeg.robots.model import RobotModel
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.units import check_units
-from vispeg.task.belief import believed, cell_of, of_world
+from vispeg.task.belief import believed, cell_of, of_world, recorded_cell
 from vispeg.task.world_file import is_world
+from vispeg.vision.eye import posed
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
@@ -121,6 +124,7 @@ def read_inputs(
     if not 0 <= seconds < float("inf"):
         raise UserError("not a length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
     fitted, held_out = (tuple(_read(s, world, seconds, signals, reading) for s in sources) for sources in (fit, judge))
+    world = _of_recordings(world, (*fitted, *held_out))
     for held, path in zip(held_out, map(_path, judge), strict=True):
         for other, rec in zip(map(_path, fit), fitted, strict=True):
             if np.array_equal(held.q, rec.q):
@@ -188,7 +192,7 @@ def felt(recordings: Sequence[Recording]) -> bool:
         UserError: one that touches something has neither, nor frames.
     """
     without = [rec for rec in recordings if rec.ft is None]
-    touched = [rec for rec in without if touches(rec, believed(rec.cell, rec.path / "recording.yaml").scene)]
+    touched = [rec for rec in without if touches(rec, recorded_cell(rec).scene)]
     for rec in touched:
         if rec.frames is None:
             refuse_numb(rec)
@@ -202,9 +206,15 @@ class Windows(TypedDict):
     signals: NotRequired[None]
 
 
-def windows(cell: bool, seconds: float) -> Windows:
-    """Windows of a recording of an arm; all of one of contact, its wrench included."""
-    return {"seconds": 0.0, "signals": None} if cell else {"seconds": seconds}
+def windows(model: Model, seconds: float, *groups: Source | Sequence[Source]) -> Windows:
+    """Windows of recordings of an arm; all of those with pictures; all of those of a cell, their wrench included."""
+    if of_cell(model):
+        return {"seconds": 0.0, "signals": None}
+    return {"seconds": 0.0 if any(map(_pictured, (s for some in groups for s in _several(some)))) else seconds}
+
+
+def _pictured(source: Source) -> bool:
+    return source.frames is not None if isinstance(source, Recording) else (Path(source) / FOLDER).is_dir()
 
 
 def read_model(source: str) -> World:
@@ -220,14 +230,15 @@ def read_model(source: str) -> World:
     world = load_model(source)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
         return world
+    if not world.robot:  # the world that its cell names knows the arm
+        world = replace(world, robot=believed(world.cell, source).config.robot.model)
     with _said_of(source, "robot"):
-        robot = load_robot(world.robot)
+        robot: RobotModel = load_robot(world.robot)
     with _said_of(source, "tool"):
         robot = load_robot(world.robot, tool=world.tool)
-    if world.cell is not None:
-        robot = believed(world.cell, source).scene
+    robot = robot if world.cell is None else believed(world.cell, source, world.robot).scene
     for i, placed in enumerate(world.effects):
-        if effect(placed.effect).family == "camera" and world.cell is not None:
+        if effect(placed.effect).family == "camera":
             continue  # the cameras are the recordings'
         with _said_of(source, f"effects[{i}].where"):
             place(effect(placed.effect), placed.where, robot)
@@ -261,7 +272,12 @@ def _once(flag: str, paths: Sequence[Path]) -> None:
 
 
 def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
-    """The recording under the model's robot; a UserError where the two name different ones."""
+    """The recording under the model's robot; a UserError where the two name different ones.
+
+    A model that leaves the cell to the recordings leaves them the robot too.
+    """
+    if world.cell is not None and world.cell.open:
+        return replace(rec, cell=cell_of(world, rec) or rec.cell)
     is_file = Path(world.robot).suffix != ""
     if not is_file and Path(rec.robot).suffix == "" and rec.robot != world.robot:
         raise UserError(
@@ -271,5 +287,17 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
             expected=world.robot,
             got=rec.robot,
         )
-    cell = rec.cell if world.cell is None else cell_of(world, rec)
-    return replace(rec, robot=world.robot, cell=cell)
+    rec = replace(rec, robot=world.robot, cell=cell_of(world, rec) or rec.cell)
+    return rec if rec.frames is None else replace(rec, frames=posed(rec.frames, load_robot(world.robot)))
+
+
+def _of_recordings(world: World, recordings: Sequence[Recording]) -> World:
+    """The model, with the recordings' robot where it leaves the cell to them. Raises UserError: they name several."""
+    if world.cell is None or not world.cell.open or not recordings:
+        return world
+    first = recordings[0]
+    for rec in recordings:
+        if rec.robot != first.robot:
+            file = rec.path / "recording.yaml"
+            raise UserError("of another robot", file=file, key="robot", expected=first.robot, got=rec.robot)
+    return replace(world, robot=first.robot)

@@ -13,7 +13,7 @@ from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 
 
 def touching(rec: Recording) -> Touching:
@@ -22,7 +22,7 @@ def touching(rec: Recording) -> Touching:
     Raises:
         UserError: neither a wrench nor joint torques were recorded, or a cell that cannot be built.
     """
-    cell = believed(rec.cell, rec.path / "recording.yaml")
+    cell = recorded_cell(rec)
     if rec.ft is None or not sensed(rec):
         rec, torques = estimated(rec, cell.scene)
         return Touching(rec, cell.scene, torques.wrench, cell.world, torques)

@@ -13,7 +13,7 @@ from vispeg.render.backends.backend import BackendName, Renderer
 from vispeg.render.cameras.camera import Camera, looking_at
 from vispeg.render.cameras.standard import focal_of
 from vispeg.robots.scene import Scene
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 
 WIDTH, HEIGHT, FOV = 640, 420, 30.0  # px; degrees over the height
 FROM = (0.33, -0.42, 0.22)  # m, of the camera from the goal
@@ -44,7 +44,7 @@ def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recordin
     """A picture of the moment that `worst/q` states, as what `evidence.npz` holds; nothing where none can be drawn."""
     rec = next((r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)), recordings[0])
     try:
-        png = draw(believed(rec.cell).scene, np.nan_to_num(arrays["worst/q"]))
+        png = draw(recorded_cell(rec).scene, np.nan_to_num(arrays["worst/q"]))
     except UserError:  # no renderer here: the page does without
         return {}
     return {"worst/png": np.frombuffer(png, np.uint8)}

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 OPEN_CELL = "peg-cell"  # the cell that each recording states, the default one where it states none
+BENCH = "bench"  # what the robot's own file shows, in place of a world
 LEVER = 0.05  # m: a sensor's noise of torque over that of force, where only the latter is stated
 
 
@@ -17,7 +18,7 @@ class CellBelief:
     """What stands in the cell as the user believes it, in the words of a world file; `vispeg.task.belief` builds it.
 
     Attributes:
-        world: a built-in world's name, the absolute path of a world file, or OPEN_CELL; "" for the default cell.
+        world: a built-in world's name, the absolute path of a world file, OPEN_CELL or BENCH; "" for the default cell.
         task: what differs from it, keys of a world file's `task`, such as `fixture` and `friction`.
         robot: arm, flange and gripper, as a world file's `robot`; None where the world says it.
         effects: what else is believed, as in a model file: each `effect`, `where`, `params`.
@@ -35,6 +36,11 @@ class CellBelief:
     def open(self) -> bool:
         """Whether it is left to each recording to say what stands there."""
         return self == CellBelief(OPEN_CELL)
+
+    @property
+    def bench(self) -> bool:
+        """Whether what stands there is in the robot's own file, and no task's."""
+        return self.world == BENCH
 
     def plain(self) -> str | Mapping[str, object]:
         """As a file states it: the world's name alone where that is all."""

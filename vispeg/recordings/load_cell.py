@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
+from vispeg.recordings.cell import BENCH, CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
 
 
@@ -33,8 +35,22 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
         if not exists:
             raise UserError("no such file", file=file, key="cell.world", expected="a world file", got=world)
         world = str(path)
+    if world == BENCH:
+        for key in ("task", "robot", "effects"):
+            if getattr(section, key):
+                expected = f"`world: {BENCH}` and `board` alone: all else is in the robot's file"
+                raise UserError("is of a task's cell", file=file, key=f"cell.{key}", expected=expected)
     board = None if section.board is None else section.board.model_dump(exclude_unset=True)
-    return CellBelief(world, section.task, section.robot, tuple(section.effects), board)
+    return CellBelief(world, section.task, _robot(section.robot, file), tuple(section.effects), board)
+
+
+def _robot(stated: Any, file: Path) -> Any:
+    """The robot that a cell states, a file's path seen from the folder of what states it."""
+    model = stated.get("model") if isinstance(stated, Mapping) else stated
+    if not isinstance(model, str) or not Path(model).suffix or Path(model).expanduser().is_absolute():
+        return stated
+    path = str((file.parent / Path(model).expanduser()).resolve())
+    return {**stated, "model": path} if isinstance(stated, Mapping) else path
 
 
 def wrench(section: WrenchSection | None) -> WrenchSensor | None:

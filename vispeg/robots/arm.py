@@ -137,6 +137,7 @@ def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
 
 
 def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
+    _stand(spec)
     slides = [j for j in spec.joints if j.type == SLIDE]
     for joint in spec.joints:
         if joint.type not in (HINGE, SLIDE):
@@ -162,6 +163,13 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
 def _carries(joint: mujoco.MjsJoint) -> bool:
     """Whether a hinge moves along with a sliding joint, as on a linear axis."""
     return any(j.type == HINGE for j in joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))
+
+
+def _stand(spec: mujoco.MjSpec) -> None:
+    """Lets free bodies that carry no other joint stand where the file puts them: parts on a bench."""
+    for joint in [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]:
+        if len(list(joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))) == 1 and len(list(spec.joints)) > 1:
+            spec.delete(joint)
 
 
 def _motor(spec: mujoco.MjSpec, joint: str) -> None:

@@ -1,4 +1,7 @@
-"""The cell that a user believes in, built: the MuJoCo scene, the task's settings, and the effects that are believed."""
+"""What a user believes to stand around the arm, built: a task's cell, or the bench that the robot's own file shows.
+
+A cell is the MuJoCo scene, the task's settings, and the effects that are believed.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,15 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.recording import Recording
+from vispeg.robots.bench import bench, shows
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.declared import carried
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.registry import config_of, task_of
 from vispeg.task.world_file import load_world
-from vispeg.task.world_robot import declared
+from vispeg.task.world_robot import declared, is_path
 from vispeg.worlds.model_file import read_placed
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.words import place
@@ -42,18 +47,23 @@ class Believed:
     world: World
 
 
-def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believed:
+def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str | None = None) -> Believed:
     """Builds a belief; None and OPEN_CELL stand for the default cell. The same belief gives the same scene.
 
     Args:
         cell: what is believed.
         file: where it was stated, for errors.
+        robot: whose cell it is: the arm of a cell that names none itself.
 
     Raises:
-        UserError: no such world, an unknown key, geometry that cannot be, no such effect or place.
+        UserError: no such world, an unknown key, geometry that cannot be, no such effect or place, a cell of another
+            robot, or a bench, which has no task.
     """
     cell = cell or CellBelief()
     at = str(file) if file is not None else None
+    if cell.bench:
+        expected = "a world's name or file: a tool touches and fits in a task's cell"
+        raise UserError("a bench has no task", file=at, key="cell.world", expected=expected, got=cell.world)
     named = DEFAULT if cell.world in ("", OPEN_CELL) else cell.world
     try:
         world = load_world(named)
@@ -63,12 +73,49 @@ def believed(cell: CellBelief | None, file: str | Path | None = None) -> Believe
     try:
         if cell.robot is not None:
             settings["robot"] = declared(cell.robot, Path(at or "."), {})
+        elif robot not in (None, RobotConfig.model) and "robot" not in settings:
+            settings["robot"] = {"model": robot}
         config = config_of(settings, at)
         scene = task_of(config).cell(config)
     except UserError as error:
         raise UserError(str(error), key="cell") from error
+    if robot is not None and not _same(robot, config.robot.model):
+        got, expected = config.robot.model, f"{robot}, or no robot in `cell`"
+        raise UserError("the cell is of another robot", file=at, key="cell.robot", expected=expected, got=got)
     effects = [*fixed(world.world), *_effects(cell.effects, scene, at)]
     return Believed(scene, config, World(config.robot.model, None).add(*effects))
+
+
+def recorded_cell(rec: Recording) -> Believed:
+    """The task's cell that a recording states, with its robot. Raises UserError as `believed`, naming its file."""
+    return believed(rec.cell, rec.path / "recording.yaml", rec.robot)
+
+
+def model_cell(world: World) -> Believed:
+    """The task's cell of a model, with its robot. Raises UserError as `believed`."""
+    return believed(world.cell, robot=world.robot)
+
+
+def bench_of(world: World) -> Scene:
+    """What a model without a task's cell shows: its robot's own file, the arm in it and what stands about."""
+    return bench(load(world.robot, tool=world.tool))
+
+
+def scene_of(world: World, rec: Recording) -> Scene:
+    """What stands before the cameras of a recording as a model has it: the model's cell, or its robot's own bench.
+
+    Raises:
+        UserError: as `believed`.
+    """
+    cell = cell_of(world, rec)
+    if cell is None:
+        return bench_of(world)
+    return believed(cell, rec.path / "recording.yaml", world.robot).scene
+
+
+def _same(robot: str, other: str) -> bool:
+    """Whether two names or paths are of one robot."""
+    return robot == other or (is_path(robot) and is_path(other) and Path(robot).resolve() == Path(other).resolve())
 
 
 def fixed(world: RandomizedWorld) -> list[EffectInstance]:
@@ -93,9 +140,9 @@ def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | No
 def cell_of(world: World, rec: Recording) -> CellBelief | None:
     """The cell of a recording under a model: the model's, or where that leaves it open (OPEN_CELL) the recording's.
 
-    None where the model is of an arm alone.
+    None where the model has no task's cell: what it shows is its robot's own file.
     """
-    if world.cell is None:
+    if world.cell is None or (world.cell.open and rec.cell is not None and rec.cell.bench):
         return None
     return (rec.cell or CellBelief(DEFAULT)) if world.cell.open else world.cell
 
@@ -113,5 +160,8 @@ def of_world(name: str) -> World:
 
 
 def robot_of_world(world: World) -> RobotModel:
-    """What a model's effects are placed on: the scene of its cell, or the arm alone."""
-    return load(world.robot, tool=world.tool) if world.cell is None else believed(world.cell).scene
+    """What a model's effects are placed on: the scene of its cell or of its robot's own file, or the arm alone."""
+    if world.cell is not None:
+        return model_cell(world).scene
+    scene = bench_of(world)
+    return scene if shows(scene) else scene.nominal

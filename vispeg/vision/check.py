@@ -260,6 +260,6 @@ def _advice(dark: Sequence[Precision], mount: str | None) -> str:
     if names & {"focal_error", "camera_offset", "principal_point_error"}:
         advice.append("with tilt and roll (look-tilt, look-roll)")
     if "lens_distortion" in names:
-        advice.append("so that the fixture comes near the image's edges")
+        advice.append("so that borders of parts come near the image's edges")
     all_of_it = "look-fast" if names == {"rolling_shutter"} else "look"
     return f"move it {', '.join(advice)}; `vispeg record {OPEN_CELL} --motion {all_of_it}` has all of it"

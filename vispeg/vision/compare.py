@@ -246,6 +246,11 @@ def summary(compared: Sequence[Compared]) -> list[dict[str, object]]:
     return out
 
 
+def border_rms(compared: Sequence[Compared]) -> float | None:
+    """RMS displacement of the borders in all frames, px."""
+    return _pooled([c.displacements.along for c in compared if c.displacements is not None])
+
+
 QUALITY = ("fill_rate", "z_accuracy", "plane_fit_rms", "plane_fit_rms_mm", "subpixel_rms")
 
 

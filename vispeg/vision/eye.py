@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from vispeg.core.errors import UserError
 from vispeg.core.lens import distort, undistort
 from vispeg.core.rotation import quaternion
 from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames
 from vispeg.render.cameras.camera import PINHOLE, Camera
+from vispeg.render.cameras.model_camera import cameras_of
+from vispeg.robots.model import RobotModel
 from vispeg.worlds.places import acts_on
 from vispeg.worlds.world import World
 
@@ -95,6 +98,19 @@ def camera_of(recorded: RecordedCamera) -> Camera:
         tuple(recorded.pose[:3, 3].tolist()),
         tuple(quaternion(_orthonormal(recorded.pose[:3, :3])).tolist()),
     )
+
+
+def posed(frames: Frames, robot: RobotModel) -> Frames:
+    """The frames with the poses that the robot's own file has for cameras of which the recording states none."""
+    bare = [name for name, camera in frames.cameras.items() if camera.pose is None]
+    known = {c.name: recorded_of(c) for c in cameras_of(robot) if c.name in bare and c.parent in ("base", "flange")}
+    if not known:
+        return frames
+    cameras = dict(frames.cameras)
+    for name, camera in known.items():
+        cameras[name] = replace(cameras[name], mount=camera.mount, pose=camera.pose)
+    some = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in frames.frames)
+    return replace(frames, cameras=cameras, frames=some)
 
 
 def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:

@@ -73,8 +73,15 @@ def load_model(source: str | Path) -> World:
             raise UserError(f"{e.label} is given twice", file=path, key=f"effects[{i}]")
         earlier.add((e.effect, e.where))
     stated = data.get("cell")
-    section = None if stated is None else typed(CellOf, {"cell": stated}, path).cell
-    return World(robot, None if tool in (None, "none") else tool, effects, cell(section, path))
+    belief = cell(None if stated is None else typed(CellOf, {"cell": stated}, path).cell, path)
+    if belief is not None and belief.bench:
+        if belief.board:
+            raise UserError("is stated by the recordings", file=path, key="cell.board", expected="no board in a model")
+        belief = None  # what a robot's own file shows is the model's without a word
+    if "robot" not in data and belief is not None:  # the cell's, as far as it can be told from here
+        named = belief.robot.get("model") if isinstance(belief.robot, Mapping) else belief.robot
+        robot = str(named or (robot if not belief.world or belief.open else ""))
+    return World(robot, None if tool in (None, "none") else tool, effects, belief)
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:

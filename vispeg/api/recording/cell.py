@@ -23,7 +23,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.render.backends.backend import BackendName
 from vispeg.render.cameras.camera import Camera
 from vispeg.robots.model import load
-from vispeg.task.belief import believed
+from vispeg.task.belief import model_cell
 from vispeg.task.registry import FIRST, task, task_of
 from vispeg.task.rig import table
 from vispeg.task.rig.commanded import CellMotion
@@ -38,7 +38,7 @@ JOINT_S = 5.0  # s that motions of joints take
 def motions_of(world: World | None = None) -> tuple[str, ...]:
     """Names of the motions of a world's cell, those of the package's own task without a cell, and of its expert."""
     cell = None if world is None else world.cell
-    offered = task(FIRST) if cell is None else task_of(believed(cell).config)
+    offered = task(FIRST) if cell is None else task_of(model_cell(world).config)
     return *offered.motions, EXPERT
 
 
@@ -57,7 +57,7 @@ def cell_motion(
     Raises:
         UserError: no such motion or file; one that the arm cannot make.
     """
-    belief = believed(world.cell)
+    belief = model_cell(world)
     if Path(name).suffix:
         return table.read(Path(name), belief.scene.joints, rate_hz, force_limit)
     paths = task_of(belief.config).motions
@@ -127,7 +127,7 @@ def commands(
     """
     world = read_model(model)
     if name in motions_of(world) and (world.cell is not None or name not in JOINT):
-        made, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), believed(world.cell)
+        made, belief = cell_motion(world, name, rate_hz=rate_hz, seed=seed), model_cell(world)
         held = made.stiffness or belief.config.stiffness
         made = replace(made, stiffness=held, force_limit=made.force_limit or belief.config.force_limit)
         return table.text(made, belief.scene.joints), float(made.time[-1]), made

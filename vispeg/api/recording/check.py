@@ -11,6 +11,7 @@ from typing import TypedDict
 
 from vispeg.api.recording.contact import check_contact
 from vispeg.api.result import Result
+from vispeg.api.rooms.pictures import shown
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
@@ -34,8 +35,9 @@ from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
 from vispeg.robots.scene import Scene
 from vispeg.sim.units import needs_of
-from vispeg.task.belief import believed
+from vispeg.task.belief import scene_of
 from vispeg.vision.check import CameraCheck, check_frames
+from vispeg.vision.eye import posed
 from vispeg.worlds.world import World
 
 HEAD = 20_000  # rows of each recording that are held against the others'
@@ -160,14 +162,16 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
         with watch("reading", path) as share:
             rec = load(path, _signals, share)
         limits = limits_of(rec)
+        rec = rec if rec.frames is None else replace(rec, frames=posed(rec.frames, load_robot(rec.robot)))
         with watch("examining", path) as share:
             contact, touched = check_contact(rec) or (None, None)
             reports.append(replace(examine(rec, limits, share, _needs(rec)), contact=contact))
         heads.append(_head(rec))
         scene = _scene_of(rec)
+        seen = scene is not None
         cameras.append(_cameras(rec, scene, watch))
         excited.append(_excited(rec, scene, watch))
-        stated.append(rec.cell is not None)
+        stated.append(seen or rec.cell is not None)
         if drawn:
             name = "check.png" if len(paths) == 1 else f"check-{number}-{rec.name}.png"
             drawings[name] = plot(rec, reports[-1], limits)
@@ -190,10 +194,11 @@ def _signals(header: Header) -> tuple[str, ...]:
 
 
 def _scene_of(rec: Recording) -> Scene | None:
-    """The cell that a recording with frames states, with its cameras; None where it states none of this arm."""
-    if rec.frames is None or rec.cell is None:
+    """What a recording with frames states to stand around its arm, with its cameras; None where that is nothing."""
+    world = World(rec.robot, rec.tool, cell=None if rec.cell is None or rec.cell.bench else rec.cell)
+    if rec.frames is None or not shown(world, rec):
         return None
-    scene = believed(rec.cell, rec.path / "recording.yaml").scene
+    scene = scene_of(world, rec)
     return replace(scene, cameras=tuple(rec.frames.names)) if scene.joints == tuple(rec.joints) else None
 
 
@@ -210,7 +215,7 @@ def _excited(rec: Recording, scene: Scene | None, watch: Watch) -> list[Excitati
     if scene is None or not comparable(rec):
         return []
     with watch("seeing which effects would show in", rec.path) as share:
-        return excitations(scene, rec, World(cell=rec.cell), share)
+        return excitations(scene, rec, World(rec.robot, cell=rec.cell), share)
 
 
 def _of_pictures(cameras: Sequence[CameraCheck], excited: Sequence[Excitation]) -> Mapping[str, object]:

@@ -12,7 +12,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch, touch
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 
 
 def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
@@ -29,8 +29,8 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     try:
         robot: RobotModel = (
             load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
-            if rec.cell is None
-            else believed(rec.cell, header).scene
+            if rec.cell is None or rec.cell.bench
+            else recorded_cell(rec).scene
         )
     except UserError as error:
         raise UserError(str(error), file=header) from error
@@ -42,7 +42,7 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     tilt = np.arccos(np.clip(axis @ axis[0], -1.0, 1.0))
     yaw = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
-    goal = isinstance(robot, Scene)
+    goal = isinstance(robot, Scene) and bool(robot.goal)
     again = tuple(b.speed for b in blows(rec, contact)) if goal and restarts(rec) else None
     touched = Touched(rec.time, episode, contact.regime, contact.force, contact.velocity, tilt, yaw, goal, again)
     return examine(touched), contact

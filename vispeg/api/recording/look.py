@@ -21,11 +21,13 @@ from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Recording
 from vispeg.render.backends.backend import BackendName
+from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.camera_files import load_cameras
 from vispeg.render.cameras.standard import SIZE, standard_cameras
+from vispeg.robots.bench import shows
 from vispeg.robots.scene import Scene
-from vispeg.task.belief import DEFAULT, believed
+from vispeg.task.belief import DEFAULT, bench_of, model_cell
 from vispeg.task.world_file import load_world
 from vispeg.vision.board import board_of
 from vispeg.vision.photograph import photograph
@@ -38,32 +40,44 @@ MOST = 5000  # frames
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """The cell of a model, with these cameras for effects to act on. Raises UserError for an arm without a cell."""
-    if world.cell is None:
-        expected = f"{OPEN_CELL}, a world's name or file, or a model file with `cell:`"
-        raise UserError("pictures need a cell", key="model", expected=expected, got=world.robot)
-    scene = believed(world.cell).scene
+    """What a model shows, with these cameras for effects to act on: its cell, or its robot's own bench.
+
+    Raises:
+        UserError: an arm alone, which shows nothing.
+    """
+    scene = bench_of(world) if world.cell is None else model_cell(world).scene
+    if world.cell is None and not shows(scene):
+        expected = f"{OPEN_CELL}, a world, a model file with `cell:`, or a robot's file with more in it than the arm"
+        raise UserError("pictures need something to see", key="model", expected=expected, got=world.robot)
     return replace(scene, cameras=tuple(c.name for c in cameras)) if cameras else scene
 
 
 def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tuple[Camera, ...]:
-    """Cameras by the names of the cell's own, at this width and height in px, or from camera files.
+    """Cameras by the names of the scene's own, at this width and height in px, or from camera files.
 
-    The cell's cameras keep their horizontal field of view; those of a file are as the file says.
+    A cell's cameras keep their horizontal field of view, those of the robot's file without a `resolution` their
+    vertical one; all others are as their file says.
 
     Raises:
         UserError: no such camera, or two of one name.
     """
-    standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
+    standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)} if scene.goal else {}
+    own = {c.name: c for c in model_camera.cameras_of(scene.nominal, size) if c.name not in standard}
     out: list[Camera] = []
     for name in names:
-        if name not in standard and (Path(name).suffix or is_file(name)):
+        if name not in {**standard, **own} and (Path(name).suffix or is_file(name)):
             out += load_cameras(name)
         elif name in standard:
             out.append(_sized(standard[name], *size))
+        elif name in own:
+            out.append(own[name])
         else:
             raise UserError(
-                "unknown camera", key="--cameras", got=name, choices=standard, expected="a name or a camera file"
+                "unknown camera",
+                key="--cameras",
+                got=name,
+                choices=[*standard, *own],
+                expected="a name or a camera file",
             )
     if len({c.name for c in out}) < len(out) or not out:
         raise UserError("cameras of different names", key="--cameras", got=[c.name for c in out])
@@ -104,11 +118,11 @@ def record_look(
     name: str = "look",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """An arm in its cell looks about; its joints are recorded, and what its cameras see.
+    """An arm in its cell, or on its bench, looks about; its joints are recorded, and what its cameras see.
 
     Args:
-        world: of a cell. Effects of the arm act on the motion, those of cameras, looks, fixture and grip on the
-            pictures; the recording states none of them.
+        world: of a cell, or of a robot whose own file shows what stands about. Effects of the arm act on the motion,
+            those of cameras, looks, fixture and grip on the pictures; the recording states none of them.
         motion: one of `vispeg.identify.motions.look_motion.LOOKS`, or what is commanded, at `rate_hz`.
         cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
         fps: pictures a second of each camera.
@@ -121,7 +135,7 @@ def record_look(
         progress: called with the share of the pictures that is taken.
 
     Raises:
-        UserError: no cell, no such motion, or one that the arm cannot make; too many pictures.
+        UserError: nothing to see, no such motion, or one that the arm cannot make; too many pictures.
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
@@ -135,7 +149,7 @@ def record_look(
     rec = record(arm, path, control, noise, rng, torque_sensor="joint", name=name, watch=truth.append)
     options = {"seed": seed, "backend": backend, "shadows": shadows, "progress": progress}
     frames = taken(world, scene, cameras, rec, truth[0], fps, rng, **options)
-    cell = CellBelief(DEFAULT) if world.cell is None or world.cell.open else world.cell
+    cell = CellBelief(DEFAULT) if world.cell is not None and world.cell.open else world.cell
     return replace(rec, frames=frames, cell=cell, motion=path.name)
 
 

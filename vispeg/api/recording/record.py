@@ -19,6 +19,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import MOTIONS, Motion, motion
+from vispeg.identify.motions.look_motion import LOOKS
 from vispeg.identify.motions.rehearse import rehearsed
 from vispeg.identify.motions.replay import replay
 from vispeg.identify.record import centre_of, controller
@@ -66,7 +67,8 @@ def record(
     """Records a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
 
     Args:
-        model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact and pictures need a cell.
+        model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact needs a cell, pictures a
+            cell or a robot's file with more in it than the arm.
         motion: a name, or a .csv or .parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
         duration: s; by default 5 (osc: 9, look: 16). Tables and motions of contact have their own.
         rate_hz: control ticks and samples a second.
@@ -80,8 +82,9 @@ def record(
         torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
         wrench_sensor: in a cell, whether the flange's wrench is recorded; without it contact is estimated from `tau`.
         repeat: runs of the same motion; more than one become episodes.
-        cameras: in a cell, names of its own cameras, or camera files; a look has `wrist_wide` where none is given.
-        size: (width, height) px of the pictures of the cell's own cameras.
+        cameras: names of the cell's cameras or of those in the robot's file, or camera files; a look in a cell has
+            `wrist_wide` where none is given.
+        size: (width, height) px of the pictures of cameras that state none.
         fps: pictures a second of each camera.
         look: of the pictures, WORLD/SEED: what that world draws for that seed.
         backend: what draws the pictures.
@@ -122,7 +125,8 @@ def record(
     world = model if isinstance(model, World) else read_model(str(model))
     of_cells = motions_of(world)
     looks = asked.motion.startswith("look") and not asked.is_file and asked.motion not in of_cells
-    if looks or (asked.is_file and asked.cameras and world.cell is not None and _of_joints(asked)):
+    on_bench = world.cell is None and asked.motion != "osc"
+    if looks or (asked.cameras and (asked.is_file or on_bench) and _of_joints(asked)):
         made = _of_cameras(asked, world, watch)
     elif world.cell is not None and (asked.motion in of_cells or not _of_joints(asked)):
         made = _of_contact(asked, world, watch)
@@ -219,17 +223,19 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     asked.refuse("not for a motion that looks", wrench_sensor=("flange",), **usual)
     if asked.is_file:
         asked.refuse("a table has its own", duration=(None,))
-    cameras = cameras_of(asked.cameras or ("wrist_wide",), scene_of(world), asked.pixels)
-    scene = scene_of(world, cameras)
+    scene = scene_of(world)
+    cameras = cameras_of(asked.cameras or (("wrist_wide",) if scene.goal else ()), scene, asked.pixels)
+    scene = replace(scene, cameras=tuple(c.name for c in cameras))
+    by_name = not asked.is_file and asked.motion in LOOKS
     looks = () if asked.look is None else look_of(asked.look, scene)
     world = asked.hidden(world, scene)
     with watch() as progress:
         rec = record_look(
             world.add(*looks),
-            replay(Path(asked.motion), scene.nominal, asked.rate_hz) if asked.is_file else asked.motion,
+            asked.motion if by_name else _path(asked, scene.nominal),
             cameras,
             fps=asked.fps,
-            duration=asked.duration,
+            duration=asked.duration if by_name else None,
             rate_hz=asked.rate_hz,
             noise=asked.levels,
             seed=asked.seed,

@@ -17,7 +17,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import choose
 from vispeg.render.look import Fields
 from vispeg.robots.declared import carried
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 from vispeg.worlds.places import values
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
@@ -27,16 +27,19 @@ STANDS = {"body_pos", "body_quat"}  # fields by which fixture and held part stan
 HEAVY = {"body_mass", "body_ipos"}  # ... and by which the hand carries something else
 
 
-def readable(*groups: Sequence[Recording]) -> tuple[RoomName, ...]:
-    """The rooms that all recordings have something for; not the joints' where their torques stand for a wrench."""
+def readable(world: World, *groups: Sequence[Recording]) -> tuple[RoomName, ...]:
+    """The rooms that a model and all recordings have something for; not the joints' where torques stand for a wrench.
+
+    A tool touches in a task's cell alone.
+    """
     recordings = [rec for group in groups for rec in group]
     out: list[RoomName] = []
-    touched = felt(recordings)
+    touched = world.cell is not None and felt(recordings)
     if not (touched and any(rec.ft is None for rec in recordings)) and all(
         rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none") for rec in recordings
     ):
         out.append("joints")
-    if pictures.photographed(recordings):
+    if pictures.photographed(world, recordings):
         out.append("pictures")
     if touched:
         out.append("contact")
@@ -54,14 +57,14 @@ def diagnose_rooms(
     nthread: int = 2,
     say: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Names what a cell's model lacks, the cause looked for in every room.
+    """Names what a model lacks, the cause looked for in every room.
 
     Joints come first and cameras before contact: what the arm reads wrong moves pictures and the hand's path alike, and
     a goal that the wrench finds elsewhere is looked at again.
 
     Args:
         rooms: that look, of `readable`.
-        world: of a cell.
+        world: of a cell, or of a robot whose own file shows what stands about.
         fitted, held_out: the recordings.
         seconds: of a longer recording that the joints' room uses; 0 uses all.
         seed, nthread, say: as for `diagnose`.
@@ -116,9 +119,9 @@ def _read_right(rec: Recording, world: World) -> Recording:
 def _carrying(rec: Recording, world: World) -> Recording:
     """The recording with the load that the model's cell says it carried, where that is not what it declares."""
     heavy = [e for e in world.effects if _heavy(effect(e.effect))]
-    if not heavy:
+    if not heavy or world.cell is None:
         return rec
-    scene = believed(rec.cell, rec.path / "recording.yaml").scene
+    scene = recorded_cell(rec).scene
     model = scene.compile()
     for e in heavy:
         kind = effect(e.effect)

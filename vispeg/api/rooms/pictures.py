@@ -11,14 +11,25 @@ from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.read import sights_of
 from vispeg.recordings.recording import Recording
+from vispeg.robots.bench import shows
 from vispeg.robots.scene import Scene
-from vispeg.task.belief import believed, cell_of
+from vispeg.task import belief
+from vispeg.task.belief import cell_of
 from vispeg.worlds.world import World
 
 
-def photographed(*groups: Sequence[Recording]) -> bool:
-    """Whether all recordings hold pictures."""
-    return all(rec.frames is not None and len(rec.frames) > 0 for group in groups for rec in group)
+def photographed(world: World, *groups: Sequence[Recording]) -> bool:
+    """Whether all recordings hold pictures of something that a model knows more of than its arm."""
+    recordings = [rec for group in groups for rec in group]
+    if not all(rec.frames is not None and len(rec.frames) > 0 for rec in recordings):
+        return False
+    return all(shown(world, rec) for rec in recordings)
+
+
+def shown(world: World, rec: Recording) -> bool:
+    """Whether a model has something for the cameras of a recording to see, or a board lies there."""
+    board = rec.cell is not None and rec.cell.board is not None
+    return cell_of(world, rec) is not None or board or shows(belief.bench_of(world))
 
 
 def diagnose(
@@ -56,9 +67,9 @@ def border_evidence_of(
 
 
 def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
-    """The one cell that the recordings state under a model."""
-    beliefs = [cell_of(world, rec) or rec.cell for rec in recordings]
-    for rec, belief in zip(recordings, beliefs, strict=True):
-        if belief != beliefs[0]:
-            raise UserError("is of another cell", file=rec.path / "recording.yaml", key="cell", expected=beliefs[0])
-    return believed(beliefs[0], recordings[0].path / "recording.yaml").scene
+    """The one scene that the recordings show under a model."""
+    cells = [cell_of(world, rec) for rec in recordings]
+    for rec, cell in zip(recordings, cells, strict=True):
+        if cell != cells[0]:
+            raise UserError("is of another cell", file=rec.path / "recording.yaml", key="cell", expected=cells[0])
+    return belief.scene_of(world, recordings[0])

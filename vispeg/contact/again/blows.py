@@ -21,7 +21,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import FREE, IMPACT
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch, touch
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 from vispeg.task.rig.run import run
 from vispeg.worlds.world import World
 
@@ -76,7 +76,7 @@ def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
     """Those of a recording that `restarts`; a rebound's own touch is no blow. `felt`: what it touched, if known."""
     if not restarts(rec):
         return []
-    cell = believed(rec.cell, rec.path / "recording.yaml")
+    cell = recorded_cell(rec)
     felt = felt or touch(rec, cell.scene)
     assert felt is not None
     hit = felt.regime == IMPACT
@@ -105,7 +105,7 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
     """(nworld, 2) N s and s that the worlds predict for a blow; NaN where a world does not hit in time."""
     rec, rate = blow.recording, blow.recording.control.rate_hz
     assert rec.ee_cmd is not None
-    cell = believed(rec.cell, rec.path / "recording.yaml")
+    cell = recorded_cell(rec)
     plants = [cell.world.add(*w.effects) for w in worlds]
     ran = run(cell.scene, plants, rec.control, rec.ee_cmd[blow.rows], *blow.start, nthread=nthread).ft
     before = max(2, round(0.5 * BEFORE * rate))

@@ -21,7 +21,7 @@ from vispeg.recordings.cell import Outcome, WrenchSensor
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch, touch
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 from vispeg.task.registry import task_of
 from vispeg.worlds.world import World
 
@@ -46,7 +46,7 @@ def closed_loop(
     for rec in recordings:
         if len(out) == MOST or not rec.outcomes or rec.control.mode != "osc" or rec.ee_cmd is None:
             continue
-        episode, cell = _first(rec), believed(rec.cell, rec.path / "recording.yaml")
+        episode, cell = _first(rec), recorded_cell(rec)
         try:
             runs = {name: task_of(cell.config).again(episode, world, nthread) for name, world in models.items()}
         except UserError as error:

@@ -24,7 +24,7 @@ from vispeg.recordings.checks.extent import lacks_blows
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 from vispeg.worlds.world import World
 
 NAME, TWIN = "contact_damping", "restitution"
@@ -177,5 +177,5 @@ def _unseen(groups: Mapping[str, tuple[Sequence[Recording], Sequence[Blow]]]) ->
     same = len(lacks) == len(groups) and len(set(lacks.values())) == 1
     why = next(iter(lacks.values())) if same else "; ".join(f"{text}, in what is {n}" for n, text in lacks.items())
     rec = next(rec for recs, _ in groups.values() for rec in recs)
-    where = place_of(effect(NAME), believed(rec.cell, rec.path).scene)
+    where = place_of(effect(NAME), recorded_cell(rec).scene)
     return ({"effect": NAME, "where": where, "why": why, "motion": effect(NAME).shown_by[0]},)

@@ -78,10 +78,13 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
         rate_hz, duration: samples a second, seconds.
 
     Raises:
-        UserError: no such motion; too short for the joints' speeds; a pose out of reach, or one that touches something.
+        UserError: no such motion; a bench, which has no goal to look about; too short for the joints' speeds; a pose out of reach, or one that touches something.
     """
     if name not in LOOKS:
         raise UserError("unknown motion", key="--motion", got=name, choices=LOOKS)
+    if not scene.goal:
+        expected = "a motion of the joints by name, or a table with q_cmd columns"
+        raise UserError("there is no goal to look about", key="--motion", expected=expected, got=name)
     if not 4 * EASE <= duration <= 120 or not 20 <= rate_hz <= 4000:
         expected = f"{4 * EASE:g} to 120 s at 20 to 4000 Hz"
         raise UserError("no such motion", key="--duration", expected=expected, got=f"{duration:g} s at {rate_hz:g} Hz")

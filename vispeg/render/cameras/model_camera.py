@@ -12,9 +12,52 @@ import numpy as np
 from vispeg.core.rotation import quaternion
 from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.cameras.view import WORLD, parent_of
+from vispeg.robots.model import RobotModel
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
 PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do
+
+
+def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camera, ...]:
+    """The cameras that a robot's own file states, on the flange or the base where they do not move against it.
+
+    Args:
+        robot: with its file's cameras.
+        size: (width, height) px of those whose file states no `resolution`; by default they are left out.
+    """
+    model = robot.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    site = model.site(robot.flange).id
+    hand = int(model.body_weldid[model.site_bodyid[site]])
+    out = []
+    for i in range(model.ncam):
+        body = int(model.cam_bodyid[i])
+        width, height = (int(n) for n in model.cam_resolution[i])
+        if min(width, height) <= 1:  # MuJoCo's default: the file states none
+            width, height = size
+        fixed = int(model.cam_mode[i]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
+        if not (width and height and fixed and model.camera(i).name):
+            continue
+        weld = int(model.body_weldid[body])
+        parent = "flange" if weld == hand else WORLD if weld == 0 else model.body(body).name
+        pos, rot = np.zeros(3), np.eye(3)
+        if parent == "flange":
+            pos, rot = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        elif parent != WORLD:
+            pos, rot = data.xpos[body], data.xmat[body].reshape(3, 3)
+        axes = data.cam_xmat[i].reshape(3, 3) @ FLIP
+        focal = np.full(2, height / 2 / np.tan(np.radians(model.cam_fovy[i]) / 2))
+        centre = np.array([width - 1, height - 1]) / 2
+        if model.cam_sensorsize[i].min() > 0:
+            scale = np.array([width, height]) / model.cam_sensorsize[i]
+            focal, centre = model.cam_intrinsic[i][:2] * scale, centre - model.cam_intrinsic[i][2:] * scale
+        name, at = model.camera(i).name, rot.T @ (data.cam_xpos[i] - pos)
+        quat = tuple(quaternion(rot.T @ axes).tolist())
+        numbers = (*map(float, focal), *map(float, centre))
+        out.append(Camera(name, width, height, *numbers, parent=parent, pos=tuple(at.tolist()), quat=quat))
+    return tuple(out)
 
 
 def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:

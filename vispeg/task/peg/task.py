@@ -56,12 +56,12 @@ class PegTask(Task):
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome]:
         """The tip must come as deep as success asks, with no more force than the task allows."""
-        from vispeg.task.belief import believed
+        from vispeg.task.belief import recorded_cell
         from vispeg.task.rig.record import outcome_of  # which builds cells, and so looks up tasks
         from vispeg.task.rig.replay import replay
 
         (ran,) = replay(rec, [world], nthread=nthread)
-        ended = Outcome(False, 0, "diverged") if ran.diverged[0] else outcome_of(believed(rec.cell, rec.path), ran)[0]
+        ended = Outcome(False, 0, "diverged") if ran.diverged[0] else outcome_of(recorded_cell(rec), ran)[0]
         return ran.q[0], ran.ft[0], ended
 
     def expert(self, config: PegConfig, nsim: int) -> Expert:

@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import Outcome
 from vispeg.recordings.recording import Recording
-from vispeg.task.belief import believed
+from vispeg.task.belief import model_cell
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.registry import task_of
 from vispeg.task.rig.posture import posture
@@ -46,7 +46,7 @@ def record_expert(
     Raises:
         UserError: the world has no cell, or a control period that its policy's is no multiple of.
     """
-    belief = believed(world.cell)
+    belief = model_cell(world)
     nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))
     wait = math.ceil(AIR / belief.config.policy_period)
     changes = {"control_period": 1.0 / rate_hz, "substeps": nsub, "avoid_limits": 0.0}

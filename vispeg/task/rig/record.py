@@ -18,7 +18,7 @@ from vispeg.robots.scene import Scene
 from vispeg.robots.scene_config import OTHERS, SceneConfig
 from vispeg.sim.compiled import flange_pose
 from vispeg.sim.rollout import ReadingNoise, rounds
-from vispeg.task.belief import Believed, believed
+from vispeg.task.belief import Believed, model_cell
 from vispeg.task.config import TaskConfig
 from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.registry import task_of
@@ -189,7 +189,7 @@ def _believed(world: World) -> Believed:
         raise UserError(
             "a motion of a cell needs one", key="model", expected=f"{OPEN_CELL}, a world or a model with `cell`"
         )
-    return believed(world.cell)
+    return model_cell(world)
 
 
 def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.sim.segments.start import start_state
-from vispeg.task.belief import believed
+from vispeg.task.belief import recorded_cell
 from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
 
@@ -38,7 +38,7 @@ def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthr
     if rec.control.mode != "osc" or rec.ee_cmd is None:
         expected = "osc, with ee_cmd columns"
         raise UserError("cannot be replayed", file=header, key="control.mode", expected=expected, got=rec.control.mode)
-    belief = believed(rec.cell, header)
+    belief = recorded_cell(rec)
     plants = [belief.world.add(*world.effects) for world in worlds]
     number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     out = []

@@ -16,7 +16,8 @@ import numpy as np
 
 from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
-from vispeg.api.inputs import Inputs, felt, read_inputs, read_model, windows
+from vispeg.api.inputs import Inputs, felt, read_inputs, windows
+from vispeg.api.rooms.cell import readable
 from vispeg.api.rooms.pictures import photographed
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -24,7 +25,7 @@ from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.state import State, Trial
-from vispeg.recordings.windows import SECONDS
+from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.text import effect_words
 from vispeg.view.diagnose.borders import Borders
 from vispeg.view.diagnose.contact import Contact
@@ -65,16 +66,19 @@ class Study:
         self.tell, self.threads = tell, threads
         self.asked = model, fitted, held_out
         tell("say", "reading recordings")
-        cell = read_model(model).cell is not None
         sides = fitted or held_out, held_out if fitted else ()
-        inputs = read_inputs(model, *sides, need_validate=False, **windows(cell, SECONDS))
+        inputs = read_inputs(model, *sides, need_validate=False, **windows(model, SECONDS, *sides))
         self.world, self.judged = inputs.world, bool(inputs.held_out)
         self.done, self.part, self.key, progress = list[list[str]](), out / "found.part", "", None
         if self.judged:
             progress = _progress(inputs, out)
             self.part, self.key = progress.file.parent if progress.file else self.part, progress.key
         tell("say", "simulating")
-        self.subject = _kind(inputs)(inputs, threads, lambda text: tell("say", text), progress)
+        kind = _kind(inputs)
+        if kind is Joints:  # recordings with pictures came whole
+            cut = ([choose(rec, SECONDS) for rec in group] for group in (inputs.fitted, inputs.held_out))
+            inputs = replace(inputs, **dict(zip(("fitted", "held_out"), map(tuple, cut), strict=True)))
+        self.subject = kind(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
         self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed
@@ -270,9 +274,12 @@ class Study:
 
 def _kind(inputs: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
     """What `vispeg diagnose` compares these recordings by."""
-    if inputs.world.cell is not None and photographed(inputs.fitted, inputs.held_out):
+    groups = inputs.fitted, inputs.held_out
+    if inputs.world.cell is None:
+        return Borders if readable(inputs.world, *groups) == ("pictures",) else Joints
+    if photographed(inputs.world, *groups):
         return Borders
-    return Contact if inputs.world.cell is not None and felt((*inputs.fitted, *inputs.held_out)) else Joints
+    return Contact if felt((*inputs.fitted, *inputs.held_out)) else Joints
 
 
 def _progress(inputs: Inputs, out: Path) -> Progress:
