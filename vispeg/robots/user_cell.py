@@ -74,7 +74,13 @@ def _below(config: SceneConfig, block: UserShape) -> float:
 
 
 def arm_with(config: SceneConfig, peg: str) -> RobotModel:
-    """The cell's arm with its gripper holding a built-in peg, as its controller knows it."""
+    """The cell's arm with its gripper holding a built-in peg, as its controller knows it.
+
+    Raises:
+        UserError: no gripper, or a robot that cannot be used.
+    """
+    if config.robot.tool == "none":
+        raise UserError("nothing holds the peg of this cell", key="robot.tool", expected="a gripper", got="none")
     return load(config.robot.model, f"{config.robot.tool}+{peg}", declared=config.robot)
 
 
