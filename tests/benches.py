@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-LINK = '<inertial pos="0 0 {0}" mass="{1}" diaginertia="0.02 0.02 0.008"/><joint name="{2}" axis="{3}" range="-2.9 2.9" damping="0.4"/><geom type="capsule" size="0.035" fromto="0 0 0 0 0 {4}" rgba="0.85 0.85 0.8 1"/>'  # noqa: E501
+LINK = (
+    '<inertial pos="0 0 {0}" mass="{1}" diaginertia="0.02 0.02 0.008"/>'
+    '<joint name="{2}" axis="{3}" range="-2.9 2.9" damping="0.4"/>'
+    '<geom type="capsule" size="0.035" fromto="0 0 0 0 0 {4}" rgba="0.85 0.85 0.8 1"/>'
+)
 BENCH = f"""<mujoco model="lab">
   <compiler angle="radian"/>
   <option gravity="0 0 -9.81"/>
   <asset>
-    <texture name="squares" type="2d" builtin="checker" rgb1="0.95 0.95 0.95" rgb2="0.05 0.05 0.05" width="64" height="64"/>
+    <texture name="squares" type="2d" builtin="checker" rgb1="1 1 1" rgb2="0 0 0" width="64" height="64"/>
     <material name="print" texture="squares" texrepeat="4 3"/>
   </asset>
   <worldbody>

@@ -78,7 +78,8 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
         rate_hz, duration: samples a second, seconds.
 
     Raises:
-        UserError: no such motion; a bench, which has no goal to look about; too short for the joints' speeds; a pose out of reach, or one that touches something.
+        UserError: no such motion; a bench, which has no goal to look about; too short for the joints' speeds; a pose
+            out of reach, or one that touches something.
     """
     if name not in LOOKS:
         raise UserError("unknown motion", key="--motion", got=name, choices=LOOKS)
