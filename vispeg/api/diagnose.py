@@ -129,10 +129,10 @@ def diagnose(
             raise UserError("a policy needs a robot, not a free object", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-        tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say)
+        tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say, None if part is None else Path(part))
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         named = tosses.result.world.effects[len(thing.effects) :]
-        return DiagnosisResult(record, tosses.result.world, {}, named, tosses.files, None)
+        return DiagnosisResult(record, tosses.result.world, {}, named, tosses.files, tosses.progress)
     contact = of_cell(model)
     if contact and (not isinstance(baseline, Sequence) or len(baseline)):
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
@@ -147,9 +147,10 @@ def diagnose(
     looking = _rooms(rooms, inputs) if before is None else ()
     if len(looking) > 1:
         both = inputs.fitted, inputs.held_out
-        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, seed=seed, nthread=threads, say=say)
+        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, **options)
     elif before is None and looking == ("pictures",):
-        result = pictures.diagnose(inputs.world, inputs.fitted, inputs.held_out, seed=seed, say=say)
+        seeing = {"seed": seed, "say": say, "progress": progress}
+        result = pictures.diagnose(inputs.world, inputs.fitted, inputs.held_out, **seeing)
     elif before is None and looking == ("contact",):
         of_contact = {"nthread": threads, "say": say, "progress": progress}
         result = diagnose_contact(inputs.world, inputs.fitted, inputs.held_out, **of_contact)

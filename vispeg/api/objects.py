@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.diagnosis.objects import diagnose_object
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
 from vispeg.robots.objects import is_object, load_object
 from vispeg.sim.placement import activate
-from vispeg.worlds.model_file import load_model
+from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 
 Toss = ObjectRecording | str | Path
@@ -38,6 +40,7 @@ class Tosses:
     result: Diagnosis
     files: tuple[str | Path, ...]
     provenance: Provenance
+    progress: Progress | None = None
 
 
 def diagnose_tosses(
@@ -47,6 +50,7 @@ def diagnose_tosses(
     seed: int,
     threads: int,
     say: Callable[[str], None],
+    part: Path | None = None,
 ) -> Tosses:
     """Names what an object's contact lacks; arguments as for `vispeg.diagnose`.
 
@@ -64,10 +68,18 @@ def diagnose_tosses(
         for rec in fitted:
             if np.array_equal(held.pose, rec.pose):
                 raise UserError(f"a copy of {rec.path}, which is fitted", file=held.path, expected="other tosses")
-    result = diagnose_object(world, model, fitted, held_out, seed=seed, nthread=threads, say=say)
     paths = [r.path for r in (*fitted, *held_out)]
     stamp = here(seed, {str(p): f"sha256:{digest(p)}" for p in paths if p.exists()})
-    return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp)
+    progress = None
+    if part is not None:
+        read = [[hashlib.sha256(r.pose.tobytes()).hexdigest() for r in group] for group in (fitted, held_out)]
+        progress = Progress(
+            part / "progress.json", [model_text(world), digest(world.robot), read, seed, stamp["versions"]]
+        )
+    say("going on" if progress is not None and progress.resumed else "simulating")
+    options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
+    result = diagnose_object(world, model, fitted, held_out, **options)
+    return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp, progress)
 
 
 def _several(sources: object) -> list[Toss]:

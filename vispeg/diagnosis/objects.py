@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
+from vispeg.core.params import Value
 from vispeg.diagnosis.conclusion.verdict import decide
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.scale import floors
@@ -24,7 +27,7 @@ from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import line_searches, with_intervals
 from vispeg.recordings.objects import ObjectRecording
 from vispeg.robots.objects import ObjectModel
-from vispeg.worlds.model_file import without_origin
+from vispeg.worlds.model_file import model_text, without_origin
 from vispeg.worlds.world import World
 
 WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # s
@@ -68,8 +71,9 @@ class ObjectSearch(Loop[Tossed, Tried]):
         say: is told what is being done.
     """
 
-    def __init__(self, evidence: Restarts, judge: Judge, say: Callable[[str], None]):
+    def __init__(self, evidence: Restarts, judge: Judge, say: Callable[[str], None], progress: Progress | None = None):
         self.evidence, self.judge, self.say = evidence, judge, say
+        self.progress = Progress() if progress is None else progress
         self.silent: dict[str, str] = {}  # effect -> why no window can show it
 
     def candidates(self, world: World) -> list[tuple[str, str]]:
@@ -120,8 +124,11 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return [p for _, p in sorted(best.values(), key=lambda b: -b[0])]
 
     def fits(self, worlds: Sequence[World], n_fixed: int) -> list[World]:
-        """Joint fits of all effects that were added."""
-        return [line_searches(self.evidence, w, range(n_fixed, len(w.effects))) for w in worlds]
+        """Joint fits of all effects that were added; where each ended is remembered."""
+        return [
+            kept(self.progress, "fit", w, partial(line_searches, self.evidence, w, range(n_fixed, len(w.effects))))
+            for w in worlds
+        ]
 
     def _tried(self, fit: World, placed: EffectInstance, loss: np.ndarray, level: float) -> Tried:
         after = self.judge.losses([fit])[0]
@@ -149,6 +156,22 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return out
 
 
+def kept(progress: Progress, question: str, world: World, work_out: Callable[[], World]) -> World:
+    """A world's effects with the values and intervals that a question gives them: known, or worked out and kept."""
+
+    def plain() -> list:
+        effects = work_out().effects
+        return [{k: [v.value, v.low, v.high] for k, v in e.params.items()} for e in effects]
+
+    answer = progress.recall([question, model_text(world)], plain)
+    known = [{k: Value(*map(_number, v)) for k, v in params.items()} for params in answer]
+    return replace(world, effects=tuple(replace(e, params=p) for e, p in zip(world.effects, known, strict=True)))
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
 def diagnose_object(
     world: World,
     model: ObjectModel,
@@ -158,8 +181,11 @@ def diagnose_object(
     seed: int = 0,
     nthread: int = 2,
     say: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Names what the contact of an object's model lacks; errors are on the held-out tosses.
+
+    `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
         UserError: recordings of another object, without free flight or without contact.
@@ -168,12 +194,12 @@ def diagnose_object(
     evidence = Restarts(fitted, model, first, nthread=nthread)
     judged = Restarts(held_out, model, first, sigma=evidence.sigma, nthread=nthread)
     judge = Judge(judged)  # type: ignore[arg-type]
-    search = ObjectSearch(evidence, judge, say)
+    progress = Progress() if progress is None else progress
+    search = ObjectSearch(evidence, judge, say, progress)
     n_fixed = len(world.effects)
     state = search.run(world)
-    final = with_intervals(
-        evidence, state.world, range(n_fixed, len(state.world.effects)), np.random.default_rng([seed, 19])
-    )
+    free, rng = range(n_fixed, len(state.world.effects)), np.random.default_rng([seed, 19])
+    final = kept(progress, "intervals", state.world, partial(with_intervals, evidence, state.world, free, rng))
     say("what else would do as well")
     equals = search.rivals(final, n_fixed)
     before, after = (judge.mean(judge.losses([w])[0]) for w in (world, final))
@@ -185,7 +211,8 @@ def diagnose_object(
     if verdict.verdict == "identified" and named:
         verdict = type(verdict)("ambiguous", f"these tosses cannot tell {', '.join(named)} from other effects")
     say("what each length of window can tell")
-    rows = windows(fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
+    told = partial(windows, fitted, held_out, world, final, model, evidence.sigma, seed, nthread)
+    rows = progress.recall(["windows", model_text(final)], told)
     result = with_origin(final, n_fixed, fitted, held_out, *rms, verdict.partial)  # type: ignore[arg-type]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",

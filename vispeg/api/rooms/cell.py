@@ -11,6 +11,7 @@ from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import diagnose_contact
 from vispeg.core.effect import ARM, Effect, effect
 from vispeg.diagnosis import run
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.rooms.conduct import Room, RoomName, conduct, joined
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.recording import Recording
@@ -18,6 +19,7 @@ from vispeg.recordings.windows import choose
 from vispeg.render.look import Fields
 from vispeg.robots.declared import carried
 from vispeg.task.belief import recorded_cell
+from vispeg.worlds.model_file import model_text
 from vispeg.worlds.places import values
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
@@ -56,6 +58,7 @@ def diagnose_rooms(
     seed: int = 0,
     nthread: int = 2,
     say: Callable[[str], None] = lambda text: None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Names what a model lacks, the cause looked for in every room.
 
@@ -67,24 +70,31 @@ def diagnose_rooms(
         world: of a cell, or of a robot whose own file shows what stands about.
         fitted, held_out: the recordings.
         seconds: of a longer recording that the joints' room uses; 0 uses all.
-        seed, nthread, say: as for `diagnose`.
+        seed, nthread, say, progress: as for `diagnose`.
 
     Raises:
         UserError: recordings that a room cannot compare.
     """
-    both = fitted, held_out
+    both, kept = (fitted, held_out), Progress() if progress is None else progress
+
+    def part(room: RoomName, start: World) -> Progress:
+        """What a room asks from a start: the same question of the same effects is another beside other rooms' names."""
+        return kept.part(f"{room} {model_text(start)}")
 
     def joints(start: World) -> Diagnosis:
         arm = replace(of_arm(start).only(lambda e: effect(e.effect).searchable), cell=None)
         some = [[choose(_carrying(rec, start), seconds) for rec in group] for group in both]
-        return run.diagnose(arm, *some, seed=seed, nthread=nthread, say=say, plan_next=False)
+        return run.diagnose(
+            arm, *some, seed=seed, nthread=nthread, say=say, plan_next=False, progress=part("joints", start)
+        )
 
     def pictured(start: World) -> Diagnosis:
-        return pictures.diagnose(start, *both, seed=seed, say=say)
+        return pictures.diagnose(start, *both, seed=seed, say=say, progress=part("pictures", start))
 
     def touched(start: World) -> Diagnosis:
         some = [[_read_right(rec, start) for rec in group] for group in both]
-        diagnosis = diagnose_contact(start.only(lambda e: e.effect != READINGS), *some, nthread=nthread, say=say)
+        right, options = start.only(lambda e: e.effect != READINGS), {"nthread": nthread, "say": say}
+        diagnosis = diagnose_contact(right, *some, **options, progress=part("contact", start))
         diagnosis.arrays.update(worst_moment(diagnosis.arrays, some[1]))
         return diagnosis
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.pictures.run import diagnose_pictures
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.evidence import BorderEvidence
@@ -27,9 +28,8 @@ def photographed(world: World, *groups: Sequence[Recording]) -> bool:
 
 
 def shown(world: World, rec: Recording) -> bool:
-    """Whether a model has something for the cameras of a recording to see, or a board lies there."""
-    board = rec.cell is not None and rec.cell.board is not None
-    return cell_of(world, rec) is not None or board or shows(belief.bench_of(world))
+    """Whether a model has something for the cameras of a recording to see."""
+    return cell_of(world, rec) is not None or shows(belief.bench_of(world))
 
 
 def diagnose(
@@ -39,28 +39,36 @@ def diagnose(
     *,
     seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Names what the cameras, or the arm that carries them, do to the pictures.
 
     Raises:
         UserError: recordings of different cells, or of which one's pictures cannot be compared.
     """
-    return diagnose_pictures(world, scene_of(world, (*fitted, *held_out)), fitted, held_out, seed=seed, say=say)
+    return diagnose_pictures(
+        world, scene_of(world, (*fitted, *held_out)), fitted, held_out, seed=seed, say=say, progress=progress
+    )
 
 
 def border_evidence_of(
-    world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]
+    world: World,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    progress: Progress | None = None,
 ) -> tuple[BorderEvidence, BorderEvidence | None]:
     """The edges in the pictures of recordings to fit, and of those to judge on if there are any.
+
+    `progress` keeps where they were found.
 
     Raises:
         UserError: as `diagnose`.
     """
-    scene = scene_of(world, (*fitted, *held_out))
+    scene, kept = scene_of(world, (*fitted, *held_out)), Progress() if progress is None else progress
     (mine, theirs), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
     if not mine:
         raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
-    evidence, judged = border_evidence(scene, mine, theirs, world)
+    evidence, judged = border_evidence(scene, mine, theirs, world, recall=kept.recall)
     evidence.notes += blind
     evidence.recordings, judged.recordings = list(fitted), list(held_out)
     return evidence, judged if held_out else None

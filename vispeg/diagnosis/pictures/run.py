@@ -19,6 +19,7 @@ from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.pictures.verdict import LOST, decide, with_sensor
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
@@ -44,6 +45,7 @@ def diagnose_pictures(
     *,
     seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Finds the effects that `world` lacks in what its cameras see; every error in the record is on `held_out`.
 
@@ -53,6 +55,7 @@ def diagnose_pictures(
         fitted, held_out: with frames.
         seed: of what the modelled sensor draws.
         say: is told what is being done.
+        progress: keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
         UserError: recordings without frames, with cameras whose pose is not stated, or none that sees anything.
@@ -61,8 +64,9 @@ def diagnose_pictures(
     if not mine:
         raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
     say("bringing the predicted borders onto the pictures")
-    evidence, judged = border_evidence(scene, mine, theirs, world)
-    search, n_fixed = BorderSearch(evidence, judged, say), len(world.effects)
+    progress = Progress() if progress is None else progress
+    evidence, judged = border_evidence(scene, mine, theirs, world, recall=progress.recall)
+    search, n_fixed = BorderSearch(evidence, judged, say, progress), len(world.effects)
     say("fitting what moves the borders")
     state = search.run(world)
     rivals = search.rivals(state, n_fixed)
@@ -78,7 +82,7 @@ def diagnose_pictures(
     of_borders = decide(before, after, len(state.world.effects) - n_fixed, rivals, remainder, halves, lost)
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
-        sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say)
+        sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
     alike = confounded(judged, state.world, rivals)
     verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
     fitted_world = state.world.add(*(e for s in sensed for e in s.added))

@@ -6,6 +6,7 @@ than a look moves them.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ import numpy as np
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
 from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.accept import equal, ranked
 from vispeg.diagnosis.selection.judge import Judge, present
 from vispeg.diagnosis.selection.loop import Loop
@@ -23,6 +25,7 @@ from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.sensor import SensorEvidence
 from vispeg.identify.pool import run_together
+from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 Pictured = BorderEvidence | SensorEvidence
@@ -35,12 +38,20 @@ class PictureSearch(Loop[State, Trial], Shown):
     Args:
         evidence, judged: of the views to fit and of those to judge on.
         say: is told what is being done.
+        progress: remembers where each fit ended.
     """
 
     least_share = LEAST_SHARE
 
-    def __init__(self, evidence: Pictured, judged: Pictured, say: Callable[[str], None] = lambda _: None):
+    def __init__(
+        self,
+        evidence: Pictured,
+        judged: Pictured,
+        say: Callable[[str], None] = lambda _: None,
+        progress: Progress | None = None,
+    ):
         self.evidence, self.judged, self.say = evidence, judged, say
+        self.progress = Progress() if progress is None else progress
         self.judge = Judge(judged)
         self.least = evidence.least_change
 
@@ -146,10 +157,22 @@ class PictureSearch(Loop[State, Trial], Shown):
         return sorted(out, key=lambda t: bool(t.rejected))
 
     def fits(self, worlds: Sequence[World], n_fixed: int, evidence: Pictured | None = None) -> list[Fit]:
-        """Fits everything after the first `n_fixed` effects of each world."""
-        chosen = self.evidence if evidence is None else evidence
-        jobs = [fit_job(chosen, w, range(n_fixed, len(w.effects)), iterations=12) for w in worlds]
-        return run_together(jobs, chosen.residuals)
+        """Fits everything after the first `n_fixed` effects of each world; where each ended is remembered."""
+        chosen, fresh = self.evidence if evidence is None else evidence, list[Fit]()
+        if not worlds:
+            return []
+
+        def job(world: World, ended: tuple[Sequence[float], bool] | None = None):
+            return fit_job(chosen, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
+
+        def work_out() -> list:
+            fresh.extend(run_together([job(w) for w in worlds], chosen.residuals))
+            return [[f.u.tolist(), f.converged] for f in fresh]
+
+        which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds ask alike
+        ends = self.progress.recall(["pictures", which, [model_text(w) for w in worlds], n_fixed], work_out)
+        again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
+        return fresh or run_together(again, chosen.residuals)
 
     def shift(self, world: World, placed: EffectInstance) -> float:
         """RMS change that one effect of a world makes to the held-out views."""

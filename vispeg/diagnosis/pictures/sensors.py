@@ -10,6 +10,7 @@ from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import Channel
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.evidence import BorderEvidence
@@ -99,6 +100,7 @@ def sensor_search(
     world: World,
     placed: World,
     say: Callable[[str], None],
+    progress: Progress | None = None,
 ) -> list[Sensed]:
     """What the frames say of depth and light.
 
@@ -109,6 +111,7 @@ def sensor_search(
         world: the model; what it states of the sensor is not searched again.
         placed: the model with what the borders found.
         say: is told what is being done.
+        progress: remembers where each fit ended.
     """
     cameras = list({s.camera.name: s.camera for some in sights for s in some}.values())
     out = []
@@ -119,7 +122,7 @@ def sensor_search(
         if evidence is None or judged is None:
             continue
         say(f"fitting what the sensor does to {kind}")
-        search, n_fixed = SensorSearch(evidence, judged, say), len(world.effects)
+        search, n_fixed = SensorSearch(evidence, judged, say, progress), len(world.effects)
         state = search.run(world)
         rivals = search.rivals(state, n_fixed)
         out.append(Sensed(kind, confirmed(search, state, n_fixed), rivals, judged, world, search.excitations(world)))

@@ -6,7 +6,9 @@ near its start by a weak prior. What comes out is no estimate of any of them: it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -37,8 +39,31 @@ def free_world(world: World, scene_joints: Sequence[str], cameras: Sequence[str]
     return world, [i for i, e in enumerate(world.effects) if (e.effect, e.where) in places]
 
 
-def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[World, list[Points]]:
-    """The world whose borders lie on the edges, and the points found there."""
+Recall = Callable[[Any, Callable[[], Any]], Any]  # a question and what works its answer out -> the answer
+
+
+def unremembered(question: Any, work_out: Callable[[], Any]) -> Any:
+    """Works an answer out each time."""
+    return work_out()
+
+
+def align(
+    predictor: Predictor, sights: Sequence[Sight], world: World, recall: Recall = unremembered
+) -> tuple[World, list[Points]]:
+    """The world whose borders lie on the edges, and the points found there; `recall` may know the former."""
+
+    def work_out() -> list:
+        return [
+            [e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in _aligned(predictor, sights, world)
+        ]
+
+    kept = recall(["align", [[s.name, s.camera.name, len(s)] for s in sights], world.values], work_out)
+    settled = replace(world, effects=tuple(EffectInstance.of(name, where, **values) for name, where, values in kept))
+    return settled, [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
+
+
+def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[EffectInstance, ...]:
+    """The effects of the world whose borders lie on the edges."""
     cameras = list(dict.fromkeys(s.camera.name for s in sights))
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
@@ -46,8 +71,7 @@ def align(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[
     if best[1] > ASTRAY:
         near = [_settled(predictor, few, w, free, WINDOWS[:2]) for w in brought_near(predictor, few, start)]
         best = min([best, *near], key=lambda t: t[1])
-    settled, _ = _settled(predictor, sights, best[0], free, WINDOWS[2:])
-    return settled, [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
+    return _settled(predictor, sights, best[0], free, WINDOWS[2:])[0].effects
 
 
 def _settled(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.identify.pictures.align import WINDOWS, align
+from vispeg.identify.pictures.align import WINDOWS, Recall, align, unremembered
 from vispeg.identify.pictures.depth_figures import FEW, NEARER
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
 from vispeg.identify.pictures.gather import SPACING, gather
@@ -68,15 +68,21 @@ def _shown(predictor: Predictor, sight: Sight, world: World) -> int:
 
 
 def border_evidence(
-    scene: Scene, fitted: Sequence[Sight], held_out: Sequence[Sight], world: World, robot: float | None = None
+    scene: Scene,
+    fitted: Sequence[Sight],
+    held_out: Sequence[Sight],
+    world: World,
+    robot: float | None = None,
+    recall: Recall = unremembered,
 ) -> tuple[BorderEvidence, BorderEvidence]:
     """Edges of the sights to fit and of those to judge on, both found from one alignment on those to fit.
 
-    `robot` is the standard deviation of each joint's angle in each frame, rad; estimated where None.
+    `robot` is the standard deviation of each joint's angle in each frame, rad; estimated where None. `recall` may know
+    the alignment.
     """
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
-        settled, points = align(predictor, fitted, world)
+        settled, points = align(predictor, fitted, world, recall)
         judged = [gather(predictor, s, settled, WINDOWS[-1]) for s in held_out]
         geometry = predictor.geometry
     away, to_judge = (

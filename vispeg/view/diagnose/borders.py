@@ -23,9 +23,11 @@ class Borders(Subject):
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
         say("bringing the predicted borders onto the pictures")
-        evidence, judged = border_evidence_of(inputs.world, inputs.fitted, inputs.held_out if progress else ())
+        evidence, judged = border_evidence_of(
+            inputs.world, inputs.fitted, inputs.held_out if progress else (), progress
+        )
         self.judged: BorderEvidence = evidence if judged is None else judged
-        self.search = None if judged is None else PictureSearch(evidence, judged, say)
+        self.search = None if judged is None else PictureSearch(evidence, judged, say, progress)
         self.recordings = {rec.name: rec for rec in self.judged.recordings or evidence.recordings}
         self.columns = tuple(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
         self.units = (self.unit,) * len(self.columns)
