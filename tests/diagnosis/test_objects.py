@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from resuming import resumed
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -164,3 +165,9 @@ def test_what_is_no_object_is_refused(cube, tmp_path):
         load_object(tmp_path / "two.xml")
     with pytest.raises(UserError, match="another object"):
         Restarts([replace(tossed(8, 1), name_of="ball")], load_object(cube), 0.04)
+
+
+def test_a_killed_diagnosis_goes_on(cube, tmp_path):
+    for seed, name in ((1, "a"), (2, "b")):
+        write_object(tossed(seed, count=8, friction=0.25), tmp_path / name)
+    resumed(cube, (tmp_path / "a", tmp_path / "b"), tmp_path, "what else would do as well")

@@ -4,10 +4,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from vispeg.api.export.model import export_model
+from vispeg.api.inputs import read_model
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.robots.model import load
+from vispeg.sim.compiled import nominal_of
 from vispeg.sim.export import MOTOR, STEP, compiled_with, is_native, to_mjcf
 from vispeg.sim.plant import Plant
+from vispeg.task.belief import model_cell
+from vispeg.task.cell import Cell
+from vispeg.task.rig.posture import start_angles
 from vispeg.worlds.world import World
 
 ROBOT = load("iiwa14")
@@ -103,3 +109,50 @@ def test_the_model_of_the_viewer_is_the_one_that_is_written(tmp_path):
     model, _ = written(world, tmp_path)
     assert [e.effect for e in left_out] == ["backlash"] and shown.nv == model.nv
     assert np.array_equal(shown.dof_frictionloss, model.dof_frictionloss) and shown.dof_frictionloss.any()
+
+
+def test_a_cell_is_written_whole_and_touches_as_ours_does(tmp_path):
+    hidden = (
+        EffectInstance.of("contact_friction", "peg", scale=1.7),
+        EffectInstance.of("hole_offset", "fixture", x=0.02, y=-0.01),
+        EffectInstance.of("fixture_compliance", "fixture", z=2e-5),
+        EffectInstance.of("viscous_friction", "joint4", damping=3.0),
+        EffectInstance.of("exposure", "wrist_wide"),
+    )
+    made = export_model(read_model("peg-cell").add(*hidden), tmp_path / "cell.xml", "mjcf")
+    assert len(made.native) == 4 and [*made.left_out] == [hidden[-1].label]
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "cell.xml"))
+    assert {theirs.camera(i).name for i in range(theirs.ncam)} == {"wrist_wide", "wrist_crop", "external"}
+    for name in ("table", "peg", "fixture", "gripper", "wall"):
+        theirs.geom(name)
+
+    model = read_model("peg-cell")
+    scene, world, h = model_cell(model).scene, World(effects=hidden[:4]), float(theirs.opt.timestep)
+    x, y, z = scene.target
+    heights = (0.004, -0.03)  # m over the fixture, beside its hole
+    q, pressed = (start_angles(scene, np.array([x - 0.01, y - 0.02, z + up + scene.tip, 0, 1, 0, 0])) for up in heights)
+    weight = nominal_of(scene.nominal, 1).gravity(q[None])[0]
+    stiff = np.array([800, 800, 400, 400, 40, 40, 2.0])
+    cell = Cell(scene, [world], h, h, 1, [e.effect for e in world.effects])
+    cell.start(q[None], np.zeros((1, 7)), weight[None], np.ones((1, 7)))
+    data = mujoco.MjData(theirs)
+    at, dof = ([getattr(theirs.joint(j), a)[0] for j in scene.joints] for a in ("qposadr", "dofadr"))
+    motors = [theirs.actuator(j).id for j in scene.joints]
+    data.qpos[at], last, acc = q, weight, np.zeros(7)
+    off, tips, forces = [], [], []
+    for _ in range(400):
+        cell.read()
+        cell.advance((weight + stiff * (pressed - cell.x.q[0]) - 0.04 * stiff * cell.x.dq[0])[None], 1)
+        before = data.qvel[dof].copy()
+        tau = weight + stiff * (pressed - data.qpos[at]) - 0.04 * stiff * (before + 0.5 * h * acc)
+        data.ctrl[motors], last = 0.5 * (tau + last), tau
+        mujoco.mj_step(theirs, data)
+        acc = (data.qvel[dof] - before) / h
+        forces.append([np.linalg.norm(data.sensor("contact").data[-3:]), np.linalg.norm(cell.sensors[0][-3:])])
+        off.append(np.abs(data.qpos[at] - cell.qpos[0, cell.qadr]).max())
+        tips.append(np.linalg.norm(data.site("peg_tip").xpos - cell.site_position("tip")[0]))
+    forces, free = np.array(forces), np.flatnonzero(np.array(forces)[:, 0] > 0)[0]
+    assert max(off[:free]) < 1e-6, "rad, in free air"
+    assert max(tips) < 1e-4, "m, while it slides"
+    plain_n, ours_n = forces[200:].mean(axis=0)
+    assert plain_n > 30.0 and abs(plain_n / ours_n - 1) < 0.01, "N"

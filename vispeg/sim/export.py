@@ -1,8 +1,8 @@
-"""A world's arm as an MJCF for plain MuJoCo: effects that MuJoCo has natively as its elements, the others by name.
+"""A world as an MJCF for plain MuJoCo: effects that MuJoCo has natively as its elements, the others by name.
 
-Friction, damping, rotor inertia, springs, inertials and gravity are numbers of the model, so they are written as the
-plant of rollouts holds them. A motor's gain, bias and limit are its actuator's: the force is
-`clip(gain ctrl + bias, bias - limit, bias + limit)`, which is the drive chain's order.
+It is an arm, or the scene around it. Friction, damping, rotor inertia, springs, inertials, contact, places and gravity
+are numbers of the model, so they are written as the plant of rollouts holds them. A motor's gain, bias and limit are
+its actuator's: the force is `clip(gain ctrl + bias, bias - limit, bias + limit)`, which is the drive chain's order.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from vispeg.core.effect import Effect, EffectInstance, effect
+from vispeg.core.effect import OPTICAL, Effect, EffectInstance, effect
 from vispeg.robots.model import RobotModel, load
 from vispeg.sim.placement import activate
 from vispeg.sim.plant import Plant
@@ -22,6 +22,25 @@ from vispeg.worlds.world import World
 HOOKS = ("drive", "torque", "friction", "observe", "wrench", "believe", "image", "start")  # no element of an MJCF
 MOTOR = ("torque_gain", "joint_bias", "torque_limit")
 STEP = 1e-3  # s
+NUMBERS = {  # field of a model -> kind of element and its attribute, where one number stands for one
+    "dof_frictionloss": ("joint", "frictionloss"),
+    "dof_armature": ("joint", "armature"),
+    "dof_solref": ("joint", "solref_friction"),
+    "dof_solimp": ("joint", "solimp_friction"),
+    "dof_damping": ("joint", "damping"),
+    "jnt_stiffness": ("joint", "stiffness"),
+    "qpos_spring": ("joint", "springref"),
+    "geom_friction": ("geom", "friction"),
+    "geom_solref": ("geom", "solref"),
+    "geom_solimp": ("geom", "solimp"),
+    "geom_pos": ("geom", "pos"),
+    "body_pos": ("body", "pos"),
+    "body_quat": ("body", "quat"),
+}
+POLYNOMIAL = ("damping", "stiffness")  # attributes whose first coefficient alone is used
+INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+OPTIONS = ("opt.gravity", "opt.iterations")
+HELD = {*NUMBERS, *INERTIAL, *OPTIONS}
 
 
 @dataclass(frozen=True)
@@ -41,28 +60,32 @@ class Exported:
     meshes: dict[str, Path]
 
 
-def compiled_with(world: World) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
-    """The arm with the effects that MuJoCo has elements for, compiled; and the effects that it has none for."""
-    made = to_mjcf(world, "meshes")
+def compiled_with(world: World, robot: RobotModel | None = None) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
+    """A model, compiled with the effects that MuJoCo has elements for, and those that it has none for, as `to_mjcf`."""
+    made = to_mjcf(world, "meshes", robot)
     assets = {name: file.read_bytes() for name, file in made.meshes.items()}
     return mujoco.MjModel.from_xml_string(made.xml, assets), made.left_out
 
 
-def to_mjcf(world: World, meshes: str = "meshes") -> Exported:
-    """The arm of a world with its effects.
+def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = None, step: float = STEP) -> Exported:
+    """An arm, or the scene around it, with a world's effects.
 
     Args:
         world: robot, tool and effects with values.
         meshes: folder beside the text that shall hold the meshes.
+        robot: the scene that the effects have their places in; by default the arm alone.
+        step: of the physics, s.
     """
-    robot = load(world.robot, tool=world.tool)
+    robot = load(world.robot, tool=world.tool) if robot is None else robot
     native = tuple(e for e in world.effects if is_native(effect(e.effect)))
     spec = robot.spec()
+    for name in sorted({e.effect for e in native if effect(e.effect).overrides("build")}):
+        effect(name).build(spec, robot)
     native_world = World(world.robot, world.tool, tuple(e for e in native if e.effect not in MOTOR))
-    plant = Plant(robot, [native_world], STEP, STEP, 1)
-    _numbers(spec, robot, plant)
+    plant = Plant(robot, [native_world], step, step, 1)
+    _numbers(spec, plant)
     _motors(spec, robot, [e for e in native if e.effect in MOTOR])
-    spec.option.timestep = STEP
+    spec.option.timestep = step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     files: dict[str, Path] = {}
     base = Path(spec.modelfiledir or ".") / (spec.meshdir or "")
@@ -78,10 +101,13 @@ def to_mjcf(world: World, meshes: str = "meshes") -> Exported:
 
 def is_native(kind: Effect) -> bool:
     """Whether an MJCF has elements that do all of what an effect does."""
-    return kind.name in MOTOR or (bool(kind.writes) and not any(kind.overrides(hook) for hook in HOOKS))
+    if kind.name in MOTOR:
+        return True
+    written = bool(kind.writes) and set(kind.writes) <= HELD and kind.family not in OPTICAL
+    return written and not any(kind.overrides(hook) for hook in HOOKS)
 
 
-def _numbers(spec: mujoco.MjSpec, robot: RobotModel, plant: Plant) -> None:
+def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
     """Writes what effects have made of the model's numbers into the elements they belong to."""
     model = plant.model
 
@@ -89,26 +115,32 @@ def _numbers(spec: mujoco.MjSpec, robot: RobotModel, plant: Plant) -> None:
         rows = plant.batch.expanded(field)
         return None if rows is None else np.array(rows[0])
 
-    for attribute, field in (
-        ("frictionloss", "dof_frictionloss"),
-        ("armature", "dof_armature"),
-        ("solref_friction", "dof_solref"),
-        ("solimp_friction", "dof_solimp"),
-    ):
-        if (numbers := value(field)) is not None:
-            for name in robot.joints:
-                setattr(spec.joint(name), attribute, numbers[model.joint(name).dofadr[0]])
-    for attribute, field in (("damping", "dof_damping"), ("stiffness", "jnt_stiffness")):
-        if (numbers := value(field)) is not None:
-            for name in robot.joints:
-                at = model.joint(name).dofadr[0] if attribute == "damping" else model.joint(name).id
-                setattr(spec.joint(name), attribute, [numbers[at], 0.0, 0.0])
-    if (numbers := value("qpos_spring")) is not None:
-        for name in robot.joints:
-            spec.joint(name).springref = numbers[model.joint(name).qposadr[0]]
-    _inertials(spec, model, {f: value(f) for f in ("body_mass", "body_ipos", "body_iquat", "body_inertia")})
+    spec.compile()  # elements get the ids that they have in the plant's model, which is made of the same parts
+    elements = {"joint": spec.joints, "geom": spec.geoms, "body": spec.bodies}
+    for field, (kind, attribute) in NUMBERS.items():
+        if (now := value(field)) is None:
+            continue
+        before = getattr(model, field)
+        for element in elements[kind]:
+            row = _row(model, field, element.id)
+            if np.array_equal(now[row], before[row]):
+                continue
+            number = now[row]
+            if attribute == "pos":  # the compiler moves a mesh to its centre: what an effect adds is the same
+                number = np.array(element.pos) + (now[row] - before[row])
+            setattr(element, attribute, [float(number), 0.0, 0.0] if attribute in POLYNOMIAL else number)
+    _inertials(spec, model, {field: value(field) for field in INERTIAL})
     if (gravity := value("opt.gravity")) is not None:
         spec.option.gravity = gravity.reshape(3)
+    if (iterations := value("opt.iterations")) is not None:
+        spec.option.iterations = int(np.ravel(iterations)[0])
+
+
+def _row(model: mujoco.MjModel, field: str, i: int) -> int:
+    """Row of a field that an element's id means."""
+    if field.startswith("dof_"):
+        return int(model.jnt_dofadr[i])
+    return int(model.jnt_qposadr[i]) if field.startswith("qpos_") else i
 
 
 def _inertials(spec: mujoco.MjSpec, model: mujoco.MjModel, changed: dict[str, np.ndarray | None]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+
+import mujoco
 
 from vispeg.api.export.ending import check_ending
 from vispeg.api.export.urdf import to_urdf
@@ -13,8 +15,12 @@ from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_files_atomic
 from vispeg.core.marker import apart
+from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
-from vispeg.sim.export import to_mjcf
+from vispeg.robots.scene import Scene
+from vispeg.sim.export import Exported, to_mjcf
+from vispeg.task.belief import model_cell
 from vispeg.worlds.world import World
 
 
@@ -62,10 +68,33 @@ class ExportedModel:
         return html(self.summary)
 
 
+def _whole(world: World, meshes: str) -> Exported:
+    """The MJCF of a model: of its cell, at the task's physics step, where it has one."""
+    if world.cell is None:
+        return to_mjcf(world, meshes)
+    belief = model_cell(world)
+    config, scene = belief.config, with_cameras(belief.scene)
+    step = config.control_period / config.substeps
+    return to_mjcf(belief.world.add(*world.effects), meshes, scene, step)
+
+
+def with_cameras(scene: Scene) -> Scene:
+    """A cell whose spec has its standard cameras."""
+
+    def build() -> mujoco.MjSpec:
+        spec = scene.spec()
+        model_camera.state(spec, standard_cameras(scene.tip, scene.target))
+        return spec
+
+    return replace(scene, build=build)
+
+
 def export_model(
     model: str | Path | World, out: str | Path, to: Literal["mjcf", "urdf"], *, overwrite: bool = False
 ) -> ExportedModel:
-    """Writes an arm with its effects; meshes are copied beside the file.
+    """Writes a model with its effects; meshes are copied beside the file.
+
+    An MJCF of a cell has all of it: arm, tool, what it holds, fixture, table and cameras. A URDF has the arm alone.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
@@ -80,7 +109,8 @@ def export_model(
     check_ending(path, to)
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))
-    made = (to_mjcf if to == "mjcf" else to_urdf)(world, f"{path.stem}-meshes")
+    beside = f"{path.stem}-meshes"
+    made = _whole(world, beside) if to == "mjcf" else to_urdf(world, beside)
     meshes = {path.parent / name: file.read_bytes() for name, file in made.meshes.items()}
     if path.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)

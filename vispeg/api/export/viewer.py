@@ -12,6 +12,7 @@ from vispeg.api.inputs import read_model
 from vispeg.core.errors import UserError
 from vispeg.report.text.summary import Block, Line
 from vispeg.sim.export import compiled_with
+from vispeg.task.belief import robot_of_world
 
 if TYPE_CHECKING:
     import mujoco
@@ -62,5 +63,6 @@ def open_viewer(name: str) -> NativeViewer:
     world = read_model(name)
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise UserError("there is no display", key="--native", expected="a desktop; without --native a page")
-    model, left_out = compiled_with(world)
+    scene = robot_of_world(world)
+    model, left_out = compiled_with(world, scene)
     return NativeViewer(name, model, [e.label for e in left_out])

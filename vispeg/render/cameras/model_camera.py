@@ -6,6 +6,8 @@ c = size / 2 - principal / pixel, counted from the corner of the first pixel rat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -72,6 +74,24 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
             (body or spec.worldbody).add_camera(
                 name=camera.name, sensor_size=size, focal_pixel=[1, 1], resolution=[camera.width, camera.height]
             )
+
+
+def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
+    """Gives a spec these cameras in MuJoCo's own words, for a file that plain MuJoCo reads; it knows no lens."""
+    for camera in cameras:
+        site = None if camera.parent == WORLD else spec.site(camera.parent)
+        body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
+        pos, rot = (np.zeros(3), np.eye(3)) if site is None else (np.array(site.pos), rotation(np.array(site.quat)))
+        size = np.array([camera.width, camera.height])
+        (body or spec.worldbody).add_camera(
+            name=camera.name,
+            pos=pos + rot @ camera.pos,
+            quat=quaternion(rot @ camera.rotation @ FLIP),
+            sensor_size=PIXEL * size,
+            focal_pixel=[camera.fx, camera.fy],
+            principal_pixel=size / 2 - 0.5 - (camera.cx, camera.cy),
+            resolution=size,
+        )
 
 
 def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:

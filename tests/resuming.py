@@ -1,0 +1,41 @@
+"""Kills a diagnosis and lets it go on: it ends in the very bytes of one that was not killed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import vispeg
+
+
+class Killed(Exception):
+    """What stands for a signal."""
+
+
+def resumed(model: Path, recordings: tuple[Path, Path], folder: Path, when: str, **options) -> None:
+    """Kills a diagnosis when it says `when`, lets it go on, and holds the result against one that was not killed."""
+    said: list[str] = []
+
+    def kill(text: str) -> None:
+        said.append(text)
+        if when in text:
+            raise Killed
+
+    def run(name: str, part: str, say=said.append) -> bytes:
+        found = vispeg.diagnose(model, *recordings, part=folder / part, say=say, threads=1, **options)
+        found.save(folder / name)
+        record = json.loads((folder / name / "diagnosis.json").read_text())
+        record.pop("provenance")
+        return json.dumps(record).encode() + (folder / name / "model.yaml").read_bytes()
+
+    with pytest.raises(Killed):
+        run("killed", "part", kill)
+    known = set(json.loads((folder / "part" / "progress.json").read_text())["answers"])
+    assert known and said[0] == "simulating"
+    said.clear()
+    again = run("again", "part")
+    assert said[0] == "going on"
+    assert not (folder / "part" / "progress.json").exists()
+    assert again == run("whole", "other"), "the same bytes"
