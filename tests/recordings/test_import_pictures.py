@@ -41,18 +41,18 @@ def bag(path, kind, damaged=""):
         writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
     types = store.types
 
-    def header(at):
+    def header(at, frame="eye"):
         sec, nanosec = divmod(at, 10**9)
         extra = {"seq": 0} if kind == "bag" else {}
         return types["std_msgs/msg/Header"](
-            stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id="eye", **extra
+            stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=frame, **extra
         )
 
-    def image(at, encoding, rows, big=0):
+    def image(at, encoding, rows, big=0, frame="eye"):
         flat = np.ascontiguousarray(rows).view(np.uint8).reshape(H, -1)
         data = np.pad(flat, ((0, 0), (0, 5))).ravel()
         data = data[:-40] if damaged == encoding else data
-        return types["sensor_msgs/msg/Image"](header(at), H, W, encoding, big, flat.shape[1] + 5, data)
+        return types["sensor_msgs/msg/Image"](header(at, frame), H, W, encoding, big, flat.shape[1] + 5, data)
 
     def packed(at, form, data):
         return types["sensor_msgs/msg/CompressedImage"](header(at), form, np.frombuffer(data, np.uint8))
@@ -87,10 +87,13 @@ def bag(path, kind, damaged=""):
                 at,
                 image(at, "32FC1", np.where(STEPS[k] > 0, STEPS[k] * 1e-3, np.nan).astype("f4")),
             )
+            send("/d435/color/image_raw", at, image(at, "rgb8", RGB[k], frame="d435_optical"))
+            late, optical = at + 3_000_000, {"frame": "d435_optical"}
+            send("/d435/aligned_depth_to_color/image_raw", late, image(late, "16UC1", STEPS[k], **optical))
             send("/png/compressed", at, packed(at, "png", cv2.imencode(".png", RGB[k][..., ::-1])[1].tobytes()))
             deep = b"\0" * 12 + cv2.imencode(".png", STEPS[k])[1].tobytes()
             send("/deep/image/compressedDepth", at, packed(at, "16UC1; compressedDepth png", deep))
-            for name in ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep"):
+            for name in ("/wrist/color", "/side", "/wrist/depth", "/side/depth", "/png", "/deep", "/d435/color"):
                 send(f"{name}/camera_info", at, info(at))
     return path
 
@@ -102,7 +105,7 @@ def test_pictures_of_a_bag(kind, tmp_path):
     scratch.mkdir()
     rec = import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), Topics(images=("all",)), scratch)
     frames = load(write(rec, tmp_path / "rig")).frames
-    assert sorted(frames.names) == ["deep", "png", "side", "side_depth", "wrist_color", "wrist_depth"]
+    assert sorted(frames.names) == ["d435_color", "deep", "png", "side", "side_depth", "wrist_color", "wrist_depth"]
     for name in ("wrist_color", "side", "png"):
         mine = frames.of(name)
         assert np.allclose(mine.times, [0.1, 0.2, 0.3, 0.4], atol=1e-9)
@@ -110,6 +113,12 @@ def test_pictures_of_a_bag(kind, tmp_path):
     for name in ("wrist_depth", "side_depth", "deep"):
         mine = frames.of(name)
         assert all(np.allclose(f.depth, t * 1e-3, atol=6e-5) for f, t in zip(mine, STEPS, strict=True)), name
+    device = frames.of("d435_color")
+    assert len(device) == 4 and np.allclose(device.times, [0.1, 0.2, 0.3, 0.4], atol=1e-9), "a frame has both streams"
+    assert all(np.array_equal(f.rgb, rgb) for f, rgb in zip(device, RGB, strict=True))
+    assert all(np.allclose(f.depth, t * 1e-3, atol=6e-5) for f, t in zip(device, STEPS, strict=True))
+    named = Topics(images=("lid=/side/image_raw", "lid=/side/depth/image", "/png/compressed"))
+    assert sorted(import_rosbag(source, "iiwa14", JOINTS, ColumnMap(), named, scratch).frames.names) == ["lid", "png"]
     camera = frames.cameras["wrist_color"]
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 7.5, 5.5) and camera.pose is None
     assert camera.distortion == (0.1, -0.02, 1e-3, 2e-3, 0.0)

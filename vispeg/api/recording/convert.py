@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -18,7 +18,8 @@ from vispeg.recordings.objects import ObjectRecording, write_object
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.render.cameras.camera_files import load_cameras
-from vispeg.robots.model import load
+from vispeg.render.cameras.model_camera import cameras_of
+from vispeg.robots.model import RobotModel, load
 from vispeg.robots.objects import load_object
 from vispeg.sim.units import needs_of
 from vispeg.vision.eye import recorded_of
@@ -31,7 +32,7 @@ def convert(
     *,
     mapping: ColumnMap | Path | None = None,
     topics: Topics | None = None,
-    cameras: Path | None = None,
+    cameras: Path | Sequence[Path] = (),
     torque_sensor: Literal["joint", "motor", "none"] | None = None,
     insist: bool = False,
     table: Literal["csv", "parquet"] = "csv",
@@ -46,7 +47,7 @@ def convert(
         out: the folder.
         mapping: names and units, or the YAML file with them; by default the recording format's own names.
         topics: of a bag.
-        cameras: a camera file with what the source does not say of its cameras.
+        cameras: camera files with what the source does not say of its cameras; the robot's own file is asked before.
         torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
         insist: take the stated units even where they cannot be true.
         table: format of the samples.
@@ -60,6 +61,7 @@ def convert(
     if not source.exists():
         raise UserError("does not exist", file=source)
     model = load(robot)
+    files = [cameras] if isinstance(cameras, str | Path) else [*cameras]
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
     with TemporaryDirectory() as scratch:
         rec = read_source(
@@ -68,7 +70,7 @@ def convert(
             model.joints,
             columns,
             topics=topics,
-            cameras=_cameras(cameras),
+            cameras=_cameras(files, model),
             torque_sensor=torque_sensor,
             scratch=Path(scratch),
             progress=progress,
@@ -76,7 +78,7 @@ def convert(
         if not insist:
             file = mapping if isinstance(mapping, Path) else source
             refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map", needs_of(model, rec))
-        read = [source, mapping if isinstance(mapping, Path) else None, cameras]
+        read = [source, mapping if isinstance(mapping, Path) else None, *files]
         write(rec, Path(out), overwrite, table, inputs=read)
     return rec
 
@@ -120,5 +122,13 @@ def placed(robot: str) -> str:
     return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
 
 
-def _cameras(file: Path | None) -> Mapping[str, RecordedCamera]:
-    return {} if file is None else {camera.name: recorded_of(camera) for camera in load_cameras(file)}
+def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:
+    """What camera files say, over what the robot's own file does. Raises UserError: two files name one camera."""
+    out = {c.name: recorded_of(c) for c in cameras_of(robot) if c.parent in ("base", "flange")}
+    stated: dict[str, Path] = {}
+    for file in files:
+        for camera in load_cameras(file):
+            if camera.name in stated:
+                raise UserError(f"camera '{camera.name}' is stated twice", file=file, got=str(stated[camera.name]))
+            stated[camera.name], out[camera.name] = Path(file), recorded_of(camera)
+    return out

@@ -64,9 +64,10 @@ class Args:
     wrench_topic: str | None = None
     """Bags: the WrenchStamped topic at the flange; default: the only one."""
     images: tuple[str, ...] = ()
-    """Pictures to convert: topics of a bag, videos of a LeRobot table (observation.images.wrist), or all."""
-    cameras: Path | None = None
-    """A camera file with the intrinsics and poses that the source lacks."""
+    """Pictures to convert: topics of a bag (NAME=TOPIC names the camera), videos of a LeRobot table
+    (observation.images.wrist), or all."""
+    cameras: tuple[Path, ...] = ()
+    """Camera files with the intrinsics and poses that the source lacks, and the robot's own file too."""
     torque_sensor: Literal["joint", "motor", "none"] | None = None
     """Where torque was measured: behind the gear (joint) or from the current (motor); default: torque is not used."""
     table: Literal["csv", "parquet"] = "csv"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +23,29 @@ EVERY = "all"
 HEAD = 12  # bytes before the PNG of a compressedDepth message
 
 
-def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> list[str]:
-    """The topics of pictures that are meant. Raises UserError for one that is none."""
+def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> dict[str, str]:
+    """The topics of pictures that are meant, and the name that a camera is given; "" where none is.
+
+    Args:
+        reader: an open bag.
+        wanted: TOPIC or NAME=TOPIC each, or `all`.
+        source: what messages name.
+
+    Raises:
+        UserError: a topic that is none of pictures.
+    """
     there = sorted({*topics_of(reader, IMAGE), *topics_of(reader, COMPRESSED)})
     if tuple(wanted) == (EVERY,):
         if not there:
             raise UserError("holds no pictures", file=source, key="--images", expected=f"topics of {IMAGE}")
-        return there
-    for topic in wanted:
+        return dict.fromkeys(there, "")
+    out = {}
+    for text in wanted:
+        name, _, topic = text.rpartition("=")
         if topic not in there:
             raise UserError("no such topic of pictures", file=source, key="--images", got=topic, choices=there)
-    return list(wanted)
+        out[topic] = name
+    return out
 
 
 def camera_name(topic: str) -> str:
@@ -45,13 +57,15 @@ def camera_name(topic: str) -> str:
 
 
 def read_images(
-    reader: Any, topics: Sequence[str], album: Album, clock: Callable[[float, float], float], source: Path
+    reader: Any, topics: Mapping[str, str], album: Album, clock: Callable[[float, float], float], source: Path
 ) -> dict[str, RecordedCamera]:
     """Reads pictures into an album; returns what CameraInfo says of their cameras, whose poses no bag states.
 
+    Colour and depth of one optical frame are two streams of one camera.
+
     Args:
         reader: an open bag.
-        topics: of Image or CompressedImage.
+        topics: of Image or CompressedImage, and the name of the camera where one is given.
         album: what takes them.
         clock: header stamp and bag time in ns -> s on the samples' clock.
         source: what messages name.
@@ -59,17 +73,44 @@ def read_images(
     Raises:
         UserError: an encoding that is not known, a picture that is cut short, or a lens that is not Brown's.
     """
-    cameras = {}
+    cameras: dict[str, RecordedCamera] = {}
+    names = _names(reader, topics, source)
     for topic in topics:
-        kind = IMAGE if topic in topics_of(reader, IMAGE) else COMPRESSED
-        name, decode = camera_name(topic), _raw if kind == IMAGE else _compressed
+        kind, decode = _reading(reader, topic)
+        name = names[topic]
         for stamp, at, message in messages(reader, topic, kind, source):
             image, unit = decode(message, source, topic)
             album.add(name, clock(stamp, at), image, unit=unit)
         info = _info(reader, topic, source)
-        if info is not None:
+        if info is not None and name not in cameras:
             cameras[name] = _camera(name, info, source)
     return cameras
+
+
+def _reading(reader: Any, topic: str) -> tuple[str, Callable[[Any, Path, str], tuple[np.ndarray, float]]]:
+    """The type of a topic's messages, and what makes pictures of them."""
+    return (IMAGE, _raw) if topic in topics_of(reader, IMAGE) else (COMPRESSED, _compressed)
+
+
+def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, str]:
+    """By topic, the name of its camera: that given, or of the topic; depth has that of the one colour of its frame.
+
+    A driver that lays depth onto the colour camera's pixels stamps it with that camera's optical frame.
+    """
+    frames: dict[tuple[str, tuple[int, ...]], list[tuple[str, bool]]] = {}
+    for topic in topics:
+        kind, decode = _reading(reader, topic)
+        message = next((m for _, _, m in messages(reader, topic, kind, source)), None)
+        if message is None or not message.header.frame_id:
+            continue
+        image, _ = decode(message, source, topic)
+        frames.setdefault((message.header.frame_id, image.shape[:2]), []).append((topic, image.ndim == 3))
+    out = {topic: name or camera_name(topic) for topic, name in topics.items()}
+    for streams in frames.values():
+        colour, depth = ([t for t, coloured in streams if coloured is wanted] for wanted in (True, False))
+        if len(colour) == len(depth) == 1 and not topics[depth[0]]:
+            out[depth[0]] = out[colour[0]]
+    return out
 
 
 def _info(reader: Any, topic: str, source: Path) -> Any:

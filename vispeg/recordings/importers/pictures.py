@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ class Album:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.rows: list[tuple[float, str, int, str, Path]] = []
+        self.rows: list[Row] = []
         self.size: dict[str, tuple[int, int]] = {}
         self.unit: dict[str, float] = {}
 
@@ -51,7 +51,7 @@ class Album:
         self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
 
     def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
-        """What came, within the times of a recording's samples; colour and depth of one camera and time are one frame.
+        """What came, within the times of a recording's samples; colour and depth of a camera at a moment are one frame.
 
         Raises:
             UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.
@@ -68,7 +68,7 @@ class Album:
                 raise UserError(f"pictures of '{name}' have another size than stated", expected=expected, got=got)
             described[name] = replace(stated, depth_unit=self.unit.get(name, stated.depth_unit))
         frames: dict[tuple[int, float, str], RecordedFrame] = {}
-        for time, name, episode, kind, file in self.rows:
+        for time, name, episode, kind, file in _together(self.rows):
             current = frames.get((episode, time, name), RecordedFrame(time, described[name], episode=episode))
             frames[episode, time, name] = replace(current, **{f"{kind}_source": file})
         inside = [frame for frame in _order(rec, frames.values()) if _covered(rec, frame)]
@@ -76,6 +76,37 @@ class Album:
             span = f"{float(rec.time.min()):g} to {float(rec.time.max()):g} s"
             raise UserError("no picture lies within the times of the samples (another clock?)", expected=span)
         return Frames(described, tuple(inside), len(frames) - len(inside)) if inside else None
+
+
+Row = tuple[float, str, int, str, Path]
+
+
+def _together(rows: Sequence[Row]) -> list[Row]:
+    """The pictures, depth at the time of the colour picture next to it, if that is nearer than half a period of colour.
+
+    A device's two streams are stamped a little apart.
+    """
+    streams: dict[tuple[str, int], dict[str, list[Row]]] = {}
+    for row in rows:
+        streams.setdefault((row[1], row[2]), {"rgb": [], "depth": []})[row[3]].append(row)
+    out: list[Row] = []
+    for kinds in streams.values():
+        colour, depth = kinds["rgb"], kinds["depth"]
+        out += colour
+        clock = np.sort([row[0] for row in colour])
+        near = 0.5 * float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
+        taken: dict[float, Row] = {}
+        for row in depth:
+            at = float(clock[np.abs(clock - row[0]).argmin()]) if len(clock) else row[0]
+            other = taken.get(at)
+            if abs(at - row[0]) > near or (other is not None and abs(other[0] - at) <= abs(row[0] - at)):
+                out.append(row)
+                continue
+            if other is not None:
+                out.append(other)
+            taken[at] = row
+        out += [(at, *row[1:]) for at, row in taken.items()]
+    return out
 
 
 def _order(rec: Recording, frames: Iterable[RecordedFrame]) -> list[RecordedFrame]:
