@@ -160,11 +160,12 @@ def test_rooms_are_those_that_the_recordings_can_be_read_in():
     bare = Recording(
         Path("r"), "iiwa14", tuple(f"joint{k}" for k in range(1, 8)), 100.0, Control(), time, np.ones((4, 7))
     )
-    assert readable([bare]) == ()
+    cell = World("iiwa14", cell=CellBelief("nominal"))
+    assert readable(cell, [bare]) == ()
     felt = replace(bare, ft=np.zeros((4, 6)))
-    assert readable([felt]) == ("contact",) and readable([felt], [bare]) == ()
+    assert readable(cell, [felt]) == ("contact",) and readable(cell, [felt], [bare]) == ()
     moved = replace(felt, tau=np.zeros((4, 7)), torque_sensor="joint")
-    assert readable([moved]) == ("joints", "contact")
+    assert readable(cell, [moved]) == ("joints", "contact") and readable(World("iiwa14"), [moved]) == ("joints",)
 
 
 @pytest.mark.parametrize("name", ["hole_offset", "hole_tilt", "grip_pose", "encoder_offset"])
