@@ -33,7 +33,7 @@ def main() -> None:
     for name in POLICIES:
         policy = load(assets() / "policies" / name)
         for n in ROWS:
-            env = PegInHoleVec(n, "S", modality(policy.modality).obs_mode, autoreset_mode="Disabled")
+            env = PegInHoleVec(n, "S", modality(policy.modality).obs_mode, autoreset_mode="Disabled", privileged=True)
             obs, _ = env.reset(seed=0)
             policy.reset(n)
             parts = {key: torch.from_numpy(obs[key]) for key in policy.layout.keys}

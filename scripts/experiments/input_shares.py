@@ -25,7 +25,7 @@ GROUPS = {"position": range(0, 3), "velocity": range(3, 6), "wrench": range(6, 1
 
 def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.ndarray, np.ndarray, int]:
     """Scaled inputs (n, k) of played steps, whether there was contact (n,), and the size of one observation."""
-    env = PegInHoleVec(16, world=world, stack=policy.meta["task"]["stack"])
+    env = PegInHoleVec(16, world=world, stack=policy.meta["task"]["stack"], privileged=True)
     obs, _ = env.reset(seed=seed)
     policy.reset(16)
     scaled, touch = [], []

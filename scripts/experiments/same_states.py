@@ -34,7 +34,7 @@ def pictured(worlds: Mapping[str, str], teacher: str, seed: int, rows: int, step
         Name -> Replay of `rows` environments: observations alike but for their pictures, and the teacher's actions.
     """
     names = list(worlds)
-    vec = TaskVec(rows, worlds[names[0]], MODE, autoreset_mode="Disabled")
+    vec = TaskVec(rows, worlds[names[0]], MODE, autoreset_mode="Disabled", privileged=True)
     vec.further = [_rig(vec, worlds[name]) for name in names[1:]]
     env, rng = Sb3Env(vec), stream(seed, "states")
     knows = teacher_of(teacher, vec.config)

@@ -24,7 +24,7 @@ def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> l
     ends: list[str] = []
     while len(ends) < episodes:
         seeds = list(range(seed + len(ends), seed + min(len(ends) + rows, episodes)))
-        env = PegInHoleVec(len(seeds), world, "proprio", autoreset_mode="Disabled")
+        env = PegInHoleVec(len(seeds), world, "proprio", autoreset_mode="Disabled", privileged=True)
         teacher = teacher_of(name if name == "expert" else policy_folder(name), env.config)
         obs, _ = env.reset(seed=seeds)
         teacher.reset(len(seeds))

@@ -18,7 +18,7 @@ IMAGES = ("depth_wrist_wide", "rgb_wrist_wide")
 @pytest.fixture(scope="module")
 def env():
     task = {"cameras": ("wrist_wide",), "image_size": 24, "steps": 3, "dwell": 1}
-    out = Sb3Env(PegInHoleVec(ROWS, "S", "rgbd", autoreset_mode="Disabled", **task))
+    out = Sb3Env(PegInHoleVec(ROWS, "S", "rgbd", autoreset_mode="Disabled", privileged=True, **task))
     yield out
     out.close()
 

@@ -49,7 +49,7 @@ def test_the_state_policy_inserts():
 def test_a_policy_sees_does_and_is_paid_in_an_episode_what_it_was_before_tasks_had_terms():
     """The figures are of the code that put an observation together by hand; another processor rounds."""
     policy = load("state-3mm")
-    env = PegInHoleVec(2, "randomized", "state", autoreset_mode="Disabled", stack=2)
+    env = PegInHoleVec(2, "randomized", "state", autoreset_mode="Disabled", stack=2, privileged=True)
     obs, _ = env.reset(seed=[7, 8])
     policy.reset(2)
     np.testing.assert_allclose(obs["policy"][0, :3], [0.15921, 0.12660, 0.71853], atol=2e-4)

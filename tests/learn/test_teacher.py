@@ -27,7 +27,7 @@ def played(mode, world, steps, seeds=(4, 5)):
     """Observations of the same episodes in an observation mode, the first at rest, under the same actions."""
     from vispeg.task.peg.env import PegInHoleVec
 
-    env = PegInHoleVec(len(seeds), world, mode, autoreset_mode="Disabled")
+    env = PegInHoleVec(len(seeds), world, mode, autoreset_mode="Disabled", privileged=True)
     rng, obs = stream(0, "actions"), [env.reset(seed=list(seeds))[0]]
     for _ in range(steps):
         action = rng.uniform(-1, 1, (len(seeds), 3)) - [0, 0, 0.6]
@@ -111,7 +111,10 @@ def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(t
     """The same episodes for a policy that believes the true hole and for a student that does not know it."""
     from vispeg.task.peg.env import PegInHoleVec
 
-    told, blind = (PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled") for mode in ("state", "proprio"))
+    told, blind = (
+        PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled", privileged=True)
+        for mode in ("state", "proprio")
+    )
     seen = modality("privileged")
     layout = Layout.of(told.single_observation_space, told.single_action_space, (), told.observed.for_teachers)
     save(tmp_path, Actor(layout, seen, (16,)), "privileged", {})

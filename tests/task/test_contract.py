@@ -30,7 +30,7 @@ def world(request):
 
 
 def made(world, mode="state", rows=2, **settings):
-    return TaskVec(rows, world, mode, autoreset_mode="Disabled", **settings)
+    return TaskVec(rows, world, mode, autoreset_mode="Disabled", privileged=True, **settings)
 
 
 def test_what_is_observed_is_what_its_terms_say(world):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import vispeg
 from vispeg.core.errors import UserError
 from vispeg.task.environments.replay import replay
 from vispeg.task.environments.vector import episode_seed
@@ -125,7 +126,7 @@ def test_make_vec_is_gymnasiums_own_vector_of_single_ones_bit_by_bit():
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_autoreset_follows_gymnasium(mode):
     """After an end the row's next observation is a start; SAME_STEP hands out the end's observation beside it."""
-    env = PegInHoleVec(2, world="nominal", steps=3, autoreset_mode=mode)
+    env = PegInHoleVec(2, world="nominal", steps=3, autoreset_mode=mode, privileged=True)
     start, _ = env.reset(seed=0)
     for _ in range(3):
         obs, _, _, truncated, info = env.step(np.zeros((2, 3)))
@@ -163,7 +164,11 @@ def test_a_policy_without_a_target_sees_nothing_of_the_hole():
     shifted = [
         RandomizedWorld(ranges=(RandomizedEffect("hole_offset", "fixture", {"x": x}),)) for x in (-0.025, 0.025)
     ]  # fixed numbers: drawn the same for every seed
-    seen = {m: [PegInHoleVec(1, world=w, obs_mode=m).reset(seed=3)[0] for w in shifted] for m in ("proprio", "state")}
+    told = {"privileged": True}
+    seen = {
+        m: [PegInHoleVec(1, world=w, obs_mode=m, **told).reset(seed=3)[0] for w in shifted]
+        for m in ("proprio", "state")
+    }
     assert np.array_equal(seen["proprio"][0]["policy"], seen["proprio"][1]["policy"])
     assert np.abs(seen["state"][0]["policy"] - seen["state"][1]["policy"]).max() > 1.0
     for a, b in seen.values():
@@ -244,3 +249,27 @@ def test_a_mistake_in_a_world_file_still_names_the_file(tmp_path):
     (tmp_path / "w.yaml").write_text("format: vispeg-world/1\ntask: {clearance_mm: -1.0}\n")
     with pytest.raises(UserError, match=r"w\.yaml: .*clearance_mm"):
         PegInHoleVec(2, world=tmp_path / "w.yaml", steps=5)
+
+
+def test_the_ground_truth_is_only_there_where_it_is_asked_for():
+    """By every way to make an environment: an actor of somebody's algorithm reads whatever key there is."""
+    plain = gym.make("vispeg:PegInHole-v0", world="nominal")
+    assert set(plain.observation_space.spaces) == {"policy"} and set(plain.reset(seed=0)[0]) == {"policy"}
+    for env in (vispeg.make("nominal", privileged=True), vispeg.make_vec(2, "nominal", privileged=True)):
+        first, told = env.reset(seed=0)[0], env.step(env.action_space.sample())[0]
+        assert set(first) == set(told) == set(env.observation_space.spaces) == {"policy", "privileged"}
+
+
+def test_environments_without_a_seed_play_episodes_of_their_own():
+    """As gymnasium's do, and the info tells the seed by which one is played again."""
+    seeds, first = [], []
+    for _ in range(3):
+        env = vispeg.make("S", "state")
+        obs, info = env.reset()
+        seeds.append(info["seed"])
+        first.append(obs["policy"])
+    assert len(set(seeds)) == 3 and not np.array_equal(first[0], first[1])
+    again = vispeg.make("S", "state").reset(seed=seeds[1])[0]["policy"]
+    assert np.array_equal(again, first[1])
+    rows = gym.vector.SyncVectorEnv([lambda: vispeg.make("nominal")] * 3)
+    assert len(set(rows.reset()[1]["seed"].tolist())) == 3

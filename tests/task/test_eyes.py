@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import vispeg
 from vispeg.core.errors import UserError
+from vispeg.task.environments.env import TaskEnv
 from vispeg.task.peg.env import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
@@ -106,3 +108,39 @@ def test_wrong_cameras_and_modes_are_refused():
         PegInHoleVec(1, world="nominal", obs_mode="thermal")
     with pytest.raises(UserError, match="image_size"):
         PegInHoleVec(1, world="nominal", obs_mode="depth", image_size=3)
+
+
+def test_cameras_are_told_calibrated_and_as_drawn():
+    """By the camera as it is drawn, the block's top is found where it stands; by the calibrated one, 5 mm aside."""
+    off = RandomizedEffect("camera_offset", "wrist_wide", {"x": 0.004, "y": -0.003})
+    seen = {"cameras": ("wrist_wide",), "image_size": 96, "backend": "raycast"}
+    drawn, plain = (TaskEnv(RandomizedWorld(r), "depth", **seen) for r in ((off,), ()))
+    (camera,) = drawn.cameras
+    first, nominal = drawn.reset(seed=3), plain.reset(seed=3)[1]["cameras"]["wrist_wide"]
+    moved = first[1]["cameras"]["wrist_wide"]["base_T_camera"] - nominal["base_T_camera"]
+    assert np.linalg.norm(moved[:3, 3]) == pytest.approx(0.005, abs=1e-4)
+
+    def reach(depth: np.ndarray, view) -> float:
+        """Furthest point (m) of the block's round top from its middle, by this view."""
+        goal, pose = drawn.vec.sim.cell.site_position("goal")[0], view["base_T_camera"]
+        points = camera.points(depth[0]) @ pose[:3, :3].T + pose[:3, 3]
+        top = (depth[0] > 0) & (np.abs(points[..., 2] - goal[2]) < 0.004)
+        assert top.sum() > 200
+        return float(np.linalg.norm(points[top][:, :2] - goal[:2], axis=1).max())
+
+    assert reach(first[0]["depth_wrist_wide"], nominal) > 0.052
+    for obs, *_, info in (first, drawn.step(np.array([0.2, -0.1, -0.1]))):
+        view = info["cameras"]["wrist_wide"]
+        np.testing.assert_allclose(view["K"], camera.K, rtol=1e-6)
+        assert 0.048 < reach(obs["depth_wrist_wide"], view) < 0.0505
+
+
+def test_depth_as_an_image_keeps_what_is_missing_and_two_millimetres():
+    """0 where nothing was read; elsewhere the metres within a level, up to where it saturates."""
+    a, b = (vispeg.make("S", "depth", depth_image=image, **SMALL) for image in (False, True))
+    metres, grey = (env.reset(seed=4)[0]["depth_wrist_wide"] for env in (a, b))
+    assert grey.dtype == np.uint8 and b.observation_space["depth_wrist_wide"].dtype == np.uint8
+    assert np.array_equal(grey == 0, metres == 0) and b.observation_space["depth_wrist_wide"].shape == grey.shape
+    near = (metres > 0) & (metres < 0.5)
+    assert near.any() and np.abs(0.002 * grey[near].astype(float) - metres[near]).max() <= 0.001 + 1e-6
+    assert set(grey[metres >= 0.51].tolist()) <= {255}

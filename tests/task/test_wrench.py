@@ -36,7 +36,7 @@ def test_faults_at_null_are_none_bit_by_bit_and_faults_move_nothing():
 
 def test_pressed_down_the_wrist_is_told_of_a_push_up_and_what_is_touched_feels_one_down():
     """At rest on the rim, the force that is told and the contact force that a critic knows agree in all but sign."""
-    env = PegInHoleVec(1, world="nominal", steps=40)
+    env = PegInHoleVec(1, world="nominal", steps=40, privileged=True)
     env.reset(seed=3)
     for _ in range(30):
         seen, *_ = env.step(np.array([[0.0, 0.0, -0.5]]))

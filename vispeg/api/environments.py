@@ -13,13 +13,21 @@ if TYPE_CHECKING:
 
 
 def make(
-    world: World | str | Path = "nominal", obs_mode: str = "state", *, render_mode: str | None = None, **settings: Any
+    world: World | str | Path = "nominal",
+    obs_mode: str = "state",
+    *,
+    privileged: bool = False,
+    depth_image: bool = False,
+    render_mode: str | None = None,
+    **settings: Any,
 ) -> TaskEnv:
     """One environment of a world's task, a `gymnasium.Env`.
 
     Args:
         world: a world, a built-in world's name (`vispeg worlds` lists them) or a world file.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
+        privileged: whether observations hold the ground truth too, as `privileged`, for critics and teachers.
+        depth_image: whether depth comes as uint8 images (2 mm a level, 0 = no reading) in place of float32 metres.
         render_mode: `rgb_array` for pictures from outside.
         settings: of the task, in place of the world's, such as `steps=60`; see `vispeg.task.config.TaskConfig`.
 
@@ -28,7 +36,8 @@ def make(
     """
     from vispeg.task.environments.env import TaskEnv
 
-    return TaskEnv(world, obs_mode, render_mode, **settings)
+    seeing: Any = {"privileged": privileged, "depth_image": depth_image}
+    return TaskEnv(world, obs_mode, render_mode, **seeing, **settings)
 
 
 def make_vec(
@@ -37,6 +46,8 @@ def make_vec(
     obs_mode: str = "state",
     *,
     seed: int | None = None,
+    privileged: bool = False,
+    depth_image: bool = False,
     render_mode: str | None = None,
     **settings: Any,
 ) -> TaskVec:
@@ -44,9 +55,10 @@ def make_vec(
 
     Args:
         num_envs: rows.
-        seed: of the first row; row i has seed + i.
-        world, obs_mode, render_mode, settings: as in `make`; `nthread` among the settings is the threads of physics.
+        seed: of the first row; row i has seed + i. None: another one every time, told in `infos` of `reset`.
+        world, obs_mode, privileged, depth_image, render_mode, settings: as in `make`; `nthread` among the settings is the threads of physics.
     """
     from vispeg.task.environments.vector import TaskVec
 
-    return TaskVec(num_envs, world, obs_mode, seed=seed, render_mode=render_mode, **settings)
+    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "render_mode": render_mode}
+    return TaskVec(num_envs, world, obs_mode, seed=seed, **seeing, **settings)

@@ -47,6 +47,7 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
             old.close()
         _kept.clear()
         how: Any = {"obs_mode": obs_mode, "render_mode": render_mode, "autoreset_mode": "Disabled", "dump": job.dump}
+        how["privileged"] = True  # some policies are teachers; the user's own are not shown it, see `players`
         _kept[key] = TaskVec(job.rows, world=job.world, **how, **job.entrant.task)
     return _kept[key]
 

@@ -28,7 +28,9 @@ def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Pa
 
         merged = {"stack": 1, **settings} if sac.recurrent else dict(settings)
         mode = AutoresetMode.DISABLED
-        return TaskVec(rows, world, senses.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, **merged)
+        return TaskVec(
+            rows, world, senses.obs_mode, autoreset_mode=mode, nthread=threads, dump=dump, privileged=True, **merged
+        )
 
     return make
 

@@ -16,6 +16,7 @@ from vispeg.core.frame import Frame
 
 FAR = 4.0  # m, greatest depth in the observation
 SHOWN = (0.02, 0.40)  # m, range of depths of a picture for people
+LEVEL = 0.002  # m, of depth as a grey image: wrist cameras see the hole from 0.05 to 0.4 m
 STEP = 5e-5  # m, a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
 
 
@@ -59,6 +60,13 @@ def depth_picture(depth: np.ndarray, near: float = SHOWN[0], far: float = SHOWN[
     share = np.clip((far - np.where(reading, depth, far)) / (far - near), 0, 1)
     colour = cv2.applyColorMap(np.round(255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1]
     return np.where(reading[..., None], colour, 0).astype(np.uint8)
+
+
+def grey_depth(depth: np.ndarray) -> np.ndarray:
+    """Depth in m as uint8 of the same shape: 0 for no reading, else 2 mm a level, 255 for 0.51 m and beyond."""
+    reading = np.isfinite(depth) & (depth > 0)
+    levels = np.clip(np.rint(np.where(reading, depth, 0.0) / LEVEL), 1, 255)
+    return np.where(reading, levels, 0).astype(np.uint8)
 
 
 def _metres(frame: Frame) -> np.ndarray | None:

@@ -56,7 +56,7 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
 
     if who.scripted:
         at = world or "nominal"
-        env: Any = TaskVec(1, at, autoreset_mode="Disabled", **settings)
+        env: Any = TaskVec(1, at, autoreset_mode="Disabled", privileged=True, **settings)
         policy = player(who, env.config)
     else:
         from vispeg.learn.envs import home, of_policy

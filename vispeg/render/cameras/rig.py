@@ -178,6 +178,19 @@ class CameraRig:
             time=np.array([m.count for m in moments]) * self.period,
         )
 
+    def views(self) -> dict[str, dict[str, np.ndarray]]:
+        """By camera: `K` (rows, 3, 3) px, `distortion` (rows, 5), `base_T_camera` (rows, 4, 4) m, as drawn."""
+        out = {}
+        for k, c in enumerate(self.cameras):
+            drawn = [r.cameras[k] for r in self._renderers]
+            pose = np.stack([self._shots[row][c.name].pose for row in range(self.rows)])
+            out[c.name] = {
+                "K": np.stack([d.K for d in drawn]),
+                "distortion": np.array([d.distortion for d in drawn]),
+                "base_T_camera": pose,
+            }
+        return out
+
     def picture(self, row: int, snapshot: Snapshot) -> np.ndarray:
         """A row from outside, (H, W, 3) uint8, in its episode's look."""
         if self.outside is None:

@@ -29,16 +29,24 @@ class TaskEnv(gym.Env):
         self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
         self.vec = TaskVec(1, **self._made)
         self.render_mode = render_mode
+        self.cameras = self.vec.cameras
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begins an episode."""
+        """Begins an episode; the info holds its `seed`, what its `world` drew, and `cameras`, see TaskVec.views."""
         super().reset(seed=seed)
         obs, info = self.vec.reset(seed=seed)
-        return {k: v[0] for k, v in obs.items()}, {"seed": int(info["seed"][0]), "world": info["world"][0]}
+        return {k: v[0] for k, v in obs.items()}, self._info({"seed": int(info["seed"][0]), "world": info["world"][0]})
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        views = {name: {k: v[0] for k, v in view.items()} for name, view in self.vec.views().items()}
+        return {**info, "cameras": views} if views else info
 
     def step(self, action: np.ndarray):
-        """One policy step of 160 ms; the info of an episode's last one is its `record`, and holds it as such too."""
+        """One policy step of 160 ms; the info of an episode's last one is its `record`, and holds it as such too.
+
+        With images, every info holds `cameras`.
+        """
         self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
         self.vec.look([0])
@@ -48,7 +56,7 @@ class TaskEnv(gym.Env):
             float(reward[0]),
             bool(terminated[0]),
             bool(truncated[0]),
-            {**record, "record": record} if record else {},
+            self._info({**record, "record": record} if record else {}),
         )
 
     def render(self):

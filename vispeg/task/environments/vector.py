@@ -14,8 +14,10 @@ from gymnasium.vector.utils import batch_space
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.rig import CameraRig
-from vispeg.render.image_kinds import MODES
+from vispeg.render.image_kinds import DEPTH, MODES, grey_depth
+from vispeg.render.image_kinds import kind_of as kind_of_image
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.config import TaskConfig
 from vispeg.task.environments.divergence import leave
@@ -28,15 +30,21 @@ from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 
-def spaces(config: TaskConfig, obs_mode: str, cameras: Sequence[Any]) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
-    """Observation and action space of one environment."""
+def spaces(
+    config: TaskConfig, obs_mode: str, cameras: Sequence[Any], privileged: bool = True, depth_image: bool = False
+) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
+    """Observation and action space of one environment; see TaskVec."""
     box = gym.spaces.Box
     observed = Observation(task_of(config).terms, config)
     parts: dict[str, gym.Space] = {
         POLICY: box(-LIMIT, LIMIT, (config.stack * observed.policy_size,), np.float32),
-        PRIVILEGED: box(-LIMIT, LIMIT, (observed.truth_size,), np.float32),
     }
+    if privileged:
+        parts[PRIVILEGED] = box(-LIMIT, LIMIT, (observed.truth_size,), np.float32)
     parts |= image_spaces(obs_mode, cameras)
+    if depth_image:
+        depths = {k: space for k, space in parts.items() if kind_of_image(k) is DEPTH}
+        parts |= {k: box(0, 255, space.shape or (), np.uint8) for k, space in depths.items()}
     return gym.spaces.Dict(parts), box(-1.0, 1.0, (len(config.dof),), np.float32)
 
 
@@ -99,12 +107,15 @@ class TaskVec(VectorEnv):
         num_envs: rows.
         world: a World or RandomizedWorld, a built-in world's name, or a world file; by default `nominal`.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
-        seed: of the episodes until `reset` is given one.
+        seed: of the episodes until `reset` is given one; None: another one in every environment, told in `infos`.
         autoreset_mode: NEXT_STEP (gymnasium's default: the step after an end begins the next episode) or SAME_STEP
             (the end's observation is in `infos["final_obs"]`).
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
+        privileged: whether observations hold the ground truth, for critics and teachers; no robot has it.
+        depth_image: whether depth comes as uint8 images, which libraries convolve; see
+            `vispeg.render.image_kinds.grey_depth`.
         dump: folder in which an episode that diverges leaves what
             `vispeg.task.environments.replay.replay` plays again.
         **settings: of the task, fields of its TaskConfig that replace the world's.
@@ -121,10 +132,13 @@ class TaskVec(VectorEnv):
         backend: str = "auto",
         render_mode: str | None = None,
         dump: str | Path | None = None,
+        privileged: bool = False,
+        depth_image: bool = False,
         **settings: Any,
     ):
         made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
         made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
+        made |= {"privileged": privileged, "depth_image": depth_image}
         self._made = {**made, **settings}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
@@ -142,11 +156,16 @@ class TaskVec(VectorEnv):
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
-        self.single_observation_space, self.single_action_space = spaces(self.config, obs_mode, self.eyes.cameras)
+        self.single_observation_space, self.single_action_space = spaces(
+            self.config, obs_mode, self.eyes.cameras, privileged, depth_image
+        )
+        self.privileged, self.depth_image = privileged, depth_image
         self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._base = np.arange(num_envs, dtype=np.int64) + (0 if seed is None else seed)
+        if seed is None:  # as gymnasium's own: environments made side by side do not play the same episodes
+            seed = int(np.random.SeedSequence().generate_state(1)[0] >> 2)
+        self._base = np.arange(num_envs, dtype=np.int64) + seed
         self._episode = np.zeros(num_envs, dtype=np.int64)
         self._ended = np.zeros(num_envs, dtype=bool)
         self._started = False
@@ -222,8 +241,26 @@ class TaskVec(VectorEnv):
         return out
 
     def _observe(self) -> dict[str, np.ndarray]:
-        others = {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
-        return {**self.sim.observation(), **self.eyes.see(), **others}
+        seen = self.eyes.see()
+        seen |= {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
+        if self.depth_image:
+            seen = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in seen.items()}
+        measured = self.sim.observation()
+        return {**{k: v for k, v in measured.items() if self.privileged or k != PRIVILEGED}, **seen}
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras of the images, as calibrated: what a policy may know of them. None where nothing is seen."""
+        return self.eyes.cameras
+
+    def views(self) -> Mapping[str, Mapping[str, np.ndarray]]:
+        """Where the cameras of the present images really stand, as this episode drew them; by camera name.
+
+        Returns:
+            `K` (num_envs, 3, 3), px; `distortion` (num_envs, 5); `base_T_camera` (num_envs, 4, 4): camera axes (x
+            right, y down, z forward) in the base, m. Ground truth: a policy that is to be judged has `cameras`.
+        """
+        return self.eyes.views()
 
     # Pictures -------------------------------------------------------------------------------------------------
     def rig(self, look_seed: Callable[[int], int] | None = None, backend: str | None = None) -> CameraRig:
