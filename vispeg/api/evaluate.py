@@ -8,6 +8,7 @@ from typing import Any
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
 from vispeg.evaluation import gap as gaps
+from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.films.media import film_failures
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
@@ -37,7 +38,7 @@ class EvaluationResult(Played):
 
 
 def evaluate(
-    policies: str | Path | Sequence[str | Path],
+    policies: Policies,
     world: str | Path = "nominal",
     *,
     episodes: int = 100,
@@ -53,7 +54,9 @@ def evaluate(
     """Plays policies in one world; success with 95 % intervals.
 
     Args:
-        policies: folders, names of bundled policies, `NAME=FOLDER`, or `expert`, the scripted one.
+        policies: one or several of: folders, names of bundled policies, `NAME=FOLDER`, `expert` (the scripted one),
+            `MODULE:NAME`, a .zip by Stable-Baselines3, a function of the observation, an object with `act(obs)`; or a
+            mapping of names to these. See `vispeg.evaluation.own`.
         world: a built-in world's name or a world file.
         episodes: of every policy.
         controls: as in `vispeg.evaluation.controls`: the same policies with images that carry no information.
@@ -69,8 +72,7 @@ def evaluate(
         UserError: no such policy, world or control, or `out` holds something else.
     """
     check_numbers(episodes, workers)
-    named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
-    who, file = ready(named), load_world(world)
+    who, file = ready(policies), load_world(world)
     controls = check_controls(controls, file)
     sources = [file.path, *folders(who)]
     with workplace(out, "evaluate.json", overwrite, sources) as place:

@@ -11,7 +11,7 @@ from vispeg.api.playing import Played, Playing, check_controls, check_numbers, f
 from vispeg.core.errors import UserError
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
-from vispeg.evaluation.entrants import EXPERT, Entrant, refuse_trained_on
+from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
 from vispeg.evaluation.films.media import film_seeds
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
@@ -65,7 +65,7 @@ class _Worlds:
 
 
 def gap(
-    policies: str | Path | Sequence[str | Path] = (),
+    policies: Policies = (),
     worlds: Sequence[str | Path] = WORLDS,
     *,
     episodes: int = 100,
@@ -102,11 +102,11 @@ def gap(
         UserError: nothing to evaluate; no such policy, world, control or record, or an unfit one; a policy that
             was trained in a target.
     """
-    named = [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]
+    named = given(policies)
     files = [Path(r) for r in records]
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
-    who, stored_before = ready(named) if named else [], read_all(files) if files else []
+    who, stored_before = ready(policies) if named else [], read_all(files) if files else []
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
     trials = _measured(measured, networks, robot)
     read: list[str | Path | None] = [*files, measured, *folders(who)]

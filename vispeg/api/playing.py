@@ -77,8 +77,8 @@ def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Map
 
 
 def folders(who: Iterable[Entrant]) -> list[Path]:
-    """Of the policies; the scripted one has none."""
-    return [e.path for e in who if not e.scripted]
+    """Folders and files of the policies; the scripted one and objects have none."""
+    return [e.path for e in who if e.stored]
 
 
 def check_numbers(episodes: int, workers: int) -> None:

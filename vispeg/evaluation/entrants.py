@@ -1,8 +1,9 @@
-"""Who is evaluated: a policy's folder with the name, modality and training seed under which its episodes stand."""
+"""Who is evaluated: a policy with the name, modality and training seed under which its episodes stand."""
 
 from __future__ import annotations
 
 import re
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +12,14 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.provenance import digest
+from vispeg.evaluation import own
 from vispeg.learn.meta import interface, tolerance_of, worlds
 from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
 EXPERT = "expert"  # the scripted policy of a task takes part under this name
+Policies = Any  # a text, a path, an object that acts, a mapping of names to these, or a sequence of these
 TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
 
@@ -26,14 +29,16 @@ class Entrant:
 
     Attributes:
         name: in tables; replicas that differ in `train_seed` only share it.
-        path: of its folder.
+        path: of its folder; of a policy of the user's own the file that it is in, or its name.
         modality: what it observes.
         train_seed: of its training.
         trained_on: hashes of the worlds it was trained or fine-tuned in.
         task: the part of the task that it was made for (stack, dof, cameras, ...).
-        digest: SHA-256 of its folder.
+        digest: SHA-256 of its folder or file; of an object, one that no other object has.
         parts: what those worlds are put together from, see `vispeg.task.world_file.parts`.
         tolerance: that it was made for, see `vispeg.task.config.Tolerance`; None where it does not say.
+        source: of a policy of the user's own (`vispeg.evaluation.own`), the text that names it, or the object.
+        alone: whether it plays one episode at a time.
     """
 
     name: str
@@ -45,6 +50,13 @@ class Entrant:
     digest: str
     parts: Mapping[str, str] = field(default_factory=dict)
     tolerance: float | None = None
+    source: Any = None
+    alone: bool = False
+
+    @property
+    def stored(self) -> bool:
+        """Whether it can be read again from `path`."""
+        return not self.scripted and (self.source is None or isinstance(self.source, str))
 
     @property
     def scripted(self) -> bool:
@@ -55,6 +67,8 @@ class Entrant:
 def entrant(text: str) -> Entrant:
     """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
 
+    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, or a .zip by Stable-Baselines3.
+
     Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
     a run's folder, the task's.
 
@@ -64,6 +78,8 @@ def entrant(text: str) -> Entrant:
     name, _, place = text.rpartition("=")
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
+    if own.is_own(place):
+        return _own(name or (Path(place).stem if place.lower().endswith(".zip") else place.rpartition(":")[2]), place)
     path = policy_folder(place, [EXPERT])
     require("torch", f"the policy {place}")
     record = read_record(path)
@@ -85,15 +101,44 @@ def entrant(text: str) -> Entrant:
     )
 
 
-def entrants(texts: Sequence[str]) -> list[Entrant]:
+def _own(name: str, source: Any) -> Entrant:
+    """A policy of the user's own. Raises UserError: nothing that acts, or that observes what there is."""
+    target = own.made(source)
+    mode, task = own.observes(target, name)
+    path = own.origin(source)
+    digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
+    kept = source if isinstance(source, str) else target
+    where = Path(name) if path is None else path
+    return Entrant(name, where, mode, 0, (), task, digest_of, source=kept, alone=own.plays_alone(target))
+
+
+def given(policies: Policies) -> list[tuple[str, Any]]:
+    """Name and policy of each that was given: a text or path, an object, a mapping of names, or a sequence of these."""
+    if isinstance(policies, Mapping):
+        return [(str(name), policy) for name, policy in policies.items()]
+    if isinstance(policies, Path):
+        return [("", str(policies))]
+    if isinstance(policies, Sequence) and not isinstance(policies, str):
+        return [pair for one in policies for pair in given(one)]
+    return [("", policies)]
+
+
+def entrants(policies: Policies) -> list[Entrant]:
     """All of them.
 
     Raises:
-        UserError: none given; two of one name and training seed.
+        UserError: none given; no policy; two of one name and training seed.
     """
-    if not texts:
+    pairs = given(policies)
+    if not pairs:
         raise UserError("no policy given", expected="a policy's folder, or NAME=FOLDER")
-    chosen = [entrant(text) for text in texts]
+    chosen = []
+    for name, policy in pairs:
+        if isinstance(policy, str | Path):
+            chosen.append(entrant(f"{name}={policy}" if name else str(policy)))
+        else:
+            usual = getattr(policy, "__name__", type(policy).__name__)
+            chosen.append(_own(name or (usual if usual.isidentifier() else "policy"), policy))
     earlier: dict[tuple[str, int], Entrant] = {}
     for e in chosen:
         other = earlier.setdefault((e.name, e.train_seed), e)

@@ -126,7 +126,7 @@ def make_jobs(
             sees = seeing[e.modality]
             if s.control in ON_IMAGES and not sees:
                 continue
-            rows = IMAGE_ROWS if sees else STATE_ROWS
+            rows = 1 if e.alone else IMAGE_ROWS if sees else STATE_ROWS
             job = Job(e, str(made.path), s.name, made.hash, tuple(seeds), s.control, s.configuration, s.pushes, profile)
             jobs.append(replace(job, rows=rows))
     return jobs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
@@ -13,7 +14,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.workers import pool_of
 from vispeg.evaluation.arena import play
-from vispeg.evaluation.jobs import Job
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.jobs import IMAGE_ROWS, Job
 from vispeg.evaluation.records import Episode, append, read
 from vispeg.formats.format import enrol
 from vispeg.formats.json_data import read_json
@@ -52,7 +54,7 @@ def run(
     todo = []
     for job in jobs:
         missing = tuple(s for s, key in zip(job.seeds, job.keys(), strict=True) if key not in have)
-        todo += replace(job, seeds=missing, dump=out / DIVERGED).split(job.rows) if missing else []
+        todo += replace(job, seeds=missing, dump=out / DIVERGED).split(max(job.rows, IMAGE_ROWS)) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
     for played in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
@@ -71,12 +73,23 @@ def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[E
     if not tasks and (workers < 2 or len(todo) < 2):
         yield from (arena(job) for job in todo)
         return
+    for who in {id(job.entrant.source): job.entrant for job in todo if not job.entrant.stored}.values():
+        _sendable(who)
     with pool_of(max(1, min(workers, len(todo))), tasks) as pool:
         waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
         while waiting:
             finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield future.result()
+
+
+def _sendable(who: Entrant) -> None:
+    """Raises UserError for an object that cannot be sent to a process of its own."""
+    try:
+        pickle.dumps(who.source)
+    except Exception as error:  # pickle and what it calls raise many kinds
+        what = f"{who.name} cannot be sent to another process, as workers and worlds that Filament draws need"
+        raise UserError(what, expected="MODULE:CLASS, or workers=1", got=str(error)[:100]) from error
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> str:

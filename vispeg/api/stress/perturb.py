@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
-from vispeg.api.stress.result import Stressed, listed
+from vispeg.api.stress.result import Stressed
 from vispeg.core.errors import UserError
+from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
@@ -43,7 +44,7 @@ class PerturbResult(Stressed):
 
 
 def perturb(
-    policies: str | Path | Sequence[str | Path],
+    policies: Policies,
     world: str | Path = "randomized",
     *,
     episodes: int = 40,
@@ -73,7 +74,7 @@ def perturb(
     check_numbers(episodes, workers)
     if not 0 <= force[0] <= force[1] or not duration > 0:
         raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=force)
-    who, file = ready(listed(policies)), load_world(world)
+    who, file = ready(policies), load_world(world)
     hard = pushed.positions(None if positions is None else Path(positions), task_of(config_of(file.task)))
     read = [file.path, *([Path(positions)] if positions is not None else []), *folders(who)]
     with workplace(out, "perturb.json", overwrite, read) as place:

@@ -10,10 +10,9 @@ from pathlib import Path
 from shutil import rmtree
 
 from vispeg.api.playing import check_numbers, play
-from vispeg.api.stress.result import listed
 from vispeg.core.errors import UserError
 from vispeg.evaluation import runner
-from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.entrants import Entrant, Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
@@ -38,7 +37,7 @@ class Price:
     episodes: int
 
     @classmethod
-    def of(cls, policies: str | Path | Sequence[str | Path], world: str | Path, episodes: int, model: World) -> Price:
+    def of(cls, policies: Policies, world: str | Path, episodes: int, model: World) -> Price:
         """Reads policies and cell.
 
         Args:
@@ -56,7 +55,7 @@ class Price:
         if model.robot != cell:
             message = f"the policy's cell has another robot than the recordings: {file.name} has {cell}"
             raise UserError(message, key="--policy", expected=f"a model of {cell}, or --world", got=model.robot)
-        return cls(tuple(ready(listed(policies))), file, episodes)
+        return cls(tuple(ready(policies)), file, episodes)
 
     def paid(
         self,

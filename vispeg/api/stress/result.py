@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from abc import abstractmethod
-from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg.api.playing import Played
@@ -27,8 +26,3 @@ class Stressed(Played):
         text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
         write_text_atomic(folder / f"{self.command}.json", text, overwrite=True)
         write_text_atomic(folder / self.page, self._render(), overwrite=True)
-
-
-def listed(policies: str | Path | Sequence[str | Path]) -> list[str]:
-    """One policy or several, as text."""
-    return [str(p) for p in ([policies] if isinstance(policies, str | Path) else policies)]

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
-from vispeg.api.stress.result import Stressed, listed
+from vispeg.api.stress.result import Stressed
 from vispeg.core.errors import UserError
+from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
@@ -36,7 +37,7 @@ class SensitivityResult(Stressed):
 
 
 def sensitivity(
-    policies: str | Path | Sequence[str | Path],
+    policies: Policies,
     sweeps: Sequence[str],
     world: str | Path = "nominal",
     *,
@@ -64,7 +65,7 @@ def sensitivity(
     check_numbers(episodes, workers)
     if not sweeps:
         raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
-    who, file = ready(listed(policies)), load_world(world)
+    who, file = ready(policies), load_world(world)
     asked = [what for text in sweeps for what in swept.sweeps(str(text))]
     swept.refuse_unseen(asked, who)
     read = [file.path, *folders(who)]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
-from vispeg.api.stress.result import Stressed, listed
+from vispeg.api.stress.result import Stressed
 from vispeg.core.errors import UserError
 from vispeg.evaluation import suite as suites
-from vispeg.evaluation.entrants import Entrant, refuse_trained_on
+from vispeg.evaluation.entrants import Entrant, Policies, refuse_trained_on
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_csv
@@ -50,7 +50,7 @@ class SuiteResult(Stressed):
 
 
 def suite(
-    policies: str | Path | Sequence[str | Path],
+    policies: Policies,
     train: str | Path = "randomized",
     target: str | Path | None = None,
     *,
@@ -83,7 +83,7 @@ def suite(
     check_numbers(episodes, workers)
     if (target is None) == (measured is None):
         raise UserError("no target", expected="either --target WORLD or --measured CSV")
-    who = ready(listed(policies))
+    who = ready(policies)
     chosen = suites.configurations(None if configurations is None else Path(configurations))
     files = {str(w): load_world(w) for w in (train, target) if w is not None}
     hashes = {file.name: file.hash for file in files.values()} | ({ROBOT: ""} if measured is not None else {})

@@ -33,7 +33,7 @@ class Args:
     out: Path
     """Folder for the results."""
     policies: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Policy folders, or NAME=FOLDER; replicas of one name differ in their training seed."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS or .zip files; replicas of one name differ in their training seed."""
     worlds: tuple[str, ...] = ("S", "V", "N", "P", "VNP")
     """Built-in worlds' names or world files; the first is the training world."""
     episodes: int = 100

@@ -25,7 +25,7 @@ class Args:
     """Arguments of `vispeg perturb`."""
 
     policies: tyro.conf.Positional[tuple[str, ...]]
-    """Policy folders, or NAME=FOLDER."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS or .zip files."""
     out: Path
     """Folder for the results."""
     world: str = "randomized"

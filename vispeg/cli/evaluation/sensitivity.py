@@ -28,7 +28,7 @@ class Args:
     """Arguments of `vispeg sensitivity`."""
 
     policies: tyro.conf.Positional[tuple[str, ...]]
-    """Policy folders, or NAME=FOLDER."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS or .zip files."""
     out: Path
     """Folder for the results."""
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = ()

@@ -1,0 +1,174 @@
+"""Policies of a user's own: what acts is evaluated, as it acts by itself, and what does not is one line."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import vispeg
+from vispeg.core.errors import UserError
+from vispeg.evaluation.jobs import seeds_of
+from vispeg.learn.evaluation import run_episodes
+from vispeg.task.environments.vector import TaskVec
+from vispeg.task.scripted import Scripted
+
+CODE = """
+import numpy as np
+
+class Down:
+    obs_mode = "proprio"
+    def __init__(self):
+        self.began = []
+    def reset(self, n, rows=None):
+        self.began.append(rows)
+    def act(self, obs):
+        assert set(obs) == {"policy"}
+        return np.tile([0.0, 0.0, -0.5], (len(obs["policy"]), 1))
+
+def down(obs):
+    return np.tile([0.0, 0.0, -0.5], (len(obs["policy"]), 1))
+"""
+
+
+@pytest.fixture(scope="module")
+def module(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "own_policy_of_test.py").write_text(CODE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(folder))
+        yield folder
+    sys.modules.pop("own_policy_of_test", None)
+
+
+def outcome(result):
+    return [(e.policy, e.seed, e.category, e.time, e.peak_force) for e in result.episodes]
+
+
+class Alone:
+    """The scripted expert for one episode at a time, as a stack of a robot has it: it is told of no rows."""
+
+    obs_mode = "state"
+
+    def __init__(self):
+        env = TaskVec(1, "nominal")
+        self.expert, self.most = Scripted(env.config), 0
+
+    def reset(self, n):
+        self.expert.reset(n)
+
+    def act(self, obs):
+        self.most = max(self.most, len(obs["policy"]))
+        return self.expert.act(obs)[0]
+
+
+def test_an_object_a_function_and_a_module_play_what_the_policy_inside_plays(module):
+    """The same episodes, however they are named; the expert wrapped is the expert."""
+    import own_policy_of_test as own
+
+    same = {"episodes": 3, "task": {"steps": 12}}
+    by = [own.Down(), own.Down, own.down, "own_policy_of_test:Down", "own_policy_of_test:down", {"other": own.Down()}]
+    told = [outcome(vispeg.evaluate(policy, "nominal", **same)) for policy in by]
+    assert all([row[1:] for row in one] == [row[1:] for row in told[0]] for one in told)
+    assert [one[0][0] for one in told] == ["Down", "Down", "down", "Down", "down", "other"]
+    alone, expert = Alone(), vispeg.evaluate("expert", "nominal", episodes=3)
+    wrapped = vispeg.evaluate({"expert": alone}, "nominal", episodes=3)
+    assert outcome(wrapped) == outcome(expert) and alone.most == 1 and all(e.success for e in wrapped.episodes)
+
+
+def test_a_gap_and_a_command_take_them_too(module, tmp_path, capsys, monkeypatch):
+    """And an evaluation of a module's policy goes on where it stopped."""
+    import own_policy_of_test as own
+
+    from vispeg.cli.main import main
+
+    result = vispeg.gap([own.Down(), "expert"], ["nominal", "searching"], episodes=2, controls=())
+    assert {p["name"] for p in result.record["policies"]} == {"Down", "expert"}
+    out = tmp_path / "out"
+    command = ["evaluate", "mine=own_policy_of_test:Down", "--episodes", "2", "--videos", "0", "--out", str(out)]
+    assert main(command) == 0 and (out / "evaluate.html").is_file()
+    assert main([*command, "--overwrite"]) == 0
+
+
+def test_what_is_no_policy_is_said_in_one_line(module):
+    """With what was expected; an error in the policy's own code with its place."""
+
+    def broken(obs):
+        return obs["absent"]
+
+    class Thermal:
+        obs_mode = "thermal"
+
+        def act(self, obs):
+            return obs
+
+    for policy, said in (
+        (3, "not a policy"),
+        ("own_policy_of_test:absent", "no such policy"),
+        ("no_such_module_here:Policy", "no such policy"),
+        ("absent.zip", "no such policy"),
+        (lambda obs: np.zeros(2), r"gives no actions; expected finite numbers of shape \(2, 3\)"),
+        (lambda obs: np.full((len(obs["policy"]), 3), np.nan), "not finite"),
+        (broken, r"broken failed: KeyError: 'absent' at test_own_policies.py:\d+"),
+        (Thermal(), "obs_mode"),
+        ([], "no policy given"),
+    ):
+        with pytest.raises(UserError, match=said) as refused:
+            vispeg.evaluate(policy, "nominal", episodes=2, task={"steps": 3})
+        assert "\n" not in str(refused.value)
+
+
+def test_what_cannot_be_sent_to_a_worker_is_said_before_it_is_tried():
+    with pytest.raises(UserError, match="another process.*MODULE:CLASS"):
+        vispeg.evaluate(lambda obs: np.zeros((len(obs["policy"]), 3)), "nominal", episodes=60, workers=2)
+
+
+@pytest.mark.parametrize("algorithm", ["SAC", "PPO", "TD3"])
+def test_a_file_by_stable_baselines3_acts_as_that_library_loads_it(algorithm, tmp_path):
+    """Without its pickles: depth as an image, the same actions, no ground truth; also the model in memory."""
+    sb3 = pytest.importorskip("stable_baselines3")
+    from vispeg.evaluation.own import Own, made
+
+    seen = {"cameras": ("wrist_wide",), "image_size": 36, "backend": "raycast"}
+    env = vispeg.make("nominal", "depth", depth_image=True, **seen)
+    more = {} if algorithm == "PPO" else {"buffer_size": 10}
+    model = getattr(sb3, algorithm)("MultiInputPolicy", env, seed=3, policy_kwargs={"net_arch": [32, 16]}, **more)
+    networks = model.policy if algorithm == "PPO" else model.actor
+    extractors = networks.features_extractor.extractors
+    assert set(extractors) == {"policy", "depth_wrist_wide"} and hasattr(extractors["depth_wrist_wide"], "cnn")
+    model.save(tmp_path / "mine.zip")
+    played = TaskVec(2, "nominal", "depth", privileged=True, autoreset_mode="Disabled", **seen)
+    image, _ = TaskVec(2, "nominal", "depth", depth_image=True, **seen).reset(seed=1)
+    metres, _ = played.reset(seed=1)
+    expected = model.predict(image, deterministic=True)[0]
+    for policy in (made(str(tmp_path / "mine.zip")), model):
+        np.testing.assert_array_equal(Own(policy, "mine", "depth", 3).act(metres), expected)
+    result = vispeg.evaluate(str(tmp_path / "mine.zip"), "nominal", episodes=2, task={"steps": 2})
+    assert [e.modality for e in result.episodes] == ["depth"] * 2 and result.episodes[0].policy == "mine"
+
+
+def test_a_file_by_stable_baselines3_that_cannot_be_judged_is_refused(tmp_path):
+    """One that reads the ground truth, one with classes of the user's own, one that is no such file."""
+    sb3 = pytest.importorskip("stable_baselines3")
+    from torch import nn
+
+    told = sb3.SAC("MultiInputPolicy", vispeg.make("nominal", privileged=True), buffer_size=10)
+    told.save(tmp_path / "told.zip")
+    plain = vispeg.make("nominal")
+    sb3.SAC("MultiInputPolicy", plain, buffer_size=10, policy_kwargs={"activation_fn": nn.Tanh}).save(
+        tmp_path / "c.zip"
+    )
+    (tmp_path / "text.zip").write_text("nothing")
+    for name, said in (("told", "ground truth"), ("c", "MODULE:FUNCTION"), ("text", "not such a file")):
+        with pytest.raises(UserError, match=said):
+            vispeg.evaluate(str(tmp_path / f"{name}.zip"), "nominal", episodes=2)
+
+
+def test_rows_that_begin_are_told(module):
+    """A policy with a memory learns which of its rows begin anew."""
+    import own_policy_of_test as own
+
+    from vispeg.evaluation.own import Own
+
+    policy, env = own.Down(), TaskVec(2, "nominal", "proprio", autoreset_mode="Disabled", steps=3)
+    run_episodes(Own(policy, "down", "proprio", 3), env, seeds_of(3))
+    assert policy.began[0] is None and [rows.tolist() for rows in policy.began[1:]] == [[True, True]]

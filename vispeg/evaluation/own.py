@@ -1,0 +1,216 @@
+"""Policies of a user's own: objects, functions, `MODULE:NAME` of either, and what Stable-Baselines3 saved.
+
+A policy is a function of the observation, or an object with `act(obs)`; what has `predict`, as Stable-Baselines3's
+models do, acts without exploring. Observations are arrays (n, ...) by key, actions (n, d) within +-1. An object may
+have `reset(n, rows)`, called when episodes begin: n are played side by side, `rows` (n,) bool is those that begin, or
+None for all. One whose `reset` takes no rows plays one episode at a time. `obs_mode` says what it observes (default:
+`state`), `task` which settings of the task it was made for, such as {"stack": 1}.
+
+A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
+executed, see `vispeg.learn.sb3_policy`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.extras import require
+from vispeg.learn.meta import INTERFACE
+from vispeg.render.image_kinds import DEPTH, MODES, camera_of, grey_depth, kind_of
+from vispeg.task.terms import POLICY, PRIVILEGED
+
+MODULE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+EXPECTED = "a policy's folder, NAME=FOLDER, MODULE:NAME, a .zip by Stable-Baselines3, a function, or an object with act"
+
+
+def is_own(text: str) -> bool:
+    """Whether a text names a module's policy, or a file by Stable-Baselines3."""
+    return Path(text).suffix.lower() == ".zip" or (MODULE.fullmatch(text) is not None and not Path(text).exists())
+
+
+def made(source: Any) -> Any:
+    """The policy that a text names, or an object is; a class is called.
+
+    Raises:
+        UserError: no such module or file, a class that cannot be made, or nothing that acts.
+    """
+    target = source
+    if isinstance(source, str) and source.lower().endswith(".zip"):
+        require("torch", f"the policy {source}")
+        from vispeg.learn.sb3_policy import opened
+
+        target = opened(Path(source).expanduser())
+    elif isinstance(source, str):
+        target = _imported(source)
+    if inspect.isclass(target):
+        try:
+            target = target()
+        except Exception as error:  # whatever the user's code raises
+            raise UserError(f"cannot be made ({_where(error)})", got=_called(source)) from error
+    if not (callable(target) or callable(getattr(target, "act", None)) or callable(getattr(target, "predict", None))):
+        raise UserError("not a policy", expected=EXPECTED, got=_called(source))
+    return target
+
+
+def origin(source: Any) -> Path | None:
+    """The file that a policy named by a text is in; None for an object."""
+    if not isinstance(source, str):
+        return None
+    if source.lower().endswith(".zip"):
+        return Path(source).expanduser()
+    return Path(inspect.getfile(importlib.import_module(source.partition(":")[0])))
+
+
+def _imported(text: str) -> Any:
+    module, _, name = text.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except Exception as error:  # a module may raise anything while it is imported
+        expected = "a module on PYTHONPATH or installed, and a class, function or object in it"
+        raise UserError(f"no such policy ({_where(error)})", expected=expected, got=text) from error
+
+
+def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
+    """What a policy observes, and the settings of the task that it was made for.
+
+    Raises:
+        UserError: no such observation or setting; one that reads the ground truth.
+    """
+    space = getattr(getattr(target, "observation_space", None), "spaces", None)
+    if space is not None:
+        return _of_space(space, name)
+    mode = getattr(target, "obs_mode", "state")
+    if mode not in MODES:
+        raise UserError(f"{name} observes what no environment shows", key="obs_mode", got=mode, choices=MODES)
+    task = getattr(target, "task", None) or {}
+    unknown = [key for key in task if key not in INTERFACE] if isinstance(task, Mapping) else [task]
+    if unknown:
+        raise UserError(f"no setting that a policy is made for: {name}", key="task", got=unknown[0], choices=INTERFACE)
+    return mode, dict(task)
+
+
+def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]:
+    if PRIVILEGED in space:
+        what = f"{name} reads '{PRIVILEGED}', the ground truth, which no robot has"
+        raise UserError(what, expected="one trained in an environment with privileged=False")
+    shapes = {key: part.shape for key, part in space.items()}
+    kinds = {kind_of(key) for key in shapes if key != POLICY}
+    if None in kinds:
+        others = [key for key in shapes if key != POLICY and kind_of(key) is None]
+        raise UserError(f"{name} observes what no environment shows", got=others[0], choices=[POLICY, "depth_CAMERA"])
+    mode = next((m for m, seen in MODES.items() if set(seen) == kinds and (seen or m == "state")), "state")
+    task: dict[str, Any] = {}
+    if kinds:
+        pictures = {key: shape for key, shape in shapes.items() if key != POLICY}
+        usual = ("wrist_wide", "wrist_crop")
+        names = dict.fromkeys(camera_of(key) for key in pictures)
+        task["cameras"] = tuple(sorted(names, key=lambda c: usual.index(c) if c in usual else len(usual)))
+        task["image_size"] = min(min(shape[1:]) for shape in pictures.values())
+    return mode, task
+
+
+class Own:
+    """A user's policy behind the interface of `vispeg.learn.policy.Policy`.
+
+    Args:
+        target: what acts.
+        name: for errors.
+        mode: what it observes.
+        action: numbers of an action.
+    """
+
+    meta: Mapping[str, Any] = {}
+    estimate: np.ndarray | None = None
+    recurrent = 0
+
+    def __init__(self, target: Any, name: str, mode: str, action: int):
+        self.target, self.name, self.modality, self.action = target, name, mode, action
+        self._space = getattr(getattr(target, "observation_space", None), "spaces", None)
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """See Policy."""
+        begin = getattr(self.target, "reset", None)
+        if callable(begin) and self._space is None:
+            self._call(begin, *(n, rows)[: places(begin)])
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """See Policy. Raises UserError: no actions (n, d) of finite numbers came back."""
+        n = len(obs[POLICY])
+        seen = {key: value for key, value in obs.items() if key != PRIVILEGED}
+        if self._space is not None:
+            seen = {key: self._fitted(key, seen) for key in self._space}
+        if callable(getattr(self.target, "act", None)):
+            out = self._call(self.target.act, seen)
+        elif callable(getattr(self.target, "predict", None)):
+            out = self._call(lambda: self.target.predict(seen, deterministic=True)[0])
+        else:
+            out = self._call(self.target, seen)
+        if hasattr(out, "detach"):
+            out = out.detach().cpu().numpy()
+        try:
+            actions = np.asarray(out, dtype=np.float32)
+        except (TypeError, ValueError):
+            actions = np.empty(0, np.float32)
+        if n == 1 and actions.shape == (self.action,):
+            actions = actions[None]
+        if actions.shape != (n, self.action) or not np.isfinite(actions).all():
+            expected = f"finite numbers of shape ({n}, {self.action}): an action for each of {n} episodes"
+            got = "numbers that are not finite" if actions.shape == (n, self.action) else np.shape(out)
+            raise UserError(f"{self.name} gives no actions", expected=expected, got=got)
+        return actions
+
+    def _fitted(self, key: str, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The part of an observation as the policy's space has it."""
+        assert self._space is not None
+        wanted, value = self._space[key], obs.get(key)
+        if value is not None and kind_of(key) is DEPTH and wanted.dtype == np.uint8:
+            value = grey_depth(value)
+        if value is None or value.shape[1:] != wanted.shape or value.dtype != wanted.dtype:
+            got = None if value is None else f"{value.dtype} {value.shape[1:]}"
+            what = f"{self.name} was made for another observation"
+            raise UserError(what, key=key, expected=f"{wanted.dtype} {wanted.shape}", got=got)
+        return value
+
+    def _call(self, function: Callable[..., Any], *args: Any) -> Any:
+        try:
+            return function(*args)
+        except UserError:
+            raise
+        except Exception as error:  # whatever the user's code raises
+            raise UserError(f"{self.name} failed: {_where(error)}") from error
+
+
+def places(function: Callable[..., Any]) -> int:
+    """How many arguments by place a function takes."""
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    parameters = inspect.signature(function).parameters.values()
+    if any(p.kind == inspect.Parameter.VAR_POSITIONAL for p in parameters):
+        return 2
+    return sum(p.kind in kinds for p in parameters)
+
+
+def plays_alone(target: Any) -> bool:
+    """Whether a policy begins all of its episodes at once, so that it can play only one at a time."""
+    begin = getattr(target, "reset", None)
+    return callable(begin) and not hasattr(target, "observation_space") and places(begin) < 2
+
+
+def _where(error: Exception) -> str:
+    """An error of the user's code in a line, with its place."""
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    text = (str(error).splitlines() or [""])[0]
+    place = "" if at.filename.startswith("<frozen") else f" at {Path(at.filename).name}:{at.lineno}"
+    return f"{type(error).__name__}: {text}{place}"
+
+
+def _called(source: Any) -> str:
+    return source if isinstance(source, str) else getattr(source, "__name__", type(source).__name__)

@@ -1,0 +1,77 @@
+"""Policies that Stable-Baselines3 saved, read without unpickling anything.
+
+Of what is no JSON in such a file, its record holds the attributes as text beside the pickled object. They say which of
+that library's policies it is, and what that observes; the weights are read as tensors alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import MB
+
+LARGEST = 2000 * MB  # of a part of the file, unpacked
+BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  # as gymnasium writes a Dict's parts
+
+
+def opened(path: Path) -> Any:
+    """The policy in a .zip by Stable-Baselines3, ready to `predict`.
+
+    Raises:
+        UserError: no such file, none of that library's, or one whose parts are stored as pickled code.
+    """
+    if not path.is_file():
+        raise UserError("no such policy", file=path, expected="a .zip by Stable-Baselines3")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for part in ("data", "policy.pth"):
+                if archive.getinfo(part).file_size > LARGEST:
+                    raise UserError("is too large", file=path, key=part)
+            data, weights = json.loads(archive.read("data")), archive.read("policy.pth")
+        kind, kwargs = data["policy_class"], data["policy_kwargs"]
+        module, name = str(kind["__module__"]), str(kind["__init__"]).split()[1].partition(".")[0]
+        parts = BOX.findall(str(data["observation_space"]["spaces"]))
+        action = str(data["action_space"]["_shape"]).strip("[]")
+    except (zipfile.BadZipFile, OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        expected = "a policy that Stable-Baselines3 saved in one of vispeg's environments"
+        raise UserError(f"not such a file ({type(error).__name__}: {error})", file=path, expected=expected) from error
+    # what is no JSON is pickled, with its attributes as text beside it; plain numbers and names need no pickle
+    kwargs = {k: _plain(v, path) for k, v in kwargs.items() if k not in (":type:", ":serialized:")}
+    if not module.startswith("stable_baselines3."):
+        raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")
+    space = {
+        key: spaces.Box(float(low), float(high), tuple(int(n) for n in shape.split(",") if n.strip()), np.dtype(dtype))
+        for key, low, high, shape, dtype in parts
+    }
+    bounded = spaces.Box(-1.0, 1.0, (int(action),), np.float32)
+    try:
+        policy = getattr(importlib.import_module(module), name)(spaces.Dict(space), bounded, lambda _: 0.0, **kwargs)
+        policy.load_state_dict(torch.load(io.BytesIO(weights), map_location="cpu", weights_only=True))
+    except Exception as error:  # torch and that library raise what they like
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:160]
+        raise UserError(f"cannot be opened: {reason}", file=path, expected="MODULE:FUNCTION that loads it") from error
+    policy.set_training_mode(False)
+    return policy
+
+
+def _plain(value: Any, path: Path) -> Any:
+    if isinstance(value, str) and value in ("True", "False", "None"):
+        return {"True": True, "False": False, "None": None}[value]
+    if isinstance(value, str) and re.match(r"[\[{(<]", value):
+        try:
+            return json.loads(value.replace("'", '"'))
+        except ValueError:
+            what = "its networks are of classes of your own, which are stored as code"
+            raise UserError(what, file=path, key="policy_kwargs", expected="MODULE:FUNCTION that loads it") from None
+    return value
