@@ -153,10 +153,8 @@ def test_a_file_by_stable_baselines3_that_cannot_be_judged_is_refused(tmp_path):
 
     told = sb3.SAC("MultiInputPolicy", vispeg.make("nominal", privileged=True), buffer_size=10)
     told.save(tmp_path / "told.zip")
-    plain = vispeg.make("nominal")
-    sb3.SAC("MultiInputPolicy", plain, buffer_size=10, policy_kwargs={"activation_fn": nn.Tanh}).save(
-        tmp_path / "c.zip"
-    )
+    own = {"buffer_size": 10, "policy_kwargs": {"activation_fn": nn.Tanh}}
+    sb3.SAC("MultiInputPolicy", vispeg.make("nominal"), **own).save(tmp_path / "c.zip")
     (tmp_path / "text.zip").write_text("nothing")
     for name, said in (("told", "ground truth"), ("c", "MODULE:FUNCTION"), ("text", "not such a file")):
         with pytest.raises(UserError, match=said):

@@ -56,8 +56,8 @@ def make_vec(
     Args:
         num_envs: rows.
         seed: of the first row; row i has seed + i. None: another one every time, told in `infos` of `reset`.
-        world, obs_mode, privileged, depth_image, render_mode, settings: as in `make`; `nthread` among the settings is the
-            threads of physics.
+        world, obs_mode, privileged, depth_image, render_mode, settings: as in `make`; `nthread` among the settings is
+            the threads of physics.
     """
     from vispeg.task.environments.vector import TaskVec
 
