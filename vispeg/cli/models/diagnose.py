@@ -10,8 +10,9 @@ are named first and added to it; `effects` then holds the change alone.
 `--policy`: what does the remaining error cost a policy? It plays with the identified model, and again with each value
 drawn from its interval and the unexplained torque added. The difference is in points of success.
 
-Recordings of a cell may hold joint torques, a wrench and pictures. Each is diagnosed by itself (joints, contact,
-pictures), again if another one has named an effect that it needs. One page has all verdicts.
+Recordings may hold joint torques, pictures and, of a cell, a wrench. Each is diagnosed by itself (joints, contact,
+pictures), again if another one has named an effect that it needs. One page has all verdicts. Pictures are held
+against a cell, or against what the robot's own MJCF shows beside the arm.
 
 Example:
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found

@@ -5,8 +5,8 @@ dq_cmd.*, such as the next_experiment/samples.csv of `vispeg diagnose`. `--effec
 file. A named motion is scaled down, with a note, if a joint would exceed its speed limit; a CSV is replayed unchanged.
 
 In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be a motion in contact, a look, `expert`
-(the scripted policy), or a CSV with time and ee_cmd.*. The task's controller runs and the wrench is recorded;
-`--cameras` adds pictures.
+(the scripted policy), or a CSV with time and ee_cmd.*. The task's controller runs and the wrench is recorded.
+`--cameras` adds pictures, also of a robot whose own MJCF shows more than the arm.
 
 Example:
     vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -64,7 +64,8 @@ class Args:
     table: Literal["csv", "parquet"] = "csv"
     """Format of the samples."""
     cameras: tuple[str, ...] = ()
-    """In a cell: wrist_wide, wrist_crop, external, or camera files; default for a look: wrist_wide."""
+    """Cameras of the cell (wrist_wide, wrist_crop, external) or of the robot's own MJCF, or camera files; default for a
+    look in a cell: wrist_wide."""
     size: str = "320x240"
     """Pictures: width and height of the cell's cameras, px."""
     fps: float = 3.0
