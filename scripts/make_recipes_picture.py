@@ -17,7 +17,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from vispeg.evaluation.statistics.intervals import wilson
+from vispeg.evaluation.statistics import wilson
 from vispeg.learn.config import read_config
 
 

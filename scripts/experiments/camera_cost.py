@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from vispeg.api.playing import play, silent
@@ -22,9 +21,8 @@ from vispeg.core.errors import UserError
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.significance import mcnemar
-from vispeg.evaluation.table import Cell, Table
+from vispeg.evaluation.statistics import decide, difference, rate
+from vispeg.evaluation.table import rows
 from vispeg.worlds.model_file import load_model
 
 TRUE, HIDDEN, CORRECTED = "as trained", "hidden error", "corrected"
@@ -92,17 +90,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     jobs = make_jobs(who, settings, seeds_of(args.episodes, args.seed), args.out / "worlds")
     ends = play(jobs, args.out, 1, silent)
-    rows = []
-    for policy in dict.fromkeys(e.policy for e in ends):
-        table = Table([replace(e, world=e.configuration, configuration="") for e in ends if e.policy == policy])
-        y = table.aligned(policy, list(worlds))
-        row = {"policy": policy, "success": {t: rate(table.outcomes(Cell(policy, t))).to_json() for t in worlds}}
-        for a, b in ((TRUE, HIDDEN), (CORRECTED, HIDDEN), (TRUE, CORRECTED)):
-            row[f"{a} - {b}"] = difference(y[a], y[b], same_networks=True).to_json() | {"p": mcnemar(y[a], y[b]).p}
-        rows.append(row)
+    made = []
+    policies = list(dict.fromkeys(e.policy for e in ends))
+    sides = {(p, t): rows(e for e in ends if (e.policy, e.configuration) == (p, t)) for p in policies for t in worlds}
+    pairs = ((TRUE, HIDDEN), (CORRECTED, HIDDEN), (TRUE, CORRECTED))
+    decided = decide({(p, *pair): difference(*(sides[p, t] for t in pair), True) for p in policies for pair in pairs})
+    for policy in policies:
+        row = {"policy": policy, "success": {t: rate(sides[policy, t]).to_json() for t in worlds}}
+        for a, b in pairs:
+            d = decided[policy, a, b]
+            row[f"{a} - {b}"] = d.estimate.to_json() | {"p": d.test.p, "p_holm": d.p_holm, "verdict": d.verdict}
+        made.append(row)
         said = ", ".join(f"{t} {100 * row['success'][t]['value']:.0f} %" for t in worlds)
         print(f"{policy}: {said}; {json.dumps({k: v for k, v in row.items() if ' - ' in k})}")
-    (args.out / "camera_cost.json").write_text(json.dumps({"episodes": args.episodes, "rows": rows}, indent=1) + "\n")
+    (args.out / "camera_cost.json").write_text(json.dumps({"episodes": args.episodes, "rows": made}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
-from vispeg.evaluation.statistics.crossed import Block, spread
+from vispeg.evaluation.statistics import ALPHA, contrast
 
 ALL, NOTHING = "everything", "nothing"
 
@@ -54,9 +53,9 @@ def farther(errors: Mapping[str, np.ndarray], modality: str) -> list[dict[str, A
     for policy, values in errors.items():
         factor = factor_left(policy, modality)
         if factor and whole is not None:
-            value, variance, df = spread([Block(values), Block(-whole)])
-            half = float(student.ppf(0.975, df) * np.sqrt(variance)) if variance > 0 else 0.0
-            out.append({"factor": factor, "costs": value, "low": value - half, "high": value + half})
+            costs = contrast(values, -whole)
+            low, high = costs.interval(ALPHA)
+            out.append({"factor": factor, "costs": costs.value, "low": low, "high": high})
     return sorted(out, key=lambda row: -row["costs"])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.seeds import stream
 from vispeg.evaluation.records import Episode
-from vispeg.evaluation.statistics.intervals import LEVEL, wilson
+from vispeg.evaluation.statistics import LEVEL, wilson
 
 TOUCH = 1.0  # N, from which a tool touches
 RESAMPLED = 4000  # draws of the bootstrap

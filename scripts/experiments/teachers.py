@@ -13,7 +13,7 @@ from collections import Counter
 import numpy as np
 from arguments import told
 
-from vispeg.evaluation.statistics.intervals import wilson
+from vispeg.evaluation.statistics import wilson
 from vispeg.learn.shipped import policy_folder
 from vispeg.learn.teacher import teacher_of
 from vispeg.task.peg.env import PegInHoleVec

@@ -24,7 +24,7 @@ def test_stress_tests():
     pushed = perturb.summarise(episodes(("S",), ("corner", "corner, pushed", "other")))
     assert pushed["rows"][0]["cost"] is not None and not mistakes(PushRecord, pushed)
     what = sensitivity.SWEEPS["friction"]
-    swept = sensitivity.summarise(episodes(("S",), [sensitivity.tag(what, v) for v in what.values]), what)
+    swept = sensitivity.summarise(episodes(("S",), [sensitivity.tag(what, v) for v in what.values]), [what])[0]
     assert "cost" in swept["curves"][0]["points"][0] and not mistakes(SweepRecord, swept)
     assert not mistakes(ExploitRecord, exploit.summarise(episodes(("S",), ("fixed", "randomized, 3 substeps"))))
 

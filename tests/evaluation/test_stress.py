@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
@@ -11,9 +10,7 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation import suite
 from vispeg.evaluation.overlay import overlay
 from vispeg.evaluation.records import Episode
-from vispeg.evaluation.statistics.decide import CANNOT_TELL
-from vispeg.evaluation.statistics.fall import beyond_doubt, fall
-from vispeg.evaluation.statistics.intervals import wilson
+from vispeg.evaluation.statistics import CANNOT_TELL, wilson
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
 from vispeg.robots.scene import build
 from vispeg.worlds.model_file import model_text
@@ -53,16 +50,33 @@ RISING = list(range(4, 40, 4))
     [
         (RISING, "healthy"),
         (RISING[::-1], "alarm"),
-        ([12, 4, 24, 4, 30, 10, 28, 24, 36], "watch"),
+        ([12, 4, 24, 4, 30, 10, 28, 24, 36], CANNOT_TELL),  # r = .77 of nine
         ([38] * 9, CANNOT_TELL),
     ],
 )
-def test_health_is_the_articles_traffic_light(target, status):
+def test_health_is_the_articles_traffic_light_on_the_interval(target, status):
     found = suite.summarise(two_worlds(RISING, target), "S", "T", "v1")["health"]
     assert found["status"] == status, found["words"]
-    if status != CANNOT_TELL:
-        r = np.corrcoef(RISING, target)[0, 1]
-        assert found["pearson"]["value"] == pytest.approx(r)
+    r = found["pearson"]
+    assert r["low"] <= r["value"] <= r["high"]
+    assert (r["low"] > 0.6) == (status == "healthy") and (r["high"] < 0.6) == (status == "alarm")
+
+
+@pytest.mark.parametrize(("count", "n"), [(9, 20), (6, 20), (16, 20)])
+def test_two_worlds_that_are_the_same_raise_no_alarm(count, n):
+    """All rates 90 %, the default episodes: a correlation of what chance leaves called 49 to 71 % of them."""
+    rng = stream(0, "the same", str(count))
+    for _ in range(12):
+        drawn = [(rng.uniform(size=(2, n)) < 0.9) for _ in range(count)]
+        episodes = [
+            replace(e, success=bool(ok), category="success" if ok else "jam")
+            for i, both in enumerate(drawn)
+            for world, row in zip("ST", both, strict=True)
+            for e, ok in zip(wins(world, f"c{i}", n, n), row, strict=True)
+        ]
+        found = suite.summarise(episodes, "S", "T", "v")["health"]
+        assert found["status"] == CANNOT_TELL, found["words"]
+        assert count < 8 or "these episodes cannot tell" in found["words"]
 
 
 def test_too_few_configurations_cannot_tell():
@@ -87,26 +101,20 @@ def test_a_fall_beyond_doubt_is_an_alarm_whatever_the_correlation(configurations
 def test_a_correlation_is_not_healthy_over_a_fall():
     lower = [n - 4 for n in RISING]  # ranks every configuration as the training world does, 10 points lower
     found = suite.summarise(two_worlds(RISING, lower), "S", "T", "v")["health"]
-    assert found["pearson"]["value"] > 0.99 and found["status"] == "alarm" and "r = 1.00" in found["words"]
+    assert found["pearson"]["value"] > 0.97 and found["status"] == "alarm" and "r = " in found["words"]
 
 
-def test_a_falls_interval_covers_the_truth_as_often_as_it_says():
-    rng, inside, alarms = stream(0, "falls"), [0, 0], [0, 0]
-    for _ in range(300):
-        hard = rng.standard_normal(20)  # a seed that is hard is hard in all configurations
-        y = [rng.uniform(size=(6, 20)) < 1 / (1 + np.exp(-m - 1.5 * hard)) for m in (1.5, 1.5)]
-        for i, digest in enumerate(("hash", "")):
-            sides = []
-            for a, b in zip(*y, strict=True):
-                sides.append([[outcome(w, s, ok, digest) for s, ok in enumerate(o)] for w, o in (("S", a), ("T", b))])
-            found = fall(sides)
-            inside[i] += not found.excludes(0.0)
-            alarms[i] += beyond_doubt(found)
-    assert all(0.92 <= n / 300 for n in inside) and max(alarms) == 0
-
-
-def outcome(world, seed, ok, digest):
-    return Episode("a", "state", 0, world, digest and digest + world, seed, bool(ok), "success" if ok else "jam")
+def test_a_suite_of_a_robots_trials_takes_the_network_that_was_tried():
+    """Two networks at 95 and 10 % in simulation; the first was tried, as well as it is, and trials are numbered on."""
+    episodes, number = [], 0
+    for i in range(9):
+        for t, rate in enumerate((38, 4)):
+            episodes += [replace(e, train_seed=t) for e in wins("S", f"c{i}", rate)]
+        for e in wins("T", f"c{i}", 19, 20):
+            number += 1
+            episodes.append(replace(e, seed=number, world_hash=""))
+    (lost,) = suite.summarise(episodes, "S", "T", "v")["falls"]
+    assert lost["fall"]["value"] == pytest.approx(0.0) and not lost["beyond_doubt"]
 
 
 def test_a_regression_is_found_where_it_is_and_chance_is_not_one():
@@ -214,9 +222,8 @@ def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
     drawn = [[e for e in w.sample(3, build()).effects if e.effect == "depth_scale"] for w in made]
     assert [e.params["factor"].value for some in drawn for e in some if e.where == "external"] == [1.0, 1.05]
     counts = {0.0: 40, 1.0: 20}
-    record = sensitivity.summarise(
-        [e for v, n in counts.items() for e in wins("S", sensitivity.tag(other, v), n)], other
-    )
+    played = [e for v, n in counts.items() for e in wins("S", sensitivity.tag(other, v), n)]
+    (record,) = sensitivity.summarise(played, [other])
     (curve,) = record["curves"]
     assert curve["points"][1]["cost"]["value"] == 0.5 and record["unit"] == "times the value found"
     (tmp_path / "bare.yaml").write_text(model_text(World("iiwa14")))
@@ -233,15 +240,16 @@ def test_every_named_sweep_can_be_built(tmp_path):
 def test_a_curve_falls_where_it_falls():
     what = sensitivity.Sweep("contact_friction", ("scale",), (0.5, 1.0, 2.0, 3.0))
     counts = {0.5: 39, 1.0: 40, 2.0: 38, 3.0: 12}
-    found = sensitivity.summarise([e for v, n in counts.items() for e in wins("S", sensitivity.tag(what, v), n)], what)
+    played = [e for v, n in counts.items() for e in wins("S", sensitivity.tag(what, v), n)]
+    (found,) = sensitivity.summarise(played, [what])
     (curve,) = found["curves"]
     assert curve["falls_at"] == 3.0
     assert [p["success"]["value"] for p in curve["points"]] == [n / 40 for n in counts.values()]
     assert curve["points"][0]["success"]["low"] == pytest.approx(wilson(39, 40).low)
     flat = [e for v in counts for e in wins("S", sensitivity.tag(what, v), 30, 60)]
-    assert sensitivity.summarise(flat, what)["curves"][0]["words"].startswith(CANNOT_TELL)
+    assert sensitivity.summarise(flat, [what])[0]["curves"][0]["words"].startswith(CANNOT_TELL)
     many = [e for v in counts for e in wins("S", sensitivity.tag(what, v), 190, 200)]
-    assert sensitivity.summarise(many, what)["curves"][0]["words"].startswith("holds over 0.5 to 3")
+    assert sensitivity.summarise(many, [what])[0]["curves"][0]["words"].startswith("holds over 0.5 to 3")
 
 
 def test_a_push_that_costs_is_told_from_one_that_does_not():
@@ -250,6 +258,17 @@ def test_a_push_that_costs_is_told_from_one_that_does_not():
     rows = {r["position"]: r for r in perturb.summarise(episodes)["rows"]}
     assert rows["far corner"]["verdict"] == "different" and rows["far corner"]["cost"]["value"] == 0.5
     assert rows["anywhere"]["cost"]["value"] == 0 and rows["anywhere"]["verdict"] == CANNOT_TELL
+
+
+def test_pushes_that_cost_nothing_are_rarely_called_at_nine_positions():
+    """The rule of before called one on 35 to 43 % of such pages."""
+    rng, called = stream(0, "pushes"), 0
+    for _ in range(40):
+        places = [f"p{i}{side}" for i in range(9) for side in ("", ", pushed")]
+        drawn = [(e, rng.uniform() < 0.8) for c in places for e in wins("S", c, 0)]
+        rows = perturb.summarise([replace(e, success=ok) for e, ok in drawn])["rows"]
+        called += any(r["verdict"] == "different" for r in rows)
+    assert called <= 5
 
 
 def exploitation(fixed, heavy, n=100):

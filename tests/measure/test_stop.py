@@ -1,6 +1,5 @@
 """When to stop: what success does over the interval, by name."""
 
-import numpy as np
 import pytest
 
 from vispeg.cli.main import main
@@ -8,7 +7,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.evaluation.records import Episode
-from vispeg.evaluation.statistics.intervals import paired_difference
+from vispeg.evaluation.statistics import tango
 from vispeg.evaluation.stress import sensitivity
 from vispeg.evaluation.stress.interval import ends, verdict
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement, measurement_text
@@ -29,8 +28,7 @@ def test_the_interval_of_the_change_decides(low, high, said):
 
 def test_four_hundred_episodes_without_a_change_are_enough_and_three_hundred_are_not():
     for count, said in ((400, "enough"), (300, "cannot tell")):
-        same = paired_difference(np.ones(count, bool), np.ones(count, bool))
-        assert said in verdict(same.low, same.high, count)
+        assert said in verdict(*tango(0, 0, count), count)
 
 
 def test_the_ends_of_an_effect_leave_alone_what_was_not_measured():
@@ -61,7 +59,7 @@ def test_a_sweep_of_a_measurement_goes_over_its_interval_and_says_when_to_stop(t
         for v, n in won.items()
         for s in range(400)
     ]
-    (curve,) = sensitivity.summarise(played, what)["curves"]
+    (curve,) = sensitivity.summarise(played, [what])[0]["curves"]
     assert f"success moves by {(high - 400) / 4 + 0.0:+.1f} points" in curve["words"] and said in curve["words"]
 
 

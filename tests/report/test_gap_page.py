@@ -60,7 +60,7 @@ def test_the_page_stands_alone_and_shows_the_records_numbers():
     for row in values["success"]:
         assert words.percent(row["success"]["value"]) in html
     for row in values["gaps"]:
-        assert words.lost(row["gap"]) in html
+        assert words.change(row["gap"]) in html
     assert "The gap to VP, split" in html and "hash-VP" in html and "sees nothing" in html
 
 
@@ -71,6 +71,8 @@ def test_the_page_opens_with_its_picture_and_says_what_the_worlds_are():
     values["worlds"] = [
         {**w, "hash": load_world(w["name"]).hash if w["name"] != "VP" else "x"} for w in values["worlds"]
     ]
+    for policy in values["policies"]:
+        policy["home"] = ["S"]
     html = render(values)
     main = html[html.index("<main>") :]
     assert main.index("<h1>") < main.index("<figure>") < main.index("<li>") < main.index("<table")
@@ -89,14 +91,31 @@ def test_many_pairs_are_folded_and_counted():
     assert len(pairs) == len(WORLDS)
 
 
-def test_two_networks_correlate_whatever_they_are():
-    values = gap([*episodes(), *episodes("rgb", "rgb", {k: 0.5 * v for k, v in WORLDS.items()})], worlds=list(WORLDS))
-    assert all(r["n"] == 2 and r["pearson"]["value"] is None for r in values["prediction"])
-    assert "two points determine a line" in render(values)
-    for row in values["prediction"]:  # as a record of before has it
-        row["pearson"] = row["spearman"] = {"value": 1.0, "low": 1.0, "high": 1.0, "n": 2}
-    html = render(values)
-    assert "1.00 (1.00 to 1.00)" not in html and "two points determine a line" in html
+def test_a_world_is_called_that_of_training_only_where_the_records_say_so():
+    both = [*episodes(), *episodes("rgb", "rgb")]
+    assert "training world" not in render(gap(both, worlds=list(WORLDS)))
+    hashes = {"depth": ["hash-S"], "rgb": ["hash-S"]}
+    html = render(gap(both, worlds=list(WORLDS), homes=hashes))
+    assert "training world" in html and "the world of training" in html and "(home)" not in html
+    other = render(gap(both, worlds=list(WORLDS), homes={**hashes, "rgb": ["hash-V"]}))
+    assert "training world" not in other and "depth (home)" in other and "rgb (home)" in other
+
+
+def test_training_seeds_are_spoken_of_where_there_are_several():
+    one = render(gap(episodes(), worlds=list(WORLDS)))
+    assert "over training seeds" not in one and "one training seed" in one
+    three = [replace(e, train_seed=t) for t in range(3) for e in episodes()]
+    assert "over training seeds where a policy has several" in render(gap(three, worlds=list(WORLDS)))
+
+
+def test_a_loss_is_printed_as_a_loss_and_called_one_where_it_is_decided():
+    sure, few = dict.fromkeys(WORLDS, 1.0), {"S": 1.0, "V": 0.9}
+    lost = gap(episodes(worlds={**sure, "VP": 0.2}), worlds=list(WORLDS))
+    row = next(g for g in lost["gaps"] if g["world"] == "VP")
+    assert row["words"].startswith("loses") and words.change(row["gap"]).startswith("\N{MINUS SIGN}")
+    little = gap(episodes(worlds=few), worlds=list(few))
+    assert little["gaps"][0]["verdict"] != "different"
+    assert "loses" not in render(little) and "color-mix" not in render(little)
 
 
 def test_a_policy_has_the_colour_of_what_it_sees_and_the_second_is_hatched():
@@ -119,16 +138,18 @@ def test_the_headline_crowns_who_sees_and_marks_who_is_told_the_hole():
     teacher, blind = episodes("state", "state", sure), episodes("blind", "proprio")
     seeing = [episodes(f"d{i}", "depth", {**WORLDS, "VP": 0.1 * i}) for i in range(1, 7)]
     found = headline(teacher, blind, *seeing)
-    assert found["title"].startswith("d") and "keeps most in VP" in found["title"]
+    assert found["title"].startswith("d") and "of 40 episodes in VP; whether that is more than" in found["title"]
     assert [n for n, *_ in found["figures"]].count("state") == 0 and len(found["figures"]) == 5
     shown = [float(value.removesuffix(" %")) for _, value, _ in found["figures"]]
     assert shown == sorted(shown, reverse=True)
     few = headline(teacher, blind, seeing[0])
-    assert few["title"].startswith("d1 keeps most")
+    assert few["title"].startswith("d1 in VP: ")
     assert [n for n, *_ in few["figures"]] == ["d1", "state", "blind"] == [line["policy"] for line in few["lines"]]
     assert [line["role"] for line in few["lines"]] == ["", "teacher, told the goal", "blind"]
-    assert few["figures"][1][2].startswith("teacher, told the goal; lost")
-    assert headline(teacher, blind)["title"] == "state keeps most in VP: 100 %"
+    assert few["figures"][1][2].startswith("teacher, told the goal; ")
+    assert headline(teacher, blind)["title"].startswith("state in VP: 100 % (91 to 100) of 40 episodes")
+    best = headline(seeing[0], episodes("d9", "depth", {**WORLDS, "VP": 0.9}))
+    assert best["title"].startswith("d9 keeps most in VP: ") and "of 40 episodes" in best["title"]
     html = render(gap([*teacher, *blind, *seeing[0]], worlds=list(WORLDS)))
     alone(html)
     assert html.count("teacher, told the goal</span>") == 2
@@ -229,7 +250,7 @@ def test_the_smaller_pages_stand_alone_too():
     sweep = [
         e for v in what.values for e in episodes(worlds={"S": 0.9 - 10 * v}, configuration=sensitivity.tag(what, v))
     ]
-    alone(sweep_page.render({"sweeps": [sensitivity.summarise(sweep, what)]}))
+    alone(sweep_page.render({"sweeps": sensitivity.summarise(sweep, [what])}))
     sides = [e for c in ("fixed", "randomized, 3 substeps") for e in episodes(worlds={"S": 0.9}, configuration=c)]
     sides = [replace(e, force_profile=(0.0, 5.0, 9.0, 12.0)) for e in sides]
     alone(exploit_page.render(exploit.summarise(sides)))
@@ -245,7 +266,7 @@ def test_the_smaller_pages_speak_in_words():
     what = sensitivity.SWEEPS["friction"]
     tag = sensitivity.tag
     sweep = [e for v in what.values for e in episodes(worlds={"S": 1.0}, configuration=tag(what, v))]
-    html = sweep_page.render({"sweeps": [sensitivity.summarise(sweep, what)]})
+    html = sweep_page.render({"sweeps": sensitivity.summarise(sweep, [what])})
     assert "Contact friction: scale" in html and "contact_friction.scale, 1<" not in html and "to 3 1" not in html
     kinds = [f"{place}{side}" for place in ("anywhere", "edge") for side in ("", ", pushed")]
     places = [e for c in kinds for e in episodes(worlds={"S": 1.0 if c != "edge" else 0.0}, configuration=c)]
@@ -257,6 +278,10 @@ def test_the_smaller_pages_speak_in_words():
 
 
 def test_text_has_no_negative_zero_and_no_false_certainty():
-    assert words.lost({"value": -0.001, "low": -0.004, "high": 0.12}) == "0 (0 to 12)"
+    assert words.signed({"value": -0.001, "low": -0.004, "high": 0.12}) == "0 (0 to 12)"
+    assert (
+        words.change({"value": 0.2, "low": 0.1, "high": 0.31})
+        == "\N{MINUS SIGN}20 (\N{MINUS SIGN}31 to \N{MINUS SIGN}10)"
+    )
     assert words.p_value(0.0000001) == "< 0.001" and words.p_value(None) == "-"
     assert words.percent(1.0) == "100 %" and words.percent(0.9976) == "99.8 %"

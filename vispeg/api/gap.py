@@ -86,8 +86,9 @@ def gap(
 
     Args:
         policies: as in `vispeg.evaluate`; replicas of one name differ in their training seed.
-        worlds: built-in worlds' names or world files; the first is the training world. One that is named after others
-            (VNP after V, N, P) is split into their shares.
+        worlds: built-in worlds' names or world files; losses count from the first. One that is named after others
+            (VNP after V, N, P) is split into their shares. A world that a policy was trained in is its home, and its
+            success there is called that.
         episodes: of every policy in every world.
         controls: as in `vispeg.evaluation.controls`; by default all that the first world has.
         control_worlds: worlds of the controls; by default the first and the last of `worlds`.
@@ -95,12 +96,12 @@ def gap(
         measured: CSV of a real robot's trials.
         robot: the name of that target.
         videos: seeds of each policy to film in the first and the last world; needs `out`.
-        fine_tuned: allow policies that were trained or fine-tuned in a target.
+        fine_tuned: allow policies that were trained with a part of a target.
         seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
         UserError: nothing to evaluate; no such policy, world, control or record, or an unfit one; a policy that
-            was trained in a target.
+            was trained with a part of a target.
     """
     named = given(policies)
     files = [Path(r) for r in records]
@@ -132,7 +133,8 @@ def gap(
         every = [*ends.values(), *trials.episodes]
         targets = [*names, *([robot] if trials.episodes else [])]
         scripted = [e.name for e in who if e.scripted] if who else [EXPERT]
-        values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted)
+        homes = {e.name: {h for r in who if r.name == e.name for h in r.trained_on} for e in who if e.trained_on}
+        values = gaps.gap(every, names[0], targets, seed, trials.notes, scripted, homes)
         filmed = out is not None and videos > 0 and bool(jobs)
         both = list(dict.fromkeys((names[0], names[-1])))
         media = film_seeds(jobs, list(ends.values()), both, place / "media", videos) if filmed else []
@@ -153,7 +155,7 @@ def _worlds(
     who: Sequence[Entrant],
     fine_tuned: bool,
 ) -> _Worlds:
-    """The worlds, none of whose targets a policy was trained in."""
+    """The worlds, of whose targets no policy knows a part that it was not trained in as a whole."""
     files = [load_world(w) for w in sources]
     names = [f.name for f in files]
     if len(set(names)) < len(names):
@@ -166,7 +168,8 @@ def _worlds(
             raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
     for file in files[1:]:
         if not fine_tuned:
-            refuse_trained_on(who, file.name, file.hash, file.path, training=files[0].path)
+            guests = [e for e in who if file.hash not in e.trained_on]  # of the others it is the home, and told so
+            refuse_trained_on(guests, file.name, file.hash, file.path, training=files[0].path)
     return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 
 

@@ -3,15 +3,16 @@
 Two questions, two exact tests. Of what kinds are the failures: Pearson's chi2 of the 2 x C table of failures, against
 all tables of the same margins (the Freeman-Halton extension of Fisher's test, with chi2 for the order of tables; A.
 Agresti, Statistical Science 7 (1992) 131). How often does each kind happen: Fisher's test of the kind's share among
-all episodes, with Holm's correction over kinds. The second answers also where one side hardly fails, as a simulation
-often does: there kinds of failures cannot be compared, but a kind that appears elsewhere can be named.
+all episodes. The second answers also where one side hardly fails, as a simulation
+often does: there kinds of failures cannot be compared, but a kind that appears elsewhere can be named. Both kinds of
+test belong to the family of all tests of a page (`vispeg.evaluation.statistics.decide`), which gives the verdicts.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -19,8 +20,7 @@ import numpy as np
 from scipy.stats import fisher_exact, multivariate_hypergeom
 
 from vispeg.evaluation.schema.gap import KindRow, PartingRecord
-from vispeg.evaluation.statistics.decide import CANNOT_TELL
-from vispeg.evaluation.statistics.significance import ALPHA, holm
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Hypothesis
 
 MOST_TABLES = 20_000  # up to here all tables of the margins are listed, beyond they are drawn
 
@@ -32,27 +32,13 @@ class Kind:
     Attributes:
         category: of the failure.
         first, second: share of the episodes, 0 to 1.
-        p, p_holm: Fisher's exact test that the shares are equal, and adjusted over the categories.
-        verdict: `more` or `fewer` in `second`, or that these data cannot tell.
+        p: Fisher's exact test that the shares are equal.
     """
 
     category: str
     first: float
     second: float
     p: float
-    p_holm: float
-    verdict: str
-
-    def to_json(self) -> KindRow:
-        """A plain dictionary."""
-        return {
-            "category": self.category,
-            "first": self.first,
-            "second": self.second,
-            "p": self.p,
-            "p_holm": self.p_holm,
-            "verdict": self.verdict,
-        }
 
 
 @dataclass(frozen=True)
@@ -66,9 +52,7 @@ class Parting:
         where: the category whose share of the failures differs most (largest adjusted residual); "" where a side has
             none.
         residual: its adjusted residual, about standard normal if nothing differed; > 0: more frequent in `second`.
-        verdict: `different`, or that these data cannot tell.
         kinds: every category's share of the episodes, the surest difference first.
-        words: both answers in a sentence.
     """
 
     first: dict[str, int]
@@ -76,22 +60,58 @@ class Parting:
     p: float
     where: str
     residual: float
-    verdict: str
     kinds: tuple[Kind, ...]
-    words: str
 
-    def to_json(self) -> PartingRecord:
-        """Plain lists and dictionaries."""
+    @property
+    def tests(self) -> dict[str, Hypothesis]:
+        """The tests: "" of the kinds of failures, and one a category of its share of the episodes. They ask one thing,
+        how failures differ, and share its weight.
+        """
+        weight = 1 / (1 + len(self.kinds))
+        return {"": Hypothesis(self.p, weight), **{k.category: Hypothesis(k.p, weight) for k in self.kinds}}
+
+    def decided(self, decisions: Mapping[str, Decision]) -> PartingRecord:
+        """Give plain lists and dictionaries, with what the page's family decides on `tests`."""
+        rows: list[KindRow] = []
+        for k in self.kinds:
+            d = decisions[k.category]
+            rows.append(
+                {
+                    "category": k.category,
+                    "first": k.first,
+                    "second": k.second,
+                    "p": k.p,
+                    "p_holm": 1.0 if d.p_holm is None else d.p_holm,
+                    "verdict": ("more" if k.second > k.first else "fewer") if d.certain else CANNOT_TELL,
+                }
+            )
         return {
             "first": self.first,
             "second": self.second,
             "p": self.p,
             "where": self.where,
             "residual": self.residual,
-            "verdict": self.verdict,
-            "kinds": [k.to_json() for k in self.kinds],
-            "words": self.words,
+            "verdict": decisions[""].verdict,
+            "kinds": rows,
+            "words": self._words(decisions[""].certain, rows),
         }
+
+    def _words(self, differ: bool, kinds: Sequence[KindRow]) -> str:
+        said = [
+            f"{k['verdict']} {k['category']}: {100 * k['first']:.0f} to {100 * k['second']:.0f} % of the episodes"
+            for k in kinds
+            if k["verdict"] != CANNOT_TELL
+        ]
+        totals = [sum(side.values()) for side in (self.first, self.second)]
+        if not sum(totals):
+            said.append("no failure on either side")
+        elif differ:
+            more = f"{'more' if self.residual > 0 else 'fewer'} of them {self.where}"
+            said.append(f"the failures are of other kinds, {more} ({self.residual:+.1f} standard deviations)")
+        else:
+            sides = " and ".join(map(str, totals))
+            said.append(f"whether the {sides} failures are of the same kinds, {CANNOT_TELL}")
+        return "; ".join(said)
 
 
 def part(first: Sequence[str], second: Sequence[str], rng: np.random.Generator, draws: int = 4000) -> Parting:
@@ -119,9 +139,7 @@ def part(first: Sequence[str], second: Sequence[str], rng: np.random.Generator, 
         worst = int(np.argmax(np.abs(residuals)))
         where, residual = names[worst], float(residuals[worst])
     kinds = _kinds(names, counts, (len(first), len(second)))
-    verdict = "different" if p < ALPHA else CANNOT_TELL
-    words = _words(verdict, where, residual, kinds, [int(n) for n in totals])
-    return Parting(as_dicts[0], as_dicts[1], p, where, residual, verdict, kinds, words)
+    return Parting(as_dicts[0], as_dicts[1], p, where, residual, kinds)
 
 
 def _kinds(names: Sequence[str], counts: np.ndarray, n: tuple[int, int]) -> tuple[Kind, ...]:
@@ -130,26 +148,9 @@ def _kinds(names: Sequence[str], counts: np.ndarray, n: tuple[int, int]) -> tupl
         return ()
     tables = [[[counts[j, i], n[j] - counts[j, i]] for j in (0, 1)] for i in range(len(names))]
     p = [min(1.0, float(fisher_exact(np.array(t, int))[1])) for t in tables]
-    kinds = []
-    for i, (name, adjusted) in enumerate(zip(names, holm(p), strict=True)):
-        here, there = (float(counts[j, i] / n[j]) for j in (0, 1))
-        verdict = CANNOT_TELL if adjusted >= ALPHA else "more" if there > here else "fewer"
-        kinds.append(Kind(name, here, there, p[i], adjusted, verdict))
+    shares = [[float(counts[j, i] / n[j]) for j in (0, 1)] for i in range(len(names))]
+    kinds = [Kind(name, here, there, p) for name, (here, there), p in zip(names, shares, p, strict=True)]
     return tuple(sorted(kinds, key=lambda k: (k.p, -abs(k.second - k.first))))
-
-
-def _words(verdict: str, where: str, residual: float, kinds: Sequence[Kind], totals: Sequence[int]) -> str:
-    decided = [k for k in kinds if k.verdict != CANNOT_TELL]
-    said = [f"{k.verdict} {k.category}: {100 * k.first:.0f} to {100 * k.second:.0f} % of the episodes" for k in decided]
-    if not sum(totals):
-        said.append("no failure on either side")
-    elif verdict == "different":
-        more = "more" if residual > 0 else "fewer"
-        said.append(f"the failures are of other kinds, {more} of them {where} ({residual:+.1f} standard deviations)")
-    else:
-        sides = " and ".join(str(n) for n in totals)
-        said.append(f"whether the {sides} failures are of the same kinds, {CANNOT_TELL}")
-    return "; ".join(said)
 
 
 def _p_value(

@@ -1,18 +1,24 @@
-"""The transfer gap: success of every policy in every world, losses, their factors, and what is undecided."""
+"""The transfer gap: success of every policy in every world, losses, their factors, and what is undecided.
+
+`gap` asks everything first (`_Asked`), has all of it decided together (`vispeg.evaluation.statistics.decide`), and then
+writes the rows.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.categories import part
+from vispeg.evaluation import statistics
+from vispeg.evaluation.categories import Parting, part
 from vispeg.evaluation.entrants import EXPERT
+from vispeg.evaluation.measures import Measured
 from vispeg.evaluation.measures import compare as compare_measures
-from vispeg.evaluation.modalities import Comparison, compare
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.gap import (
     AttributionRow,
@@ -26,15 +32,12 @@ from vispeg.evaluation.schema.gap import (
     PredictionRow,
     SuccessRow,
 )
-from vispeg.evaluation.statistics import decide
-from vispeg.evaluation.statistics.attribution import attribute, joint_of
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.intervals import unpaired_difference
-from vispeg.evaluation.statistics.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS, Prediction, predict
+from vispeg.evaluation.statistics import CANNOT_TELL, FEWEST_NETWORKS, Decision, Difference, Hypothesis, Rows
 from vispeg.evaluation.table import BLIND, Cell, Table
 
-FORMAT = "vispeg-gap/1"
+FORMAT = "vispeg-gap/2"
 NO_BLIND = f"no blind control: add a {BLIND} policy"
+Key = tuple[str, ...]  # of a question: its kind, then policies, worlds, categories
 
 
 def gap(
@@ -44,16 +47,18 @@ def gap(
     seed: int = 0,
     notes: Sequence[str] = (),
     scripted: Collection[str] = (EXPERT,),
+    homes: Mapping[str, Collection[str]] | None = None,
 ) -> GapRecord:
-    """Everything that a gap report shows, ready for JSON.
+    """Gather everything that a gap report shows, ready for JSON.
 
     Args:
         episodes: records of policies in worlds, with controls.
-        reference: the training world.
+        reference: the world that losses count from.
         worlds: the order of worlds in tables; empty: the order in which they come.
-        seed: of the bootstrap and the permutation tests.
+        seed: of the permutation tests.
         notes: what else is to be known about the episodes.
         scripted: policies that were not trained, and so have no training seeds.
+        homes: policy -> hashes of the worlds that it was trained in, of policies of which that is known.
 
     Returns:
         {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
@@ -69,7 +74,10 @@ def gap(
             raise UserError("no episodes in this world", got=world, choices=table.worlds)
     joint, factors = joint_of(order, reference)
     targets, policies = order[1:], table.policies
-    measures = [row for p in policies for w in targets for row in _measures(table, p, reference, w)]
+    home = {p: [w for w in order if table.hashes[w] and table.hashes[w] in at] for p, at in (homes or {}).items()}
+    asked = _Asked.of(table, order, [joint, *factors] if joint else [], scripted, seed)
+    decided = statistics.decide(asked.tests)
+    measures = _measures(asked, decided)
     said = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
     return {
         "format": FORMAT,
@@ -77,22 +85,101 @@ def gap(
         "worlds": [{"name": w, "hash": table.hashes[w]} for w in order],
         "joint": joint,
         "factors": factors,
-        "policies": [_policy(table, p, p in scripted) for p in policies],
+        "policies": [_policy(table, p, p in scripted, home.get(p)) for p in policies],
         "success": [
             row for c in ("", *table.controls) for p in policies for w in order for row in _success(table, p, w, c)
         ],
-        "gaps": [row for p in policies for w in targets for row in _gap(table, p, reference, w)],
-        "attribution": _attributions(table, policies, reference, factors, joint, seed),
-        "comparisons": [_comparison(c) for w in order for c in compare(table, w, policies)],
-        "prediction": [row for w in targets for row in _prediction(table, reference, w, seed)],
-        "categories": [row for p in policies for w in targets for row in _parting(table, p, reference, w, seed)],
+        "gaps": [_gap(table, d, key, reference, home) for key, d in decided.items() if key[0] == "gap"],
+        "attribution": [
+            _attribution(table, decided, p, reference, factors, str(joint))
+            for p in policies
+            if ("beyond", p) in decided
+        ],
+        "comparisons": [_comparison(key, d) for key, d in decided.items() if key[0] == "pair"],
+        "prediction": [row for w in targets for row in _prediction(table, decided, reference, w)],
+        "categories": _partings(asked, decided),
         "measures": measures,
-        "notes": [*_notes(table, order, scripted), *notes, *said],
-        "rule": decide.RULE,
+        "notes": [*_notes(table, decided, order, scripted), *notes, *said],
+        "rule": statistics.RULE,
     }
 
 
-def _policy(table: Table, policy: str, scripted: bool) -> PolicyRow:
+def joint_of(worlds: Sequence[str], reference: str) -> tuple[str | None, list[str]]:
+    """Find the world named by joining others' names (`VNP`), the one of most factors, and its factors (V, N, P)."""
+    others = [w for w in worlds if w != reference]
+    best: tuple[str | None, list[str]] = (None, [])
+    for joint in others:
+        factors, rest = [], joint
+        while rest:
+            parts = sorted((w for w in others if w != joint and rest.startswith(w)), key=len)
+            if not parts:
+                break
+            factors.append(parts[-1])
+            rest = rest[len(parts[-1]) :]
+        if not rest and len(factors) == len(set(factors)) and len(factors) > max(1, len(best[1])):
+            best = (joint, factors)
+    return best
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Everything that a page asks of its episodes: one family of tests.
+
+    Attributes:
+        tests: by ("gap", policy, world), ("pair", world, first, second), ("beyond", policy), ("failures", policy,
+            world, category or "") and ("measure", policy, world, measure).
+        partings, measured: of a policy and world, what the last two kinds of tests belong to.
+    """
+
+    tests: dict[Key, Hypothesis | Difference] = field(default_factory=dict)
+    partings: dict[tuple[str, str], tuple[Parting, list[int]]] = field(default_factory=dict)
+    measured: dict[tuple[str, str], list[Measured]] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, table: Table, worlds: Sequence[str], joint: Sequence[str], scripted: Collection[str], seed: int
+    ) -> _Asked:
+        """Ask; `worlds` with the reference first, `joint` the combined world and its factors."""
+        asked, reference, policies = cls(), worlds[0], table.policies
+        for policy in policies:
+            for world in worlds[1:]:
+                asked._lost(table, policy, reference, world, seed)
+            if joint and (y := table.aligned(policy, [reference, *joint])) is not None:
+                asked.tests["beyond", policy] = statistics.contrast(_beyond(y, reference, joint[0], joint[1:]))
+        for world in worlds:
+            for i, a in enumerate(policies):
+                for b in policies[i + 1 :]:
+                    sides = [table.rows(Cell(p, world)) for p in (a, b)]
+                    if all(sides):
+                        trained = (a not in scripted, b not in scripted)
+                        asked.tests["pair", world, a, b] = statistics.difference(*sides, False, trained)
+        return asked
+
+    def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
+        """What a policy loses, how it fails, and on a robot how long it takes and how hard it presses."""
+        cells = [Cell(policy, reference), Cell(policy, world)]
+        networks = table.networks(cells)
+        if not networks:
+            return
+        self.tests["gap", policy, world] = statistics.difference(*map(table.rows, cells), True)
+        first, second = ([e for e in table.all(cell) if e.train_seed in networks] for cell in cells)
+        kinds = part(
+            [e.category for e in first], [e.category for e in second], stream(seed, "categories", policy, world)
+        )
+        self.partings[policy, world] = kinds, [len(first), len(second)]
+        self.tests.update({("failures", policy, world, name): test for name, test in kinds.tests.items()})
+        if not table.hashes[world]:  # between simulations the tables of success show both
+            self.measured[policy, world] = compare_measures(first, second)
+            for m in self.measured[policy, world]:
+                self.tests["measure", policy, world, m.name] = Hypothesis(m.p)
+
+
+def _beyond(y: Mapping[str, np.ndarray], reference: str, joint: str, factors: Sequence[str]) -> np.ndarray:
+    """What the joint world costs beyond the sum of the factors, an episode and network each."""
+    return y[reference] - y[joint] - np.sum([y[reference] - y[f] for f in factors], axis=0)
+
+
+def _policy(table: Table, policy: str, scripted: bool, home: list[str] | None) -> PolicyRow:
     seeds = sorted({t for cell, rows in table.cells.items() if cell.policy == policy for t in rows})
     modality = table.modality[policy]
     return {
@@ -101,19 +188,17 @@ def _policy(table: Table, policy: str, scripted: bool) -> PolicyRow:
         "train_seeds": [] if scripted else seeds,
         "blind": modality == BLIND,
         "scripted": scripted,
+        "home": [] if scripted else home,
     }
 
 
 def _success(table: Table, policy: str, world: str, control: str) -> list[SuccessRow]:
     cell = Cell(policy, world, control)
-    if not table.has(cell):
+    rows = table.rows(cell)
+    if not rows:
         return []
-    episodes = table.all(cell)
-    y = table.outcomes(cell)
-    estimate = rate(y)
-    more = (
-        decide.episodes_needed(estimate) if len(y) == 1 else None
-    )  # of several networks, more episodes are not the cure
+    episodes, estimate = table.all(cell), statistics.rate(rows)
+    one = len(rows) == 1  # of several networks, more episodes are not the cure
     return [
         {
             "policy": policy,
@@ -121,8 +206,8 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[Succes
             "world": world,
             "control": control,
             "success": estimate.to_json(),
-            "words": decide.rate_words(estimate),
-            "needed": more,
+            "words": statistics.rate_words(estimate),
+            "needed": statistics.episodes_needed(estimate) if one else None,
             "categories": dict(Counter(e.category for e in episodes)),
             "time": _mean(e.time for e in episodes if e.success),
             "peak_force": _mean(e.peak_force for e in episodes),
@@ -136,132 +221,187 @@ def _mean(values: Iterable[float]) -> float | None:
     return float(np.mean(finite)) if finite else None
 
 
-def _gap(table: Table, policy: str, reference: str, world: str) -> list[GapRow]:
-    cells = [Cell(policy, reference), Cell(policy, world)]
-    if not table.has(*cells):
-        return []
-    paired = bool(table.seeds(cells)) and bool(table.train_seeds(cells))
-    if paired and table.hashes[world]:
-        y = table.aligned(policy, [reference, world])
-        estimate = difference(y[reference], y[world], same_networks=True)
-    else:  # a measured target: other starts, so independent samples
-        paired = False
-        counts = [[e.success for e in table.all(cell)] for cell in cells]
-        estimate = unpaired_difference((sum(counts[0]), sum(counts[1])), (len(counts[0]), len(counts[1])))
-    return [
-        {
-            "policy": policy,
-            "modality": table.modality[policy],
-            "world": world,
-            "paired": paired,
-            "gap": estimate.to_json(),
-            "verdict": decide.decide(estimate),
-            "words": decide.gap_words(estimate),
-        }
-    ]
+def _gap(table: Table, decision: Decision, key: Key, reference: str, home: Mapping[str, Sequence[str]]) -> GapRow:
+    _, policy, world = key
+    return {
+        "policy": policy,
+        "modality": table.modality[policy],
+        "world": world,
+        "home": world in home.get(policy, ()),
+        "paired": decision.paired,
+        "train_seeds": table.networks([Cell(policy, reference), Cell(policy, world)]),
+        "gap": decision.estimate.to_json(),
+        "p": decision.test.p,
+        "p_holm": decision.p_holm,
+        "verdict": decision.verdict,
+        "words": statistics.gap_words(decision),
+    }
 
 
-def _attributions(
-    table: Table, policies: Sequence[str], reference: str, factors: Sequence[str], joint: str | None, seed: int
-) -> list[AttributionRow]:
-    rows: list[AttributionRow] = []
-    for policy in policies if joint else ():
-        if not table.has(*(Cell(policy, str(w)) for w in (reference, *factors, joint))):
-            continue
-        split = attribute(table, policy, reference, factors, str(joint), stream(seed, "attribution", policy))
-        parts = {"total": split.total, **split.factors, "remainder": split.remainder}
-        rows.append(
-            {
-                "policy": policy,
-                "modality": table.modality[policy],
-                "parts": {k: e.to_json() for k, e in parts.items()},
-                "share": {f: split.share(f) for f in factors},
-                "bootstrap": {k: e.to_json() for k, e in split.bootstrap.items()},
-            }
-        )
-    return rows
+def _comparison(key: Key, decision: Decision) -> ComparisonRow:
+    _, world, first, second = key
+    return {
+        "world": world,
+        "first": first,
+        "second": second,
+        "paired": decision.paired,
+        "difference": decision.estimate.to_json(),
+        "p": decision.test.p,
+        "p_holm": decision.p_holm,
+        "verdict": decision.verdict,
+        "refused": decision.refused,
+        "needed": decision.needed,
+    }
 
 
-def _prediction(table: Table, reference: str, world: str, seed: int) -> list[PredictionRow]:
+def _attribution(
+    table: Table, decided: Mapping[Key, Decision], policy: str, reference: str, factors: Sequence[str], joint: str
+) -> AttributionRow:
+    parts = {"total": decided["gap", policy, joint], **{f: decided["gap", policy, f] for f in factors}}
+    parts["remainder"] = decided["beyond", policy]
+    y = table.aligned(policy, [reference, *factors, joint])
+    shares: dict[str, statistics.Estimate | None] = dict.fromkeys(factors)
+    if y is not None and parts["total"].certain:
+        shares = {f: statistics.share(y[reference] - y[f], y[reference] - y[joint]) for f in factors}
+    return {
+        "policy": policy,
+        "modality": table.modality[policy],
+        "parts": {name: d.estimate.to_json() for name, d in parts.items()},
+        "verdict": {name: d.verdict for name, d in parts.items()},
+        "share": {f: None if e is None else e.to_json() for f, e in shares.items()},
+    }
+
+
+def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, world: str) -> list[PredictionRow]:
+    """One world over policies: each counts once, however many networks of it there are."""
     points: list[Point] = []
+    means: dict[str, np.ndarray] = {}
+    networks: dict[str, list[tuple[float, float]]] = {}
+    episodes: dict[str, list[Rows]] = {}
     for policy in table.policies:
         cells = [Cell(policy, reference), Cell(policy, world)]
-        for t in table.train_seeds(cells) if table.has(*cells) else ():
-            means = [float(np.mean([e.success for e in table.cells[cell][t].values()])) for cell in cells]
-            points.append({"policy": policy, "train_seed": t, "reference": means[0], "target": means[1]})
-    if len(points) < 2:
+        shared, sides = table.networks(cells), [table.rows(cell) for cell in cells]
+        for t in shared:
+            x, y = (float(np.mean(list(side[t].values()))) for side in sides)
+            points.append({"policy": policy, "train_seed": t, "reference": x, "target": y})
+            networks.setdefault(policy, []).append((x, y))
+        if shared:
+            means[policy] = np.mean(networks[policy], axis=0)
+            episodes[policy] = [{t: side[t] for t in shared} for side in sides]
+    if len(means) < 2:
         return []
-    x, y = (np.array([p[key] for p in points]) for key in ("reference", "target"))
-    prediction = predict(x, y, stream(seed, "prediction", world))
+    x, y = np.array(list(means.values())).T
+    pearson = statistics.correlation(x, y, _noise(networks, episodes))
+    names = list(means)
+    orders = [_order(decided, w, names) for w in (reference, world)]
     return [
         {
             "world": world,
-            "n": prediction.n,
-            "pearson": prediction.pearson.to_json(),
-            "spearman": prediction.spearman.to_json(),
-            "mmrv": prediction.mmrv.to_json(),
-            "mean_difference": prediction.mean_difference.to_json(),
-            "words": _prediction_words(prediction),
+            "n": len(means),
+            "pearson": pearson.to_json(),
+            "mmrv": statistics.mmrv(y, *orders),
+            "ordered": int(np.sum(orders[0] * orders[1] != 0)) // 2,
+            "mean_difference": statistics.mean_interval(x - y).to_json(),
+            "words": _prediction_words(pearson),
             "points": points,
         }
     ]
 
 
-def _prediction_words(prediction: Prediction) -> str:
-    if prediction.n < FEWEST_POINTS:
-        return f"{decide.CANNOT_TELL}: {TWO_POINTS}"
-    if not np.isfinite(prediction.pearson.value):
-        return f"{decide.CANNOT_TELL}: success does not vary between these policies"
-    if not prediction.enough:
-        return f"{decide.CANNOT_TELL}: {prediction.n} policies, {FEWEST} are the fewest"
-    r = prediction.pearson
-    return f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {prediction.n} policies"
+def _noise(
+    networks: Mapping[str, Sequence[tuple[float, float]]], episodes: Mapping[str, Sequence[Rows]]
+) -> list[np.ndarray]:
+    """How well each policy's two rates are known: from the spread of networks of one policy, pooled over policies,
+    where any has several, else from the episodes.
+    """
+    free = sum(len(each) - 1 for each in networks.values())
+    if free:
+        apart = [np.array(each) - np.mean(each, axis=0) for each in networks.values()]
+        pooled = np.sum([d.T @ d for d in apart], axis=0) / free + 1e-9 * np.eye(2)
+        return [pooled / len(each) for each in networks.values()]
+    return [statistics.noise(*sides) for sides in episodes.values()]
 
 
-def _parting(table: Table, policy: str, reference: str, world: str, seed: int) -> list[PartingRow]:
-    cells = [Cell(policy, reference), Cell(policy, world)]
-    if not table.has(*cells):
-        return []
-    first, second = ([e.category for e in table.all(cell)] for cell in cells)
-    test = part(first, second, stream(seed, "categories", policy, world)).to_json()
-    return [{"policy": policy, "world": world, **test, "n": [len(first), len(second)]}]
+def _order(decided: Mapping[Key, Decision], world: str, policies: Sequence[str]) -> np.ndarray:
+    """(n, n): 1 where the first policy succeeds more beyond doubt, -1 where less, else 0."""
+    order = np.zeros((len(policies), len(policies)))
+    for i, a in enumerate(policies):
+        for j, b in enumerate(policies):
+            decision = decided.get(("pair", world, a, b))
+            if decision is not None and decision.certain:
+                order[i, j] = np.sign(decision.estimate.value)
+                order[j, i] = -order[i, j]
+    return order
 
 
-def _measures(table: Table, policy: str, reference: str, world: str) -> list[MeasureRow]:
-    """Of a robot's trials alone: between simulations the tables of success show both."""
-    cells = [Cell(policy, reference), Cell(policy, world)]
-    if table.hashes[world] or not table.has(*cells):
-        return []
-    return [{"policy": policy, "world": world, **row} for row in compare_measures(*map(table.all, cells))]
+def _prediction_words(r: statistics.Estimate) -> str:
+    if r.n < statistics.FEWEST_POLICIES:
+        return f"{CANNOT_TELL}: {r.n} policies, {statistics.FEWEST_POLICIES} are the fewest"
+    said = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {r.n} policies"
+    return said if r.excludes(0.0) else f"{CANNOT_TELL}: {said}"
 
 
-def _notes(table: Table, order: Sequence[str], scripted: Collection[str]) -> list[str]:
+def _partings(asked: _Asked, decided: Mapping[Key, Decision]) -> list[PartingRow]:
+    rows: list[PartingRow] = []
+    for (policy, world), (kinds, n) in asked.partings.items():
+        decisions = {name: decided["failures", policy, world, name] for name in kinds.tests}
+        rows.append({"policy": policy, "world": world, **kinds.decided(decisions), "n": n})
+    return rows
+
+
+def _measures(asked: _Asked, decided: Mapping[Key, Decision]) -> list[MeasureRow]:
+    return [
+        {"policy": policy, "world": world, **m.decided(decided["measure", policy, world, m.name])}
+        for (policy, world), measures in asked.measured.items()
+        for m in measures
+    ]
+
+
+def _notes(table: Table, decided: Mapping[Key, Decision], order: Sequence[str], scripted: Collection[str]) -> list[str]:
     notes = [] if BLIND in table.modality.values() else [NO_BLIND]
     for policy in table.policies:
-        missing = [w for w in order if not table.has(Cell(policy, w))]
-        if missing:
+        played = [w for w in order if table.has(Cell(policy, w))]
+        if missing := [w for w in order if w not in played]:
             notes.append(f"{policy} has no episodes in {', '.join(missing)}")
-        cells = [Cell(policy, w) for w in order if table.has(Cell(policy, w)) and table.hashes[w]]
+        cells = [Cell(policy, w) for w in played if table.hashes[w]]
         counts = {len(row) for cell in cells for row in table.cells[cell].values()}
         if len(counts) > 1:
             notes.append(
                 f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
             )
-        if policy not in scripted and len(_policy(table, policy, False)["train_seeds"]) < 3:
-            notes.append(
-                f"{policy} has fewer than three training seeds: intervals speak of these networks, not of the recipe"
-            )
+        if policy not in scripted:
+            notes += _of_networks(policy, len(_policy(table, policy, False, None)["train_seeds"]))
+        if order[0] in played:
+            notes += [line for w in played[1:] for line in _of_pairing(table, decided, policy, order[0], w)]
+    for key, decision in decided.items():
+        if key[0] == "pair" and table.hashes[key[1]] and not decision.paired:
+            _, world, a, b = key
+            notes.append(f"{a} and {b} did not play the same seeds in {world}: compared as independent samples")
     return notes
 
 
-def _comparison(c: Comparison) -> ComparisonRow:
-    return {
-        "world": c.world,
-        "first": c.first,
-        "second": c.second,
-        "difference": c.difference.to_json(),
-        "p": c.p,
-        "p_holm": c.p_holm,
-        "verdict": c.verdict,
-        "needed": c.needed,
-    }
+def _of_networks(policy: str, networks: int) -> list[str]:
+    if networks >= FEWEST_NETWORKS:
+        return []
+    if networks == 1:
+        said = "has one training seed: seeds were not varied, so the figures are of this network, not of the recipe"
+    else:
+        said = f"has {networks} training seeds: from {FEWEST_NETWORKS} on a difference of the recipe is stated"
+    return [f"{policy} {said}"]
+
+
+def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, reference: str, world: str) -> list[str]:
+    """Which networks and episodes a gap is of, where not of all."""
+    here, there = (list(table.rows(Cell(policy, w))) for w in (reference, world))
+    decision = decided.get(("gap", policy, world))
+    if decision is None:
+        tried = ", ".join(map(str, there))
+        return [f"{policy}: of training seeds {tried}, played in {world}, none was played in {reference}"]
+    lines, shared = [], [str(t) for t in here if t in there]
+    if here != there:
+        said = "is compared by the networks of both sides alone: training seed "
+        lines.append(f"{policy} in {world} {said}" + ", ".join(shared))
+    if table.hashes[world] and not decision.paired:
+        said = "did not play the same seeds, so they are compared as independent samples"
+        lines.append(f"{policy}: {reference} and {world} {said}")
+    return lines

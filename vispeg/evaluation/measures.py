@@ -7,58 +7,65 @@ the article holds a peak force that is more than half away from the simulated on
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import mannwhitneyu
 
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.gap import Measure
-from vispeg.evaluation.statistics.decide import CANNOT_TELL
-from vispeg.evaluation.statistics.significance import ALPHA
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision
 
 APART = 0.5  # of the simulated peak force
 UNITS = {"time": "s", "peak_force": "N"}
 NAMES = {"time": "successes take", "peak_force": "the peak force is"}
 
 
-def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure]:
-    """Time of the successes and peak force of all episodes, in the simulation and on the robot.
+@dataclass(frozen=True)
+class Measured:
+    """Medians of a measure on both sides, and the finite values behind them; `p` of Mann-Whitney's two-sided test."""
 
-    Returns:
-        [{measure, unit, first, second, n, p, verdict, apart, words}]: medians, finite values a side, Mann-Whitney's
-        two-sided p; apart: a peak force beyond doubt and by more than half another one. Without a value on a side the
-        measure is left out.
+    name: str
+    first: float
+    second: float
+    n: tuple[int, int]
+    p: float
+
+    def decided(self, decision: Decision) -> Measure:
+        """Give a row with what the page's family decides; `apart`: a peak force that differs, by more than half."""
+        apart = self.name == "peak_force" and decision.certain and abs(self.second - self.first) > APART * self.first
+        return {
+            "measure": self.name,
+            "unit": UNITS[self.name],
+            "first": self.first,
+            "second": self.second,
+            "n": list(self.n),
+            "p": self.p,
+            "verdict": decision.verdict,
+            "apart": apart,
+            "words": _words(self.name, self.first, self.second, decision.certain, apart),
+        }
+
+
+def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measured]:
+    """Compare the time of the successes and the peak force of all episodes, in the simulation and on the robot.
+
+    Without a value on a side a measure is left out.
     """
-    measures: list[Measure] = []
-    for name, unit in UNITS.items():
+    measures = []
+    for name in UNITS:
         sides = [[e for e in side if name != "time" or e.success] for side in (first, second)]
         values = [np.array([getattr(e, name) for e in side], float) for side in sides]
         x, y = (v[np.isfinite(v)] for v in values)
-        if not len(x) or not len(y):
-            continue
-        here, there = float(np.median(x)), float(np.median(y))
-        p = float(mannwhitneyu(x, y).pvalue)
-        verdict = "different" if p < ALPHA else CANNOT_TELL
-        apart = name == "peak_force" and verdict == "different" and abs(there - here) > APART * here
-        measures.append(
-            {
-                "measure": name,
-                "unit": unit,
-                "first": here,
-                "second": there,
-                "n": [len(x), len(y)],
-                "p": p,
-                "verdict": verdict,
-                "apart": apart,
-                "words": _words(name, here, there, verdict, apart),
-            }
-        )
+        if len(x) and len(y):
+            p = float(mannwhitneyu(x, y).pvalue)
+            measures.append(Measured(name, float(np.median(x)), float(np.median(y)), (len(x), len(y)), p))
     return measures
 
 
-def _words(name: str, here: float, there: float, verdict: str, apart: bool) -> str:
+def _words(name: str, here: float, there: float, differ: bool, apart: bool) -> str:
     unit = UNITS[name]
-    if verdict != "different":
+    if not differ:
         return f"{NAMES[name]} {here:.3g} and {there:.3g} {unit}: whether they differ, {CANNOT_TELL}"
     more = {"time": ("longer", "shorter"), "peak_force": ("higher", "lower")}[name][int(there < here)]
     said = f"{NAMES[name]} {abs(there - here):.3g} {unit} {more}, {there:.3g} instead of {here:.3g}"

@@ -119,15 +119,24 @@ def read(path: str | Path) -> list[Episode]:
 
 
 def read_all(paths: Iterable[str | Path]) -> list[Episode]:
-    """The episodes of several files; of one that is in two files, the first counts.
+    """The episodes of several files; one may be in two files.
 
     Raises:
-        UserError: as `read`; no episode at all; one world name under two hashes.
+        UserError: as `read`; no episode at all; one world name under two hashes; an episode with different outcomes in
+            two files.
     """
     by_key: dict[tuple[Any, ...], Episode] = {}
+    source: dict[tuple[Any, ...], str | Path] = {}
     for path in paths:
-        for episode in read(path):
-            by_key.setdefault(episode.key, episode)
+        for e in read(path):
+            other = by_key.setdefault(e.key, e)
+            if (other.success, other.category) != (e.success, e.category) and other.world_hash == e.world_hash:
+                key = f"{e.policy} (training seed {e.train_seed}) in {e.world}, seed {e.seed}"
+                first = f"{other.category} as in {source[e.key]}"
+                raise UserError(
+                    "an episode ends otherwise than in another file", file=path, key=key, expected=first, got=e.category
+                )
+            source.setdefault(e.key, path)
     if not by_key:
         raise UserError("no episodes", got=", ".join(map(str, paths)))
     check_worlds(by_key.values())

@@ -3,23 +3,23 @@ policy.
 
 After the practitioners' article: the correlation of success between simulation and target, over configurations, is
 healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations
-as the target does, whatever the averages say. Where success hardly varies there is no correlation to speak of, and
-these data cannot tell. A correlation does not see a fall that is the same everywhere: one beyond doubt
-(`vispeg.evaluation.statistics.fall`) is an alarm whatever the correlation.
+as the target does, whatever the averages say. It is judged by the interval of the correlation of the true rates, from
+which the noise of the episodes is taken off (`vispeg.evaluation.statistics.correlation`): an alarm where the whole
+interval lies below 0.6, healthy where it lies above 0.6 and the correlation above 0.8, and where it contains both these
+episodes cannot tell. A correlation does not see a fall that is the same everywhere: one whose whole interval lies above
+5 points is an alarm whatever the correlation.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.seeds import stream
 from vispeg.evaluation.jobs import Setting
 from vispeg.evaluation.lists import HERE, read_list
 from vispeg.evaluation.overlay import Change
@@ -34,13 +34,20 @@ from vispeg.evaluation.schema.suite import (
     SuiteRow,
     VersionChange,
 )
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide
-from vispeg.evaluation.statistics.fall import beyond_doubt, fall
-from vispeg.evaluation.statistics.intervals import Estimate
-from vispeg.evaluation.statistics.ranks import FEWEST, predict
-from vispeg.evaluation.statistics.significance import holm, mcnemar
-from vispeg.evaluation.table import Cell, Table
+from vispeg.evaluation.statistics import (
+    CANNOT_TELL,
+    FEWEST_POLICIES,
+    MARGIN,
+    Difference,
+    correlation,
+    decide,
+    difference,
+    fall,
+    mean_interval,
+    noise,
+    rate,
+)
+from vispeg.evaluation.table import rows
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.registry import config_of, task_of
 from vispeg.worlds.entry import ranged
@@ -48,7 +55,6 @@ from vispeg.worlds.entry import ranged
 FORMAT = "vispeg-suite-result/1"
 LIST = Format("vispeg-suite/1", "a suite", keys=("name", "about", "configurations"))
 HEALTHY, ALARM = 0.8, 0.6
-SPREAD = 0.05  # standard deviation of success over configurations below which it does not vary
 KEYS = ("name", "task", "effects", "about")
 
 
@@ -100,43 +106,52 @@ def summarise(
         UserError: no configuration with episodes on both sides, one world's name under two hashes.
     """
     made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
-    rows: list[SuiteRow] = []
-    falls: list[Fall] = []
+    found: list[SuiteRow] = []
+    known: list[np.ndarray] = []
+    falls: dict[str, Difference] = {}
     for policy in dict.fromkeys(e.policy for e in episodes):
         both = []
         for c in dict.fromkeys(e.configuration for e in episodes if e.policy == policy):
-            sides = [
-                [e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w)] for w in (train, target)
-            ]
-            if all(sides):
-                estimates = [rate(Table(side).outcomes(Cell(policy, side[0].world))).to_json() for side in sides]
-                rows.append({"configuration": c, "policy": policy, "train": estimates[0], "target": estimates[1]})
-                both.append((sides[0], sides[1]))
+            first, second = (
+                rows(e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w))
+                for w in (train, target)
+            )
+            tried = [t for t in first if t in second]  # a robot tries one network of several
+            if tried:
+                first, second = ({t: side[t] for t in tried} for side in (first, second))
+                sides = [rate(side).to_json() for side in (first, second)]
+                found.append({"configuration": c, "policy": policy, "train": sides[0], "target": sides[1]})
+                known.append(noise(first, second))
+                both.append((first, second))
         if both:
-            lost = fall(both)
-            falls.append({"policy": policy, "fall": lost.to_json(), "beyond_doubt": beyond_doubt(lost)})
-    if not rows:
+            falls[policy] = fall(both)
+    if not found:
         raise UserError("no configuration with episodes in both worlds", got=f"{train}, {target}")
+    decided = decide(falls)
+    lost: list[Fall] = [
+        {"policy": policy, "fall": d.estimate.to_json(), "beyond_doubt": not d.refused and d.estimate.low > MARGIN}
+        for policy, d in decided.items()
+    ]
     return {
         "format": FORMAT,
         "version": version,
         "train": train,
         "target": target,
         "worlds": [{"name": name, "hash": h} for name, h in made.items()],
-        "rows": rows,
-        "falls": falls,
-        "health": health(rows, falls),
+        "rows": found,
+        "falls": lost,
+        "health": _health(found, known, lost),
     }
 
 
-def health(rows: Sequence[SuiteRow], falls: Sequence[Fall] = ()) -> Health:
-    """{pearson, mean_difference, mmrv, n, status, words}; status: healthy, watch, alarm or cannot tell."""
-    measures, status, words = _correlation(rows)
+def _health(found: Sequence[SuiteRow], known: Sequence[np.ndarray], falls: Sequence[Fall]) -> Health:
+    """{pearson, mean_difference, n, status, words}; status: healthy, watch, alarm or cannot tell."""
+    measures, status, words = _correlation(found, known)
     fallen = [f for f in falls if f["beyond_doubt"]]
     if fallen:
         lost = [f"{f['policy']} loses {_points(f['fall'])} from the training world to the target" for f in fallen]
         status, words = "alarm", "; ".join([*lost, words])
-    return {**measures, "n": len(rows), "status": status, "words": f"{status}: {words}"}
+    return {**measures, "n": len(found), "status": status, "words": f"{status}: {words}"}
 
 
 def _points(e: Interval) -> str:
@@ -144,24 +159,22 @@ def _points(e: Interval) -> str:
     return f"{value:.0f} points ({low:.0f} to {high:.0f})"
 
 
-def _correlation(rows: Sequence[SuiteRow]) -> tuple[Measures, str, str]:
+def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
     """What a correlation over the configurations says: measures, status, words."""
-    if len(rows) < FEWEST:
-        return {}, CANNOT_TELL, f"{len(rows)} configurations, a correlation needs {FEWEST}"
-    x = np.array([r["train"]["value"] for r in rows], float)
-    y = np.array([r["target"]["value"] for r in rows], float)
-    prediction = predict(x, y, stream(0, "suite health"))
-    measures: Measures = {
-        "pearson": prediction.pearson.to_json(),
-        "mmrv": prediction.mmrv.to_json(),
-        "mean_difference": prediction.mean_difference.to_json(),
-    }
-    r = prediction.pearson
-    if min(x.std(), y.std()) < SPREAD or not math.isfinite(r.value):
-        return measures, CANNOT_TELL, "success hardly varies over the configurations, so there is no correlation"
-    status = "healthy" if r.value > HEALTHY else "alarm" if r.value < ALARM else "watch"
+    if len(found) < FEWEST_POLICIES:
+        return {}, CANNOT_TELL, f"{len(found)} configurations, a correlation needs {FEWEST_POLICIES}"
+    x, y = (np.array([r[side]["value"] for r in found], float) for side in ("train", "target"))
+    r = correlation(x, y, known)
+    measures: Measures = {"pearson": r.to_json(), "mean_difference": mean_interval(x - y).to_json()}
     numbers = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f})".replace("-", "−")
-    return measures, status, f"{numbers} over {len(rows)} configurations"
+    if r.high < ALARM:
+        status = "alarm"
+    elif r.low > ALARM:
+        status = "healthy" if r.value > HEALTHY else "watch"
+    else:
+        status = "watch" if r.high < HEALTHY else CANNOT_TELL
+    unsure = ", these episodes cannot tell whether it is healthy" if status == CANNOT_TELL else ""
+    return measures, status, f"{numbers} over {len(found)} configurations{unsure}"
 
 
 def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:
@@ -206,45 +219,30 @@ def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionC
     pairs = [(n, n) for n in shared] or ([(names[0][0], names[1][0])] if len(names[0]) == len(names[1]) == 1 else [])
     if not pairs:
         raise UserError("versions with no policy in common", expected=", ".join(names[0]), got=", ".join(names[1]))
-    compared: list[tuple[str, str, str, Estimate]] = []
-    p = []
+    compared: dict[tuple[str, str, str], Difference] = {}
     for a, b in pairs:
-        cells = [(e.world, e.configuration) for e in new if e.policy == b]
-        for world, c in dict.fromkeys(cells):
+        for world, c in dict.fromkeys((e.world, e.configuration) for e in new if e.policy == b):
             before, after = (
-                _only([e for e in side if (e.policy, e.world, e.configuration) == (n, world, c)])
+                [e for e in side if (e.policy, e.world, e.configuration) == (n, world, c)]
                 for side, n in ((old, a), (new, b))
             )
-            if before is None or after is None or before.hashes != after.hashes:
-                continue
-            cell = [Cell(table.policies[0], world) for table in (before, after)]
-            seeds = sorted(set(before.seeds(cell[:1])) & set(after.seeds(cell[1:])))
-            if not seeds:
-                continue
-            y = [t.outcomes(k, seeds) for t, k in zip((after, before), cell[::-1], strict=True)]
-            k = min(map(len, y))
-            change = difference(y[0], y[1], same_networks=False)
-            p.append(mcnemar(y[0][:k], y[1][:k]).p)
-            compared.append((b, world, c, change))
+            if before and after and {e.world_hash for e in before} == {e.world_hash for e in after}:
+                sides = [rows(side) for side in (after, before)]
+                if set.intersection(*(set(row) for side in sides for row in side.values())):
+                    compared[b, world, c] = difference(*sides, same_networks=False)
     if not compared:
         raise UserError("versions with no configuration in common, in the same world on the same seeds")
-    rows: list[VersionChange] = []
-    for (policy, world, configuration, change), adjusted in zip(compared, holm(p), strict=True):
-        verdict: str = decide(change, adjusted)
-        if verdict == "different":
-            verdict = "fell" if change.value < 0 else "rose"
-        rows.append(
+    changes: list[VersionChange] = []
+    for (policy, world, configuration), d in decide(compared).items():
+        fell = "fell" if d.estimate.value < 0 else "rose"
+        changes.append(
             {
                 "policy": policy,
                 "world": world,
                 "configuration": configuration,
-                "change": change.to_json(),
-                "p_holm": adjusted,
-                "verdict": verdict,
+                "change": d.estimate.to_json(),
+                "p_holm": d.p_holm,
+                "verdict": fell if d.certain else d.verdict,
             }
         )
-    return rows
-
-
-def _only(episodes: Sequence[Episode]) -> Table | None:
-    return Table([replace(e, configuration="") for e in episodes]) if episodes else None
+    return changes

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.statistics import Rows
 
 BLIND = "proprio"  # the modality that is a control by itself
 
@@ -72,46 +73,40 @@ class Table:
         """Every episode of a cell, by training seed, then seed."""
         return [e for _, row in sorted(self.cells.get(cell, {}).items()) for _, e in sorted(row.items())]
 
-    def train_seeds(self, cells: Sequence[Cell]) -> list[int]:
+    def networks(self, cells: Sequence[Cell]) -> list[int]:
         """Training seeds that every cell has."""
-        return sorted(set.intersection(*(set(self.cells.get(c, {})) for c in cells)))
+        return sorted(set.intersection(*(set(self.cells.get(cell, {})) for cell in cells)))
 
-    def seeds(self, cells: Sequence[Cell]) -> list[tuple[int, str]]:
-        """Episode seeds (with configuration) that every training seed of every cell has."""
-        rows = [set(row) for cell in cells for row in self.cells.get(cell, {}).values()]
-        return sorted(set.intersection(*rows)) if rows else []
+    def rows(self, cell: Cell) -> Rows:
+        """Outcomes of a cell as `vispeg.evaluation.statistics` compares them; none where nothing was played."""
+        return rows(self.all(cell), lambda e: (e.seed, e.configuration))
 
-    def outcomes(self, cell: Cell, seeds: Sequence[tuple[int, str]] | None = None) -> np.ndarray:
-        """Successes (k, n) of one cell, training seeds by episodes, as float.
-
-        Raises:
-            UserError: the cell is empty, or its training seeds share no episode.
-        """
-        seeds = self.seeds([cell]) if seeds is None else seeds
-        rows = [[float(row[s].success) for s in seeds] for _, row in sorted(self.cells.get(cell, {}).items())]
-        return self._checked(rows, [cell])
-
-    def aligned(self, policy: str, worlds: Sequence[str], control: str = "") -> dict[str, np.ndarray]:
+    def aligned(self, policy: str, worlds: Sequence[str]) -> dict[str, np.ndarray] | None:
         """World -> (k, n) successes of one policy, row i the same network and column j the same seed in all worlds.
 
-        Raises:
-            UserError: a world is missing, or nothing is shared.
+        None where the worlds share no network, or the networks no episode.
         """
-        cells = [Cell(policy, w, control) for w in worlds]
-        for cell in cells:
-            if cell not in self.cells:
-                raise UserError(f"{policy} has no episodes there", got=cell.world, choices=self.worlds)
-        networks = self.train_seeds(cells)
-        shared = [set(self.cells[cell][t]) for cell in cells for t in networks]
-        seeds = sorted(set.intersection(*shared)) if shared else []
-        successes = {}
-        for cell in cells:
-            rows = [[float(self.cells[cell][t][s].success) for s in seeds] for t in networks]
-            successes[cell.world] = self._checked(rows, cells)
-        return successes
+        sides = [self.rows(Cell(policy, w)) for w in worlds]
+        networks = self.networks([Cell(policy, w) for w in worlds])
+        shared = [set(side[t]) for side in sides for t in networks]
+        seeds = sorted(set.intersection(*shared), key=repr) if shared else []
+        if not seeds:
+            return None
+        return {
+            w: np.array([[side[t][s] for s in seeds] for t in networks]) for w, side in zip(worlds, sides, strict=True)
+        }
 
-    def _checked(self, rows: list[list[float]], cells: Sequence[Cell]) -> np.ndarray:
-        if not rows or not rows[0]:
-            names = "; ".join(f"{c.policy} in {c.world}" for c in cells)
-            raise UserError("no episodes with the same seeds, so nothing can be paired", got=names)
-        return np.array(rows)
+
+def rows(episodes: Iterable[Episode], name: Callable[[Episode], Hashable] = lambda e: e.seed) -> Rows:
+    """Outcomes as `vispeg.evaluation.statistics` compares them: training seed -> episode -> 0 or 1.
+
+    Args:
+        episodes: of one policy.
+        name: what an episode is known by; the same seed is the same start and draw for everybody. A real robot's trial
+            is known by its policy and training seed too, for its number is no start.
+    """
+    found: dict[int, dict[Hashable, float]] = {}
+    for e in episodes:
+        known = name(e) if e.world_hash else (e.policy, e.train_seed, name(e))
+        found.setdefault(e.train_seed, {})[known] = float(e.success)
+    return found

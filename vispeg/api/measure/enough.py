@@ -14,9 +14,9 @@ from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Setting, make_jobs, seeds_of
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
-from vispeg.evaluation.statistics.crossed import difference
+from vispeg.evaluation.statistics import decide, difference
 from vispeg.evaluation.stress.interval import ends, verdict, words
-from vispeg.evaluation.table import Table
+from vispeg.evaluation.table import rows as outcomes
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.task.world_file import load_world
 from vispeg.worlds.measurement_file import measurement_text
@@ -82,14 +82,20 @@ def enough(
         jobs = make_jobs(who, settings, seeds_of(episodes), folder / "worlds")
         with playing(jobs, folder) as watch:
             played = runner.run(jobs, folder, workers, watch=watch)
-        table = Table([replace(e, world=e.configuration, configuration="") for e in played])
-        for e in measured:
-            for policy in dict.fromkeys(episode.policy for episode in played):
-                y = table.aligned(policy, [f"{e.label} low", f"{e.label} high"])
-                moved = difference(y[f"{e.label} high"], y[f"{e.label} low"], same_networks=True)
-                change = {"moved": float(moved.value), "low": float(moved.low), "high": float(moved.high)}
-                said = verdict(moved.low, moved.high, moved.n)
-                rows.append({"effect": e.label, "policy": policy, "episodes": episodes, **change, "verdict": said})
+    sides = {
+        (e.label, p): [
+            outcomes(x for x in played if (x.policy, x.configuration) == (p, f"{e.label} {side}"))
+            for side in ("high", "low")
+        ]
+        for e in measured
+        for p in dict.fromkeys(x.policy for x in played)
+    }
+    decided = decide({key: difference(*both, same_networks=True) for key, both in sides.items()})
+    for (label, policy), decision in decided.items():
+        moved = decision.estimate
+        change = {"moved": float(moved.value), "low": float(moved.low), "high": float(moved.high)}
+        said = verdict(moved.low, moved.high, moved.n)
+        rows.append({"effect": label, "policy": policy, "episodes": episodes, **change, "verdict": said})
     details = {**result.measurement.details, "enough": {"world": name, "rows": rows}}
     full = replace(result.measurement, details=details)
     write_text_atomic(result.file, measurement_text(full), overwrite=True)

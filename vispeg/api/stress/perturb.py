@@ -22,7 +22,7 @@ from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of, task_of
 from vispeg.task.world_file import load_world
 
-HEADS = ("policy", "position", "still", "pushed", "lost by the push")
+HEADS = ("policy", "position", "still", "pushed", "change by the push, points", "verdict")
 
 
 class PerturbResult(Stressed):
@@ -33,11 +33,7 @@ class PerturbResult(Stressed):
     @property
     def summary(self) -> list[Block]:
         """A row a policy and position."""
-        rows = [
-            [r["policy"], r["position"], *(_cell(r[k]) for k in ("still", "pushed", "cost"))]
-            for r in self.record["rows"]
-        ]
-        return [Sheet([Column(head) for head in HEADS], rows)]
+        return [Sheet([Column(head) for head in HEADS], [_row(r) for r in self.record["rows"]])]
 
     def _render(self) -> str:
         return render(self.record)
@@ -89,7 +85,7 @@ def perturb(
     return result
 
 
-def _cell(e: Mapping[str, Any] | None) -> str:
-    if e is None:
-        return "-"
-    return words.lost(e) if e["low"] < 0 else words.rate(e)
+def _row(r: Mapping[str, Any]) -> list[str]:
+    rates = ["-" if r[k] is None else words.rate(r[k]) for k in ("still", "pushed")]
+    cost = "-" if r["cost"] is None else words.change(r["cost"])
+    return [r["policy"], r["position"], *rates, cost, r["verdict"] or "-"]

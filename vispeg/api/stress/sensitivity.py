@@ -72,11 +72,11 @@ def sensitivity(
     with workplace(out, "sensitivity.json", overwrite, read) as place:
         settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]
         ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)
-        curves = []
-        for what in asked:
-            tags = {swept.tag(what, v) for v in what.values}
-            curves.append(swept.summarise([e for e in ends if e.configuration in tags], what))
-        about = {"format": swept.FORMAT, "world": {"name": file.name, "hash": file.hash}, "sweeps": curves}
+        about = {
+            "format": swept.FORMAT,
+            "world": {"name": file.name, "hash": file.hash},
+            "sweeps": swept.summarise(ends, asked),
+        }
         result = SensitivityResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
         if out is not None:
             result._write(place)

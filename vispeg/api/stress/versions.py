@@ -85,4 +85,4 @@ def compare_versions(folders: Sequence[str | Path]) -> VersionsResult:
 
 def _said(change: VersionChange) -> str:
     where = f"{change['policy']} in {change['world']}, {change['configuration']}"
-    return f"{change['verdict']}: {where}: {words.lost(change['change'])} points"
+    return f"{change['verdict']}: {where}: {words.signed(change['change'])} points"

@@ -8,13 +8,14 @@ from vispeg.evaluation.schema.estimate import Interval, WorldHash
 
 
 class PolicyRow(TypedDict):
-    """A policy that takes part."""
+    """A policy that takes part; `home`: the worlds it was trained in, None where nothing tells."""
 
     name: str
     modality: str
     train_seeds: list[int]
     blind: bool
     scripted: bool
+    home: list[str] | None
 
 
 class SuccessRow(TypedDict):
@@ -33,37 +34,47 @@ class SuccessRow(TypedDict):
 
 
 class GapRow(TypedDict):
-    """What a policy loses from the reference world to another."""
+    """What a policy loses from the reference world to another, over these networks (by training seed); `home`: it was
+    trained there, so that it is no transfer.
+    """
 
     policy: str
     modality: str
     world: str
+    home: bool
     paired: bool
+    train_seeds: list[int]
     gap: Interval
+    p: float | None
+    p_holm: float | None
     verdict: str
     words: str
 
 
 class AttributionRow(TypedDict):
-    """A policy's total gap, split into factors and their interaction."""
+    """A policy's total gap, split into factors and their interaction; a factor's share of it with Fieller's interval,
+    None where the total may be 0.
+    """
 
     policy: str
     modality: str
     parts: dict[str, Interval]
-    share: dict[str, float | None]
-    bootstrap: dict[str, Interval]
+    verdict: dict[str, str]
+    share: dict[str, Interval | None]
 
 
 class ComparisonRow(TypedDict):
-    """Two policies in one world, on the same episodes: see `vispeg.evaluation.modalities.Comparison`."""
+    """Two policies in one world: success of `first` minus that of `second`; `refused`: why no test is made, or ""."""
 
     world: str
     first: str
     second: str
+    paired: bool
     difference: Interval
-    p: float
-    p_holm: float
+    p: float | None
+    p_holm: float | None
     verdict: str
+    refused: str
     needed: int | None
 
 
@@ -77,13 +88,16 @@ class Point(TypedDict):
 
 
 class PredictionRow(TypedDict):
-    """How well success in the reference world tells success in the target, over networks."""
+    """How well success in the reference world tells success in the target, over policies: the correlation of their true
+    rates, the mean maximum rank violation among the `ordered` pairs whose order is beyond doubt in both worlds, and the
+    mean loss.
+    """
 
     world: str
     n: int
     pearson: Interval
-    spearman: Interval
-    mmrv: Interval
+    mmrv: float
+    ordered: int
     mean_difference: Interval
     words: str
     points: list[Point]

@@ -22,12 +22,13 @@ class HardPosition(TypedDict):
 class PushRow(TypedDict):
     """A policy at a position: success still and pushed, and what the push costs on the same seeds."""
 
-    verdict: str | None
     policy: str
     position: str
     still: Interval | None
     pushed: Interval | None
     cost: Interval | None
+    p_holm: float | None
+    verdict: str | None
 
 
 class PushRecord(TypedDict):
@@ -35,6 +36,7 @@ class PushRecord(TypedDict):
 
     format: str
     rows: list[PushRow]
+    rule: str
 
 
 class SweepPoint(TypedDict):
@@ -43,7 +45,7 @@ class SweepPoint(TypedDict):
     value: float
     success: Interval
     cost: NotRequired[Interval]
-    p_holm: NotRequired[float]
+    p_holm: NotRequired[float | None]
     verdict: NotRequired[str]
 
 
@@ -75,6 +77,7 @@ class Peak(TypedDict):
     fixed: float | None
     randomized: float | None
     p: float | None
+    p_holm: float | None
 
 
 class Count(TypedDict):
@@ -92,7 +95,8 @@ class ExploitRow(TypedDict):
     fixed: Interval
     randomized: Interval
     cost: Interval
-    p: float
+    p: float | None
+    p_holm: float | None
     peak: Peak
     substeps: dict[str, Count]
     profiles: dict[str, dict[str, list[float]]]
@@ -116,7 +120,8 @@ class Priced(TypedDict):
     identified: Interval
     left: Interval
     cost: Interval
-    p: float
+    p: float | None
+    p_holm: float | None
     verdict: str
 
 

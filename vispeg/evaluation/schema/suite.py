@@ -46,7 +46,6 @@ class Measures(TypedDict, total=False):
     """How success in one world goes with success in the other; absent of too few configurations."""
 
     pearson: Interval
-    mmrv: Interval
     mean_difference: Interval
 
 
@@ -80,5 +79,5 @@ class VersionChange(TypedDict):
     world: str
     configuration: str
     change: Interval
-    p_holm: float
+    p_holm: float | None
     verdict: str

@@ -9,7 +9,6 @@ always fails.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -19,9 +18,8 @@ from vispeg.evaluation.lists import read_list
 from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import HardPosition, PushRecord, PushRow
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.decide import decide
-from vispeg.evaluation.table import Cell, Table
+from vispeg.evaluation.statistics import RULE, decide, difference, rate
+from vispeg.evaluation.table import rows
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.contract import Task
 from vispeg.task.registry import FIRST, scene_of, task
@@ -30,7 +28,7 @@ from vispeg.task.world_file import load_world
 FORMAT = "vispeg-perturb/1"
 LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
 KEYS = ("name", "x", "y", "height", "roll", "pitch", "yaw")
-FREE = "anywhere"
+FREE, PUSHED = "anywhere", ", pushed"
 
 
 def _listed(task: Task) -> Path:
@@ -59,7 +57,7 @@ def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosi
 def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Pushes | None = None) -> list[Setting]:
     """Still and pushed: where the world puts the goal, then every position, from right above its nominal place."""
     entries, scene = [], scene_of(load_world(world).task)
-    for push, suffix in ((None, ""), (pushes or Pushes(), ", pushed")):
+    for push, suffix in ((None, ""), (pushes or Pushes(), PUSHED)):
         entries.append(Setting(world, name, FREE + suffix, pushes=push))
         for p in listed:
             tilt = {k: float(v) for k, v in p.items() if k in ("roll", "pitch", "yaw") and isinstance(v, int | float)}
@@ -72,33 +70,29 @@ def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Push
 
 
 def summarise(episodes: Sequence[Episode]) -> PushRecord:
-    """{format, rows: [{policy, position, still, pushed, cost, verdict}]}; cost: still less pushed on the same seeds."""
-    rows: list[PushRow] = []
-    names = list(dict.fromkeys(e.configuration.removesuffix(", pushed") for e in episodes))
-    for policy in dict.fromkeys(e.policy for e in episodes):
-        for position in names:
-            of_policy = [e for e in episodes if e.policy == policy]
-            still = _table(of_policy, position)
-            pushed = _table(of_policy, position + ", pushed")
-            row: PushRow = {
-                "verdict": None,
+    """{format, rows: [{policy, position, still, pushed, cost, p_holm, verdict}], rule}; cost: still less pushed on the
+    same seeds. All policies and positions are one family.
+    """
+    names = dict.fromkeys(e.configuration.removesuffix(PUSHED) for e in episodes)
+    sides = {
+        (policy, name): [rows(e for e in episodes if e.policy == policy and e.configuration == c) for c in both]
+        for policy in dict.fromkeys(e.policy for e in episodes)
+        for name, both in ((name, (name, name + PUSHED)) for name in names)
+    }
+    costs = {key: difference(still, pushed, True) for key, (still, pushed) in sides.items() if still and pushed}
+    decided = decide(costs)
+    made: list[PushRow] = []
+    for (policy, position), (still, pushed) in sides.items():
+        cost = decided.get((policy, position))
+        made.append(
+            {
                 "policy": policy,
                 "position": position,
-                "still": None if still is None else rate(still[0].outcomes(still[1])).to_json(),
-                "pushed": None if pushed is None else rate(pushed[0].outcomes(pushed[1])).to_json(),
-                "cost": None,
+                "still": rate(still).to_json() if still else None,
+                "pushed": rate(pushed).to_json() if pushed else None,
+                "cost": cost.estimate.to_json() if cost else None,
+                "p_holm": cost.p_holm if cost else None,
+                "verdict": cost.verdict if cost else None,
             }
-            if still is not None and pushed is not None:
-                seeds = sorted(set(still[0].seeds([still[1]])) & set(pushed[0].seeds([pushed[1]])))
-                if seeds:
-                    y = [t.outcomes(c, seeds) for t, c in (still, pushed)]
-                    cost = difference(y[0], y[1], same_networks=y[0].shape == y[1].shape)
-                    row["cost"], row["verdict"] = cost.to_json(), decide(cost)
-            rows.append(row)
-    return {"format": FORMAT, "rows": rows}
-
-
-def _table(episodes: Sequence[Episode], configuration: str) -> tuple[Table, Cell] | None:
-    """The episodes of one configuration as a table in which seeds alone tell them apart."""
-    matching = [replace(e, configuration="") for e in episodes if e.configuration == configuration]
-    return (Table(matching), Cell(matching[0].policy, matching[0].world)) if matching else None
+        )
+    return {"format": FORMAT, "rows": made, "rule": RULE}

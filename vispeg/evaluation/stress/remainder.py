@@ -7,7 +7,6 @@ interval, and the torque that no effect explains is played back in every joint a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,8 @@ from vispeg.core.files import write_text_atomic
 from vispeg.evaluation.jobs import Setting
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Priced
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.decide import decide
-from vispeg.evaluation.statistics.significance import mcnemar
-from vispeg.evaluation.table import Cell, Table
+from vispeg.evaluation.statistics import decide, difference, rate
+from vispeg.evaluation.table import rows
 from vispeg.task.world_file import FORMAT, WorldFile
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
@@ -59,22 +56,22 @@ def settings(base: WorldFile, identified: World, remainder: Sequence[Mapping[str
 
 
 def summarise(episodes: Sequence[Episode]) -> list[Priced]:
-    """Of each policy the success in both settings and what the difference costs, paired over seeds."""
-    rows: list[Priced] = []
-    for policy in dict.fromkeys(e.policy for e in episodes):
-        of_policy = [e for e in episodes if e.policy == policy]
-        table = Table([replace(e, world=e.configuration, configuration="") for e in of_policy])
-        y = table.aligned(policy, [IDENTIFIED, LEFT])
-        cost = difference(y[IDENTIFIED], y[LEFT], same_networks=True)
-        p = mcnemar(y[IDENTIFIED], y[LEFT]).p
-        row: Priced = {
+    """Give of each policy the success in both settings and what the difference costs; all policies are one family."""
+    sides = {
+        p: [rows(e for e in episodes if (e.policy, e.configuration) == (p, setting)) for setting in (IDENTIFIED, LEFT)]
+        for p in dict.fromkeys(e.policy for e in episodes)
+    }
+    decided = decide({policy: difference(*both, same_networks=True) for policy, both in sides.items()})
+    return [
+        {
             "policy": policy,
-            "modality": of_policy[0].modality,
-            "identified": rate(table.outcomes(Cell(policy, IDENTIFIED))).to_json(),
-            "left": rate(table.outcomes(Cell(policy, LEFT))).to_json(),
-            "cost": cost.to_json(),
-            "p": p,
-            "verdict": decide(cost, p),
+            "modality": next(e.modality for e in episodes if e.policy == policy),
+            "identified": rate(identified).to_json(),
+            "left": rate(left).to_json(),
+            "cost": decided[policy].estimate.to_json(),
+            "p": decided[policy].test.p,
+            "p_holm": decided[policy].p_holm,
+            "verdict": decided[policy].verdict,
         }
-        rows.append(row)
-    return rows
+        for policy, (identified, left) in sides.items()
+    ]

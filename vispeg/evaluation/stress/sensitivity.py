@@ -1,14 +1,14 @@
 """Success against one parameter of one effect: a curve with bands, and from where on it has fallen.
 
 A sweep replaces the effect in the world by each value in turn, on the same seeds. The value at which nothing is
-changed (the effect's null) is always among them, and every other one is compared with it, paired, with Holm's
-correction.
+changed (the effect's null) is always among them, and every other one is compared with it, paired. Of a measurement's
+interval the two ends are compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from vispeg.core.effect import OPTICAL, effect
 from vispeg.core.errors import UserError
@@ -17,12 +17,9 @@ from vispeg.evaluation.jobs import Setting, has_eyes
 from vispeg.evaluation.overlay import HELD, Change
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.stress import Curve, SweepPoint, SweepRecord
-from vispeg.evaluation.statistics.crossed import difference, rate
-from vispeg.evaluation.statistics.decide import CANNOT_TELL, decide
-from vispeg.evaluation.statistics.intervals import Estimate
-from vispeg.evaluation.statistics.significance import holm, mcnemar
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Estimate, Rows, decide, difference, rate
 from vispeg.evaluation.stress.interval import ends, verdict, words
-from vispeg.evaluation.table import Cell, Table
+from vispeg.evaluation.table import rows
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
 
@@ -176,51 +173,72 @@ def tag(what: Sweep, value: float) -> str:
     return f"{what.label}={value:g}"
 
 
-def summarise(episodes: Sequence[Episode], what: Sweep) -> SweepRecord:
-    """{format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success, cost, p_holm,
-    verdict}], falls_at}]}.
+def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[SweepRecord]:
+    """Of each sweep {format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success, cost,
+    p_holm, verdict}], falls_at}]}.
 
-    falls_at: the value nearest to null at which success is lower than at null; None where these data show no fall.
+    The costs of all values, policies and sweeps are one family. falls_at: the value nearest to null at which success is
+    lower than at null; None where these data show no fall.
     """
-    curves: list[Curve] = []
-    for policy in dict.fromkeys(e.policy for e in episodes):
-        of_policy = [e for e in episodes if e.policy == policy]
-        table = Table([replace(e, world=e.configuration, configuration="") for e in of_policy])
-        base = tag(what, what.null)
-        points: list[SweepPoint] = []
-        compared: list[tuple[SweepPoint, Estimate, float]] = []  # a point, its cost, McNemar's p
-        for v in what.values:
-            point: SweepPoint = {"value": v, "success": rate(table.outcomes(Cell(policy, tag(what, v)))).to_json()}
-            points.append(point)
-            if v != what.null:
-                y = table.aligned(policy, [base, tag(what, v)])
-                cost = difference(y[base], y[tag(what, v)], same_networks=True)
-                compared.append((point, cost, mcnemar(y[base], y[tag(what, v)]).p))
-        for (point, cost, _), adjusted in zip(compared, holm([p for *_, p in compared]), strict=True):
-            point["cost"], point["p_holm"], point["verdict"] = cost.to_json(), adjusted, decide(cost, adjusted)
-        fallen = [q for q, cost, _ in compared if q.get("verdict") == "different" and cost.value > 0]
-        nearest = min(fallen, key=lambda q: abs(q["value"] - what.null), default=None)
-        curves.append(
-            {
-                "policy": policy,
-                "modality": of_policy[0].modality,
-                "points": points,
-                "falls_at": nearest["value"] if nearest else None,
-                "words": _over(compared[-1][1], what) if what.measured else _words(points, nearest, what),
-            }
-        )
+    policies = dict.fromkeys(e.policy for e in episodes)
+    played = {
+        (policy, tag(what, v)): rows(e for e in episodes if (e.policy, e.configuration) == (policy, tag(what, v)))
+        for what in asked
+        for policy in policies
+        for v in what.values
+    }
+    costs = {
+        (policy, tag(what, v)): difference(played[policy, tag(what, what.null)], played[policy, tag(what, v)], True)
+        for what in asked
+        for policy in policies
+        for v in (what.values[-1:] if what.measured else what.values)
+        if v != what.null
+    }
+    decided = decide(costs)
+    return [
+        {
+            "format": FORMAT,
+            "effect": what.effect,
+            "params": list(what.params),
+            "unit": what.unit,
+            "null": what.null,
+            "label": what.label,
+            "curves": [
+                _curve(what, (policy, modality), played, decided)
+                for policy, modality in {e.policy: e.modality for e in episodes}.items()
+            ],
+        }
+        for what in asked
+    ]
+
+
+def _curve(
+    what: Sweep,
+    of: tuple[str, str],
+    played: Mapping[tuple[str, str], Rows],
+    decided: Mapping[tuple[str, str], Decision],
+) -> Curve:
+    (policy, modality), points, fallen = of, list[SweepPoint](), []
+    for v in what.values:
+        key = policy, tag(what, v)
+        point: SweepPoint = {"value": v, "success": rate(played[key]).to_json()}
+        points.append(point)
+        if (cost := decided.get(key)) is not None:
+            point["cost"], point["p_holm"], point["verdict"] = cost.estimate.to_json(), cost.p_holm, cost.verdict
+            if cost.certain and cost.estimate.value > 0:
+                fallen.append(point)
+    nearest = min(fallen, key=lambda q: abs(q["value"] - what.null), default=None)
+    last = decided[policy, tag(what, what.values[-1])]
     return {
-        "format": FORMAT,
-        "effect": what.effect,
-        "params": list(what.params),
-        "unit": what.unit,
-        "null": what.null,
-        "label": what.label,
-        "curves": curves,
+        "policy": policy,
+        "modality": modality,
+        "points": points,
+        "falls_at": nearest["value"] if nearest else None,
+        "words": _over(last.estimate) if what.measured else _words(points, nearest, what),
     }
 
 
-def _over(cost: Estimate, what: Sweep) -> str:
+def _over(cost: Estimate) -> str:
     """What the cost of the high end, against the low one, says of the measurement."""
     low, high = -cost.high, -cost.low
     return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))

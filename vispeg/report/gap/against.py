@@ -17,16 +17,18 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
         needed = f"; {row['needed']} pairs would" if row["needed"] else ""
         cells = {
             "pair": f"{row['first']} - {row['second']}",
-            "difference": words.lost(row["difference"]),
-            "n": row["difference"]["n"],
+            "difference": words.signed(row["difference"]),
+            "n": f"{row['difference']['n']}{'' if row['paired'] else ', unpaired'}",
             "p": words.p_value(row["p"]),
             "p_holm": words.p_value(row["p_holm"]),
-            "verdict": row["verdict"] + needed,
+            "verdict": row["verdict"] + (f": {row['refused']}" if row["refused"] else needed),
             "certain": row["verdict"] == "different",
         }
         worlds.setdefault(row["world"], []).append(cells)
+    several = {p["name"] for p in values["policies"] if len(p["train_seeds"]) > 1}
     return {
+        "several": bool(several),
         "worlds": [
             {"name": w, "rows": rows, "differ": sum(bool(r["certain"]) for r in rows)} for w, rows in worlds.items()
-        ]
+        ],
     }

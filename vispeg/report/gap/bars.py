@@ -32,7 +32,9 @@ def bar(name: str, number: int, e: Mapping[str, Any], style: Style) -> Bar:
     """The bar of an estimate `e` (value, low, high, n)."""
     value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
     text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
-    return Bar(name, number, value, low, high, f"{value:.0f} %", text, name_of(style.colour), style.second)
+    return Bar(
+        name, number, value, low, high, f"{value:.0f}\N{NO-BREAK SPACE}%", text, name_of(style.colour), style.second
+    )
 
 
 def policies(values: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -48,8 +50,14 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     rates = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
     panels = []
     for world in (w["name"] for w in values["worlds"]):
+        shared = worlds.home_of_all(world, order)  # then the caption says it
         rows = [
-            bar(p["name"], i, rates[p["name"], world], styles[p["name"]])
+            bar(
+                p["name"] + " (home)" * (not shared and world in (p["home"] or ())),
+                i,
+                rates[p["name"], world],
+                styles[p["name"]],
+            )
             for i, p in enumerate(order)
             if (p["name"], world) in rates
         ]

@@ -27,7 +27,7 @@ from vispeg.report.gap import (
 from vispeg.report.gap.page import page
 from vispeg.report.live import episodes
 
-FORMAT = "vispeg-gap/1"
+FORMAT = "vispeg-gap/2"
 GAP = Format(FORMAT, "a gap's record", language="json", most=64 * MB)
 KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, also the stem of record and page -> what it is
 

@@ -14,7 +14,7 @@ TITLE = "What the change costs, and which part of it"
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The heat map, rows of the attribution, gaps in words."""
     gaps = [
-        {**row, "interval": words.lost(row["gap"]), "pairing": "" if row["paired"] else "other starts"}
+        {**row, "interval": words.change(row["gap"]), "of": _of(row), "holm": words.p_value(row["p_holm"])}
         for row in values["gaps"]
     ]
     parts = []
@@ -32,22 +32,29 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, str]:
-    share = row["share"].get(name)
-    certain = e["low"] > 0 or e["high"] < 0
+    part = row["share"].get(name)
+    ends = "" if part is None else f" ({words.hundredths(part['low'])} to {words.hundredths(part['high'])})"
     return {
-        "value": words.lost(e),
-        "share": "" if share is None else f"{100 * share:.0f} % of the total",
-        "certain": "yes" if certain else "",
+        "value": words.change(e),
+        "share": "" if part is None else f"{words.hundredths(part['value'])} %{ends} of the total",
+        "certain": "yes" if row["verdict"][name] == "different" else "",
     }
 
 
+def _of(row: Mapping[str, Any]) -> str:
+    """What a gap is of: `60 pairs`, `3 networks`, `20 episodes, not the same`."""
+    if len(row["train_seeds"]) > 1:
+        return f"{len(row['train_seeds'])} networks"
+    return f"{row['gap']['n']} {'pairs' if row['paired'] else 'episodes, not the same'}"
+
+
 def heat_map(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """Points of success lost, policies by target worlds, each with its tint; None without targets."""
+    """Change of success in points, policies by target worlds; tinted where it is called one. None without targets."""
     names = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
-    gaps = {(g["policy"], g["world"]): g["gap"] for g in values["gaps"]}
+    gaps = {(g["policy"], g["world"]): g for g in values["gaps"]}
     if not gaps:
         return None
-    top = max(0.1, *(abs(e["value"]) for e in gaps.values()))
+    top = max([0.1, *(abs(g["gap"]["value"]) for g in gaps.values())])
     rows = [
         {"policy": p["name"], "cells": [_cell(gaps.get((p["name"], w)), top) for w in names]}
         for p in ordered(values["policies"])
@@ -55,10 +62,12 @@ def heat_map(values: Mapping[str, Any]) -> Mapping[str, object] | None:
     return {"heads": [(w, worlds.caption(w, values)) for w in names], "rows": rows}
 
 
-def _cell(e: Mapping[str, Any] | None, top: float) -> dict[str, str]:
-    if e is None:
-        return {"value": "-", "ends": "", "tint": "transparent"}
-    colour, share = ("before" if e["value"] > 0 else "depth"), round(70 * abs(e["value"]) / top)
-    tint = f"color-mix(in srgb, var(--{colour}) {share}%, transparent)"
-    ends = f"{words.hundredths(e['low'])} to {words.hundredths(e['high'])}"
-    return {"value": words.points(e["value"]), "ends": ends, "tint": tint}
+def _cell(row: Mapping[str, Any] | None, top: float) -> dict[str, str]:
+    if row is None:
+        return {"value": "-", "ends": "", "tint": "transparent", "home": ""}
+    e, tint = row["gap"], "transparent"
+    if row["verdict"] == "different":
+        colour, share = ("before" if e["value"] > 0 else "depth"), round(70 * abs(e["value"]) / top)
+        tint = f"color-mix(in srgb, var(--{colour}) {share}%, transparent)"
+    ends = f"{words.hundredths(-e['high'])} to {words.hundredths(-e['low'])}"
+    return {"value": words.points(-e["value"]), "ends": ends, "tint": tint, "home": "home" if row["home"] else ""}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.evaluation.statistics.decide import CANNOT_TELL
 from vispeg.report.drawings.figures import MEASURED, Shape, chart, new_figure, quiet, side_by_side
 from vispeg.report.gap import words
 from vispeg.report.gap.colours import BY_CATEGORY, SPARE
@@ -20,9 +19,8 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The picture, and a row a policy and target."""
     rows = []
     for row in values["categories"]:
-        verdict = row.get("words", CANNOT_TELL)
         counts = [_counts(row["first"], row["n"][0]), _counts(row["second"], row["n"][1])]
-        rows.append({**row, "counts": counts, "p_text": words.p_value(row["p"]), "verdict": verdict})
+        rows.append({**row, "counts": counts, "p_text": words.p_value(row["p"]), "verdict": row["words"]})
     return {"picture": picture(values), "rows": rows, "reference": values["reference"]}
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vispeg.evaluation.statistics import CANNOT_TELL
 from vispeg.report.gap import bars, words, worlds
 from vispeg.report.gap.colours import of_policies
 
@@ -24,23 +25,41 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     policies.sort(key=lambda p: (RANK.index(words.role(p)), -there[p["name"]]["value"]))
     lines, figures = [], []
     for p in policies:
-        name, role, e, g = p["name"], words.role(p), there[p["name"]], gaps.get(p["name"])
-        note = f"lost {words.lost(g['gap'])}" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
+        name, e, g = p["name"], there[p["name"]], gaps.get(p["name"])
+        role = ", ".join(filter(None, (words.role(p), "home" if g and g["home"] else "")))
+        note = words.change(g["gap"]) + " points" if g else f"{100 * e['low']:.0f} to {100 * e['high']:.0f}"
         figures.append((name, words.percent(e["value"]), "; ".join(filter(None, (role, note)))))
         if g:
-            line = {"policy": name, "rate": words.rate(e), "words": g["words"], "cost": _dearest(values, name)}
+            line = {"policy": name, "rate": words.rate_of(e), "words": g["words"], "cost": _dearest(values, name)}
             lines.append({**line, "role": role})
-    best = f"{figures[0][0]} keeps most in {target}: {figures[0][1]}" if lines else ""
     return {
-        "title": best or _evaluation(values),
+        "title": _best(values, policies, str(target), there) if lines else _evaluation(values),
         "lines": lines,
         "figures": figures[:MOST],
         "target": target or reference,
         "reference": reference,
+        "trained": worlds.home_of_all(reference, values["policies"]),
+        "several": any(len(p["train_seeds"]) > 1 for p in values["policies"]),
         "bars": bars.context(values),
         "worlds": worlds.about(values),
         "outlined": any(p.second for p in of_policies(values["policies"]).values()),
     }
+
+
+def _best(
+    values: Mapping[str, Any], policies: Sequence[Mapping[str, Any]], target: str, there: Mapping[str, Any]
+) -> str:
+    """The title: who keeps most in the target, if the page's comparisons tell."""
+    best = policies[0]
+    name, others = best["name"], [p["name"] for p in policies[1:] if words.role(p) == words.role(best)]
+    told = {frozenset((c["first"], c["second"])): c["verdict"] for c in values["comparisons"] if c["world"] == target}
+    unsure = [other for other in others if told.get(frozenset((name, other))) != "different"]
+    if not others:
+        return f"{name} in {target}: {words.rate_of(there[name])}"
+    if not unsure:
+        return f"{name} keeps most in {target}: {words.rate_of(there[name])}"
+    rivals = " or ".join(unsure) if len(unsure) < 3 else f"{len(unsure)} others"
+    return f"{name} has {words.rate_of(there[name])} in {target}; whether that is more than {rivals}, {CANNOT_TELL}"
 
 
 def _evaluation(values: Mapping[str, Any]) -> str:
@@ -53,10 +72,10 @@ def _evaluation(values: Mapping[str, Any]) -> str:
 
 
 def _dearest(values: Mapping[str, Any], policy: str) -> str:
-    """The factor that costs most, where one stands out."""
+    """What the single factors cost that are called different from nothing, the dearest first."""
     for row in values["attribution"]:
         if row["policy"] == policy:
-            parts = {f: row["parts"][f] for f in values["factors"]}
-            name, e = max(parts.items(), key=lambda kv: kv[1]["value"])
-            return f"of the single factors, {name} costs most: {words.lost(e)}" if e["low"] > 0 else ""
+            parts = [(f, row["parts"][f]) for f in values["factors"] if row["verdict"][f] == "different"]
+            parts.sort(key=lambda part: -part[1]["value"])
+            return "; ".join(f"{name} alone {words.change(e)}" for name, e in parts)
     return ""

@@ -14,11 +14,19 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """Worlds, policies, rule, notes, provenance."""
     return {
         "worlds": values["worlds"],
-        "policies": [{**p, "role": words.role(p)} for p in values["policies"]],
+        "policies": [{**p, "role": words.role(p), "at": _trained(p)} for p in values["policies"]],
+        "several": any(len(p["train_seeds"]) > 1 for p in values["policies"]),
         "notes": _together(values["notes"], [p["name"] for p in values["policies"]]),
         "rule": values["rule"],
         "provenance": values.get("provenance") or {},
     }
+
+
+def _trained(policy: Mapping[str, Any]) -> str:
+    """Where a policy was trained, of the worlds of the page."""
+    if policy["scripted"]:
+        return "nowhere"
+    return "not known" if policy["home"] is None else ", ".join(policy["home"]) or "elsewhere"
 
 
 def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:

@@ -21,10 +21,11 @@ def render(values: Mapping[str, Any]) -> str:
         rows = [r for r in values["rows"] if r["policy"] == policy]
         lines.append(f"{policy}: {_weakest([r for r in rows if r['still']])}")
         cells = [[r["position"], _rate(r["still"]), _rate(r["pushed"]), _cost(r), r["verdict"] or "-"] for r in rows]
-        heads = ("position", "still", "pushed", "lost by the push, points", "verdict")
+        heads = ("position", "still", "pushed", "change by the push, points", "verdict")
         sections.append(table_page.table(policy, heads, cells, picture=picture(rows, f"positions{i}")))
     low, high = values["force"]
     text = f"Pushes of {low:g} to {high:g} N for {values['duration']:g} s, from any side, once an episode"
+    sections.append(table_page.table("When a difference is one", (), (), note=values["rule"]))
     return page(
         "vispeg perturb", "perturbations", [table_page.title(text, lines), *sections, table_page.origin(values)]
     )
@@ -44,7 +45,7 @@ def _rate(e: Mapping[str, Any] | None) -> str:
 
 
 def _cost(r: Mapping[str, Any]) -> str:
-    return "-" if r["cost"] is None else words.lost(r["cost"])
+    return "-" if r["cost"] is None else words.change(r["cost"])
 
 
 def picture(rows: list[Any], name: str) -> str:

@@ -1,30 +1,32 @@
-"""Does success in the training world tell success elsewhere: a scatter a world, and the four measures."""
+"""Does success in the training world tell success elsewhere: a scatter a world, and the three measures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from vispeg.evaluation.statistics.decide import CANNOT_TELL
-from vispeg.evaluation.statistics.ranks import FEWEST, FEWEST_POINTS, TWO_POINTS
+from vispeg.evaluation.statistics import FEWEST_POLICIES
 from vispeg.report.drawings.figures import MUTED, RULE, Shape, chart, new_figure, quiet
+from vispeg.report.gap import words
 from vispeg.report.gap.colours import of_policies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TITLE = "Does the training world predict the others?"
+TITLE = "Does the first world predict the others?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     """The picture, and a row a target world."""
     rows = []
     for row in values["prediction"]:
-        cells = [_interval(row[k]) if row["n"] >= FEWEST else "-" for k in ("pearson", "spearman")]
-        cells += [_interval(row[k]) for k in ("mmrv", "mean_difference")]
-        line = row["n"] < FEWEST_POINTS  # a record of before may state a correlation of two
-        text = f"{CANNOT_TELL}: {TWO_POINTS}" if line else row["words"]
-        rows.append({"world": row["world"], "n": row["n"], "cells": cells, "words": text})
+        pairs = row["n"] * (row["n"] - 1) // 2
+        cells = [_interval(row["pearson"]) if row["n"] >= FEWEST_POLICIES else "-"]
+        cells += [
+            f"{row['mmrv']:.2f} ({row['ordered']} of {pairs} pairs)",
+            words.change(row["mean_difference"]),
+        ]
+        rows.append({"world": row["world"], "n": row["n"], "cells": cells, "words": row["words"]})
     return {"picture": picture(values) if rows else "", "rows": rows, "reference": values["reference"]}
 
 
@@ -38,7 +40,7 @@ def _interval(e: Mapping[str, Any]) -> str:
 
 def picture(values: Mapping[str, Any]) -> str:
     """Success in the reference against success in each target, one point a trained network."""
-    text = "Success in the training world against success in the targets"
+    text = f"Success in {values['reference']} against success in the targets"
     return chart(lambda shape: _figure(values, shape), "prediction", text)
 
 

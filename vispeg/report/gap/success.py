@@ -26,23 +26,28 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     for row in values["success"]:
         if not row["control"]:
             rows[row["policy"]]["cells"][row["world"]] = row
-    table = []
+    table, home = [], {p["name"]: p["home"] for p in values["policies"]}
     for name, row in rows.items():
         counts = [c["success"]["n"] for c in row["cells"].values()] or [0]
         spread = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)}-{max(counts)}"
-        cells = [_cell(row["cells"].get(w)) for w in names]
+        cells = [_cell(row["cells"].get(w), w in (home[name] or ())) for w in names]
         table.append({"name": name, "tag": row["tag"], "cells": cells, "n": spread})
     return {"worlds": names, "rows": table}
 
 
-def _cell(row: Mapping[str, Any] | None) -> dict[str, str]:
+def _cell(row: Mapping[str, Any] | None, home: bool) -> dict[str, str]:
     if row is None:
-        return {"rate": "-", "interval": "", "rest": ""}
+        return {"rate": "-", "interval": "", "rest": "", "home": ""}
     rest = [f"{row['time']:.1f} s"] if row["time"] is not None else []
     rest += [f"{row['peak_force']:.0f} N"] if row["peak_force"] is not None else []
     e = row["success"]
     interval = f"{100 * e['low']:.1f} to {100 * e['high']:.1f}"
-    return {"rate": words.percent(e["value"]), "interval": interval, "rest": ", ".join(rest)}
+    return {
+        "rate": words.percent(e["value"]),
+        "interval": interval,
+        "rest": ", ".join(rest),
+        "home": "home" if home else "",
+    }
 
 
 def picture(values: Mapping[str, Any]) -> str:

@@ -21,7 +21,9 @@ def render(
     last = versions[-1]
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
     changed = [c for c in changes if c["verdict"] in ("fell", "rose")]
-    lines += [f"{c['configuration']} in {c['world']} {c['verdict']}: {words.lost(c['change'])} points" for c in changed]
+    lines += [
+        f"{c['configuration']} in {c['world']} {c['verdict']}: {words.signed(c['change'])} points" for c in changed
+    ]
     lines += [*(last.get("notes") or ()), *notes]
     sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
     heads = ("policy", "configuration", last["train"], last["target"])
@@ -38,7 +40,7 @@ def render(
                 c["policy"],
                 c["world"],
                 c["configuration"],
-                words.lost(c["change"]),
+                words.signed(c["change"]),
                 words.p_value(c["p_holm"]),
                 c["verdict"],
             ]

@@ -23,8 +23,11 @@ def render(values: Mapping[str, Any]) -> str:
         heads = (_axis(sweep), *(c["policy"] for c in sweep["curves"]))
         points = [p["value"] for p in sweep["curves"][0]["points"]]
         rows = [[f"{v:g}", *(_cell(c["points"][j]) for c in sweep["curves"])] for j, v in enumerate(points)]
-        text = "Lines: success on the same seeds at every value. Bands: 95 % intervals. Dashed: nothing changed."
-        note = "lower: below the success at the dashed value, by McNemar with Holm's correction and by the interval."
+        text = (
+            "Lines: success on the same seeds at every value. Bands: 95 % intervals, each value by itself, not of the "
+            "curve. Dashed: nothing changed."
+        )
+        note = "lower: below the success at the dashed value, after Holm's correction over all values of this page."
         picture = curves(sweep, f"sweep{i}")
         sections.append(table_page.table(_title(sweep), heads, rows, picture=picture, caption=text, note=note))
     return page("vispeg sensitivity", "sensitivity", [*sections, table_page.origin(values)])

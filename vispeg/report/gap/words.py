@@ -35,6 +35,11 @@ def rate(e: Row) -> str:
     return f"{percent(e['value'])} ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
 
 
+def rate_of(e: Row) -> str:
+    """`87 % (81 to 92) of 60 episodes`."""
+    return f"{rate(e)} of {e['n']} episodes"
+
+
 def points(value: float | None) -> str:
     """-0.123 -> -12 points, with a sign."""
     return "-" if value is None else hundredths(value, "+")
@@ -46,9 +51,21 @@ def hundredths(value: float, sign: str = "") -> str:
     return f"{number:{sign if number else ''}d}".replace("-", "\N{MINUS SIGN}")
 
 
-def lost(e: Row) -> str:
-    """A gap's interval: `+12 (7 to 18)`, in points of success lost."""
+def signed(e: Row) -> str:
+    """Give a difference with its interval in points of success: `+12 (7 to 18)`."""
+    if e["value"] is None or e["low"] is None:
+        return points(e["value"])
     return f"{points(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
+
+
+def change(e: Row) -> str:
+    """Give a gap or a cost, which is success lost, as the change of success: `-12 (-18 to -7)`."""
+    return signed(
+        {
+            k: None if e[of] is None else -e[of]
+            for k, of in zip(("value", "low", "high"), ("value", "high", "low"), strict=True)
+        }
+    )
 
 
 def p_value(p: float | None) -> str:

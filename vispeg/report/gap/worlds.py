@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vispeg.core.errors import UserError
@@ -15,11 +15,17 @@ def caption(name: str, values: Mapping[str, Any]) -> str:
     """A few words below a world's name: `training world`, `unseen looks`, `all of them`; empty where there are none."""
     if len(values["worlds"]) < 2:
         return ""
-    if name == values["reference"]:
+    if name == values["reference"] and home_of_all(name, values["policies"]):
         return "training world"
     if name == values["joint"]:
         return "all at once"
     return SHORT.get(name, "")
+
+
+def home_of_all(world: str, policies: Sequence[Mapping[str, Any]]) -> bool:
+    """Tell whether all policies that were trained were trained there, as far as their records tell."""
+    trained = [p for p in policies if not p["scripted"]]
+    return bool(trained) and all(world in (p["home"] or ()) for p in trained)
 
 
 def about(values: Mapping[str, Any]) -> list[dict[str, str]]:

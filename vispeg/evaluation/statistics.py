@@ -1,0 +1,723 @@
+"""What episodes say, and how surely: every interval, test and verdict on success, in the order in which a page is made.
+
+1. **A rate.** One network: Wilson's score interval (E. B. Wilson, JASA 22 (1927) 209). Several: Wilson's form with the
+   variance of 3.
+2. **A difference between two sides.** One network a side, the same episodes on both: McNemar's exact test, the binomial
+   on the discordant pairs (Q. McNemar, Psychometrika 12 (1947) 153), with Tango's score interval (T. Tango, Statistics
+   in Medicine 17 (1998) 891). Other episodes on the two sides, as with a robot's trials: Fisher's exact test with
+   Newcombe's interval (R. G. Newcombe, Statistics in Medicine 17 (1998) 873, method 10). These speak of the networks
+   that were played.
+3. **Several training seeds.** The network is the unit, for episodes of one network are no independent samples of a
+   recipe. With outcomes y (networks k, episodes n), the variance of a mean has a part of the networks and one of the
+   episodes that all networks share, from the two-way analysis of variance without replication (S. R. Searle, G.
+   Casella, C. E. McCulloch, Variance Components, 1992, ch. 4):
+
+       V = sum over sides of var(row means) / k  +  max(0, var(column contrast) - sum of MS_rest / k) / n
+
+   Each part has its t quantile, the networks' with Satterthwaite's degrees of freedom over sides (F. E. Satterthwaite,
+   Biometrics Bulletin 2 (1946) 110), and the half-widths add as squares; in simulation this covers in 93 to 98 %.
+   Under three networks no statement on a recipe is made (`FEWEST_NETWORKS`): the spread between two is known to a
+   factor of 32 only (chi-squared, one degree of freedom, 95 %).
+4. **All comparisons of a page are one family.** `decide` adjusts all their p-values together by Holm's procedure (S.
+   Holm, Scandinavian Journal of Statistics 6 (1979) 65), so that a page of which nothing is true calls something in at
+   most 5 % of cases. Verdicts, words and intervals follow from the adjusted p-value: an interval of a difference is
+   taken at the level that Holm's step leaves its comparison, and it excludes 0 exactly where the verdict is
+   *different*.
+5. **How many pairs it takes** is the exact power of McNemar's test at Holm's first step.
+6. **Which factor costs what**: a part's share of a loss is a ratio; its interval is Fieller's (E. C. Fieller, JRSS B 16
+   (1954) 175).
+7. **Whether one world tells the other**: the correlation of true rates over policies or configurations, whose noise is
+   known from the episodes (bivariate random effects: H. C. van Houwelingen, L. R. Arends, T. Stijnen, Statistics in
+   Medicine 21 (2002) 589), with the interval of the profile likelihood. Where the rates differ no more than episodes
+   do, the likelihood is flat and the interval is everything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal, TypeVar
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import binom, binomtest, chi2, fisher_exact, norm
+from scipy.stats import t as student
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.schema.estimate import Interval
+
+ALPHA = 0.05  # of a whole page
+POWER = 0.8
+LEVEL = 1 - ALPHA
+MARGIN = 0.05  # success points within which two rates are called equal
+FEWEST_NETWORKS = 3
+FEWEST_POLICIES = 8  # below, the interval of a correlation of .7 reaches 0
+CANNOT_TELL = "these data cannot tell"
+RULE = (
+    "All comparisons of this page are one family: two success rates are called different where the p-value after "
+    "Holm's correction over all of them is below 5 %, so that of pages on which nothing differs at most 5 % call "
+    "anything different. They are called equal where the interval lies within 5 points either way. Otherwise these "
+    "data cannot tell. The intervals of differences are widened to the level that Holm's correction leaves them, and "
+    "exclude 0 exactly where the verdict is different. Of one network a side the tests are exact (McNemar's on the "
+    "same episodes, Fisher's on others) and speak of these networks; of several, the network is the unit (t test), and "
+    "three are the fewest."
+)
+Verdict = Literal["different", "equal", "these data cannot tell"]
+Rows = Mapping[int, Mapping[Hashable, float]]  # training seed -> episode -> outcome (0 or 1, or a mean of such)
+Key = TypeVar("Key", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its interval.
+
+    Attributes:
+        value: the point estimate.
+        low, high: the interval, 95 % if nothing else is said.
+        n: episodes behind it (pairs, for a paired difference).
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+    def excludes(self, value: float = 0.0) -> bool:
+        """Tell whether `value` lies outside the interval."""
+        return value < self.low or value > self.high
+
+    def to_json(self) -> Interval:
+        """Give {value, low, high, n}, null for what is not finite."""
+        value, low, high = (float(v) if math.isfinite(v) else None for v in (self.value, self.low, self.high))
+        return {"value": value, "low": low, "high": high, "n": self.n}
+
+
+# 1. A rate
+
+
+def wilson(successes: int, n: int, alpha: float = ALPHA) -> Estimate:
+    """Give Wilson's score interval of a proportion.
+
+    Raises:
+        UserError: no trial, or more successes than trials.
+    """
+    if n < 1 or not 0 <= successes <= n:
+        raise UserError("not a count of successes", expected="0 <= successes <= n, n >= 1", got=f"{successes} of {n}")
+    p, z = successes / n, float(norm.ppf(1 - alpha / 2))
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low = 0.0 if successes == 0 else middle - half
+    return Estimate(p, low, 1.0 if successes == n else middle + half, n)
+
+
+def rate(rows: Rows) -> Estimate:
+    """Give the success rate of all episodes, each network counting alike.
+
+    Several networks: Wilson's form with the effective number of episodes p (1 - p) / V and the t quantile; where all
+    succeed or all fail, the episodes count once, however many networks played them.
+    """
+    sides = [np.array(list(row.values()), float) for row in rows.values() if row]
+    if not sides:
+        raise UserError("no episodes")
+    n, most = sum(map(len, sides)), max(map(len, sides))
+    if len(sides) == 1:
+        return wilson(round(float(sides[0].sum())), n)
+    side = _side(rows, _shared(rows))
+    moments = _moments([side], paired=True)
+    p = moments.value
+    if p in (0.0, 1.0):
+        return replace(wilson(round(p * most), most), n=n)
+    quantile = moments.half(ALPHA) / math.sqrt(moments.variance)
+    effective = max(p * (1 - p) / moments.variance, 1.0)
+    middle = (p + quantile**2 / (2 * effective)) / (1 + quantile**2 / effective)
+    half = quantile / (1 + quantile**2 / effective)
+    half *= math.sqrt(p * (1 - p) / effective + quantile**2 / (4 * effective**2))
+    return Estimate(p, max(0.0, middle - half), min(1.0, middle + half), n)
+
+
+def rate_words(rate: Estimate) -> str:
+    """Say what the episodes can tell of a success rate: `4 of 4: 51 to 100 %`."""
+    return f"{round(rate.value * rate.n)} of {rate.n}: {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+
+
+def episodes_needed(rate: Estimate) -> int | None:
+    """Give the episodes that would tell one network's success rate to within the margin, None where these do.
+
+    Wald's number for a half-width as large as the margin, at the rate within the interval that needs most.
+    """
+    if max(rate.high - rate.value, rate.value - rate.low) <= MARGIN:
+        return None
+    p = min(max(rate.low, 0.5), rate.high)
+    return math.ceil(float(norm.ppf(1 - ALPHA / 2)) ** 2 * p * (1 - p) / MARGIN**2)
+
+
+# 2. A difference between two sides
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A hypothesis of a page.
+
+    Attributes:
+        p: its p-value before anything is adjusted; None where no test can be made.
+        weight: its share of a page's 5 %; those that ask one thing in several ways share 1.
+    """
+
+    p: float | None
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Success on one side minus success on the other: a hypothesis, with its size.
+
+    Attributes:
+        p, weight: as of a Hypothesis.
+        value: the difference, -1 to 1.
+        interval: of an alpha: the ends of the 1 - alpha interval.
+        n: pairs, or episodes of the smaller side where nothing pairs.
+        networks: on the side that has fewer: 1 where the statement is of these networks.
+        paired: whether both sides played the same episodes.
+        discordant: share of pairs that end differently; None where the unit is no pair of episodes.
+        refused: why no statement is made; "" where one is.
+    """
+
+    p: float | None
+    value: float
+    interval: Callable[[float], tuple[float, float]]
+    n: int
+    networks: int = 1
+    paired: bool = True
+    discordant: float | None = None
+    refused: str = ""
+    weight: float = 1.0
+
+
+def difference(first: Rows, second: Rows, same_networks: bool, trained: tuple[bool, bool] = (True, True)) -> Difference:
+    """Compare success on two sides.
+
+    Episodes are paired where whoever played fewest played nothing that another did not; else the sides are independent
+    samples of all their episodes.
+
+    Args:
+        first, second: outcomes.
+        same_networks: whether a training seed is the same network on both sides (one policy in two worlds); those that
+            played one side only are left out.
+        trained: whether a side's networks are a sample of what its training gives; a scripted policy is none.
+    """
+    if same_networks:
+        common = [t for t in first if t in second]
+        first, second = ({t: side[t] for t in common} for side in (first, second))
+    if not first or not second:
+        nothing = "no network was played on both sides" if same_networks else "no episodes"
+        return Difference(None, math.nan, lambda alpha: (-1.0, 1.0), 0, 0, False, None, nothing)
+    both = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
+    own = [_shared(rows) for rows in (first, second)]
+    sides = [_side(rows, both or mine) for rows, mine in zip((first, second), own, strict=True)]
+    return _compared(sides[0], sides[1], same_networks, bool(both), trained)
+
+
+def contrast(*blocks: np.ndarray) -> Difference:
+    """Test whether the sum of the blocks' means is 0.
+
+    Args:
+        blocks: signed values (networks, episodes) of a policy each, such as weighted sums over worlds; column j is the
+            same episode in all.
+    """
+    sides = [_Side(list(np.atleast_2d(np.asarray(block, float))), True) for block in blocks]
+    return _by_t(sides, True, min(len(side.rows) for side in sides), len(sides[0].rows[0]), limit=math.inf)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Outcomes of a side: an array of episodes a network; `crossed`: entry j is the same episode for all networks."""
+
+    rows: list[np.ndarray]
+    crossed: bool
+
+    @property
+    def means(self) -> np.ndarray:
+        return np.array([row.mean() for row in self.rows])
+
+    def __neg__(self) -> _Side:
+        return _Side([-row for row in self.rows], self.crossed)
+
+
+def _shared(rows: Mapping[Hashable, Mapping[Hashable, float]]) -> list[Hashable]:
+    """The episodes that all networks played; none where one that played fewest has some of its own, so that a single
+    number that trials of two networks share does not stand for all of them.
+    """
+    shared = set.intersection(*(set(row) for row in rows.values()))
+    return sorted(shared, key=repr) if len(shared) == min(map(len, rows.values())) else []
+
+
+def _side(rows: Rows, episodes: Sequence[Hashable]) -> _Side:
+    """These episodes of every network; all of each where there are none that they share."""
+    if episodes:
+        return _Side([np.array([rows[t][e] for e in episodes], float) for t in sorted(rows)], True)
+    return _Side([np.array(list(rows[t].values()), float) for t in sorted(rows)], False)
+
+
+def _compared(first: _Side, second: _Side, same: bool, paired: bool, trained: tuple[bool, bool]) -> Difference:
+    counts = [len(first.rows), len(second.rows)]
+    n = min(sum(map(len, side.rows)) if not side.crossed else len(side.rows[0]) for side in (first, second))
+    if counts == [1, 1]:
+        values = np.concatenate([first.rows[0], second.rows[0]])
+        if np.isin(values, (0.0, 1.0)).all():
+            return (_pairs if paired else _independent)(first.rows[0] > 0.5, second.rows[0] > 0.5)
+    several = [k for k, varies in zip(counts, trained, strict=True) if varies or k > 1]
+    if not same and min(several, default=1) == 1 < max(several, default=1):
+        said = f"{counts[0]} and {counts[1]} training seeds"
+        refused = f"{said}, of a recipe {FEWEST_NETWORKS} or more are needed"
+        value = float(first.means.mean() - second.means.mean())
+        return Difference(None, value, lambda alpha: (-1.0, 1.0), n, min(several), paired, None, refused)
+    if paired and same:
+        blocks = [_Side([a - b for a, b in zip(first.rows, second.rows, strict=True)], True)]
+    else:
+        blocks = [first, -second]
+    return _by_t(blocks, paired, min(several, default=1), n, same_networks=same and not paired)
+
+
+def _by_t(
+    blocks: Sequence[_Side], paired: bool, networks: int, n: int, same_networks: bool = False, limit: float = 1.0
+) -> Difference:
+    """The t test of the sum of the blocks' means."""
+    moments = _moments(blocks, paired, same_networks)
+    value = moments.value
+
+    def interval(alpha: float) -> tuple[float, float]:
+        half = moments.half(alpha)
+        return max(-limit, value - half), min(limit, value + half)
+
+    refused = ""
+    if 1 < networks < FEWEST_NETWORKS:
+        refused = f"{networks} training seeds, of a recipe {FEWEST_NETWORKS} or more are needed"
+    return Difference(None if refused else _p_of(interval), value, interval, n, networks, paired, None, refused)
+
+
+def fall(configurations: Sequence[tuple[Rows, Rows]]) -> Difference:
+    """Compare one policy's success on two sides over the configurations of a suite: the mean of their differences.
+
+    Where both sides played the same seeds, a seed is one number, its mean over configurations, so that one that is hard
+    in every configuration counts once. Where not, as with a robot's trials, of one network Newcombe's intervals of the
+    configurations are put together by the squares of their distances (G. Y. Zou, A. Donner, Statistics in Medicine 27
+    (2008) 1693); of several, the networks' own differences are the sample.
+    """
+    sides = [_averaged([both[side] for both in configurations]) for side in (0, 1)]
+    if all(sides) and _shared({(side, t): row for side, rows in enumerate(sides) for t, row in rows.items()}):
+        return difference(*sides, same_networks=True)
+    networks = [t for t in configurations[0][0] if all(t in rows for both in configurations for rows in both)]
+    if len(networks) != 1:
+        return difference(*(_weighted([b[i] for b in configurations], networks) for i in (0, 1)), same_networks=True)
+    counts = [
+        [(round(sum(rows[networks[0]].values())), len(rows[networks[0]])) for rows in both] for both in configurations
+    ]
+    values = [a / m - b / n for (a, m), (b, n) in counts]
+    value, episodes = float(np.mean(values)), sum(min(m, n) for (_, m), (_, n) in counts)
+
+    def interval(alpha: float) -> tuple[float, float]:
+        ends = [newcombe((a, b), (m, n), alpha) for (a, m), (b, n) in counts]
+        low, high = (math.hypot(*(v - e[i] for v, e in zip(values, ends, strict=True))) / len(ends) for i in (0, 1))
+        return max(-1.0, value - low), min(1.0, value + high)
+
+    return Difference(_p_of(interval), value, interval, episodes, 1, False)
+
+
+def _averaged(configurations: Sequence[Rows]) -> dict[int, dict[Hashable, float]]:
+    """Training seed -> seed -> mean over configurations, of the seeds that all configurations have."""
+    networks = [t for t in configurations[0] if all(t in rows for rows in configurations)]
+    of = {t: [rows[t] for rows in configurations] for t in networks}
+    seeds = {t: set.intersection(*map(set, rows)) for t, rows in of.items()}
+    return {t: {s: float(np.mean([row[s] for row in of[t]])) for s in seeds[t]} for t in networks if seeds[t]}
+
+
+def _weighted(configurations: Sequence[Rows], networks: Sequence[int]) -> dict[int, dict[Hashable, float]]:
+    """Every trial by itself, weighted so that a network's mean is that of its configurations' rates."""
+    rows: dict[int, dict[Hashable, float]] = {}
+    for t in networks:
+        total = sum(len(c[t]) for c in configurations)
+        each = [(len(c[t]), y) for c in configurations for y in c[t].values()]
+        rows[t] = {(t, i): y * total / (n * len(configurations)) for i, (n, y) in enumerate(each)}
+    return rows
+
+
+def _p_of(interval: Callable[[float], tuple[float, float]]) -> float:
+    """Give the alpha at which an interval ends at 0: its p-value."""
+
+    def distance(exponent: float) -> float:
+        low, high = interval(10.0**exponent)
+        return max(low, -high)
+
+    if distance(0.0) <= 0:
+        return 1.0
+    return float(10 ** brentq(distance, -15.0, 0.0, xtol=1e-6)) if distance(-15.0) < 0 else 1e-15
+
+
+# 3. Several training seeds
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """A sum of means, its variance by networks and by episodes, each with its degrees of freedom."""
+
+    value: float
+    networks: float
+    df_networks: float
+    episodes: float
+    df_episodes: float
+
+    @property
+    def variance(self) -> float:
+        return self.networks + self.episodes
+
+    def half(self, alpha: float) -> float:
+        """Half the width of the 1 - alpha interval: both parts' half-widths, added as squares."""
+        parts = (self.networks, self.df_networks), (self.episodes, self.df_episodes)
+        return math.sqrt(sum(v * float(student.ppf(1 - alpha / 2, df)) ** 2 for v, df in parts if v > 0))
+
+
+def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False) -> _Moments:
+    """Give the sum of the blocks' means and the parts of its variance V.
+
+    Args:
+        blocks: signed outcomes of a side each.
+        paired: whether entry j is the same episode in all blocks.
+        same_networks: whether row i is the same network in all blocks.
+    """
+    value = float(sum(block.means.mean() for block in blocks))
+    rows = [sum(b.means for b in blocks)] if same_networks else [b.means for b in blocks]
+    least = _least(min(len(row) for block in blocks for row in block.rows))
+    networks = [(max(float(m.var(ddof=1)), least) / len(m), len(m) - 1) for m in rows if len(m) > 1]
+    episodes = []
+    for group in [blocks] if paired else [[block] for block in blocks]:
+        n = len(group[0].rows[0])
+        if n > 1 and all(block.crossed for block in group):
+            columns = np.sum([np.mean(block.rows, axis=0) for block in group], axis=0)  # (n,)
+            rest = sum(_rest(np.array(block.rows)) / len(block.rows) for block in group if len(block.rows) > 1)
+            excess = max(0.0, float(columns.var(ddof=1)) - rest) / n
+            single = all(len(block.rows) == 1 for block in group)
+            episodes.append((max(excess, _least(n)) if single else excess, n - 1))
+    if not networks and not episodes:  # a single episode
+        return _Moments(value, 0.0, 1.0, 1.0, 1.0)
+    return _Moments(value, *_satterthwaite(networks), *_satterthwaite(episodes))
+
+
+def _satterthwaite(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The sum of variances and its degrees of freedom."""
+    below = sum(v * v / df for v, df in parts)
+    total = sum(v for v, _ in parts)
+    return total, total**2 / below if below > 0 else 1.0
+
+
+def _rest(y: np.ndarray) -> float:
+    """The mean square of what rows and columns of (k, n) leave."""
+    k, n = y.shape
+    rest = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
+    return float(np.sum(rest**2)) / ((k - 1) * (n - 1))
+
+
+def _least(n: int) -> float:
+    """The variance with which a mean of n outcomes that are all alike is known: Tango's interval at no discordance."""
+    z = float(norm.ppf(1 - ALPHA / 2))
+    return (z / (n + z * z)) ** 2
+
+
+# One network a side: exact tests
+
+
+def mcnemar(first_only: int, second_only: int) -> float:
+    """Give the two-sided exact p-value that two paired rates are equal, from the discordant pairs."""
+    pairs = first_only + second_only
+    return float(binomtest(first_only, pairs).pvalue) if pairs else 1.0
+
+
+def _pairs(first: np.ndarray, second: np.ndarray) -> Difference:
+    b, c, n = int(np.sum(first & ~second)), int(np.sum(~first & second)), len(first)
+    return Difference(mcnemar(b, c), (b - c) / n, lambda alpha: tango(b, c, n, alpha), n, 1, True, (b + c) / n)
+
+
+def _independent(first: np.ndarray, second: np.ndarray) -> Difference:
+    (a, m), (b, n) = ((int(side.sum()), len(side)) for side in (first, second))
+    p = float(fisher_exact([[a, m - a], [b, n - b]]).pvalue)
+    return Difference(min(1.0, p), a / m - b / n, lambda alpha: newcombe((a, b), (m, n), alpha), min(m, n), 1, False)
+
+
+def newcombe(successes: tuple[int, int], trials: tuple[int, int], alpha: float = ALPHA) -> tuple[float, float]:
+    """Give the interval of p1 - p2 of independent samples from their two Wilson intervals (method 10)."""
+    p1, p2 = (wilson(s, n, alpha) for s, n in zip(successes, trials, strict=True))
+    value = p1.value - p2.value
+    return (
+        value - math.hypot(p1.value - p1.low, p2.high - p2.value),
+        value + math.hypot(p1.high - p1.value, p2.value - p2.low),
+    )
+
+
+def tango(b: int, c: int, n: int, alpha: float = ALPHA) -> tuple[float, float]:
+    """Give the differences p1 - p2 that the score test of `tango_score` accepts, for b and c discordant pairs of n."""
+    value, z = (b - c) / n, float(norm.ppf(1 - alpha / 2))
+    return _root(b, c, n, -1.0, value, +z), _root(b, c, n, value, 1.0, -z)
+
+
+def tango_score(b: int, c: int, n: int, delta: float) -> float:
+    """Give the score statistic (standard normal under p1 - p2 = delta), for b and c discordant pairs of n.
+
+    The variance uses the maximum-likelihood discordance p21 under the hypothesis, the larger root of
+    A x^2 + B x + C = 0 with A = 2 n, B = -b - c + (2 n - b + c) delta, C = -c delta (1 - delta).
+    """
+    quad, lin, const = 2.0 * n, -b - c + (2.0 * n - b + c) * delta, -c * delta * (1.0 - delta)
+    p21 = (math.sqrt(max(lin * lin - 4.0 * quad * const, 0.0)) - lin) / (2.0 * quad)
+    variance = n * (2.0 * p21 + delta * (1.0 - delta))
+    gap = b - c - n * delta
+    if variance <= 0:
+        return 0.0 if gap == 0 else math.copysign(math.inf, gap)
+    return gap / math.sqrt(variance)
+
+
+def _root(b: int, c: int, n: int, low: float, high: float, target: float) -> float:
+    """Where the score, which falls with delta, equals `target` between `low` and `high`."""
+    eps = 1e-12
+    low, high = low + eps, high - eps
+
+    def excess(delta: float) -> float:
+        score = tango_score(b, c, n, delta)
+        return max(min(score, 1e6), -1e6) - target
+
+    if low >= high or excess(low) <= 0:
+        return low
+    return high if excess(high) >= 0 else float(brentq(excess, low, high, xtol=1e-10))
+
+
+# 4. All comparisons of a page
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a page may say of one of its tests.
+
+    Attributes:
+        test: what was asked.
+        p_holm: its p-value adjusted over the family; None where no test could be made.
+        verdict: on it.
+        family: tests in the family.
+        estimate: of a difference, its value and interval; the interval excludes 0 exactly where the verdict is
+            `different`.
+        needed: pairs that would find the margin with 80 % power at Holm's first step; None where these are as many, or
+            where the unit is no pair of episodes.
+    """
+
+    test: Hypothesis | Difference
+    p_holm: float | None
+    verdict: Verdict
+    family: int
+    estimate: Estimate = Estimate(math.nan, math.nan, math.nan, 0)
+    needed: int | None = None
+
+    @property
+    def certain(self) -> bool:
+        """Tell whether the two sides are called different."""
+        return self.verdict == "different"
+
+    @property
+    def paired(self) -> bool:
+        """Tell whether both sides played the same episodes."""
+        return isinstance(self.test, Difference) and self.test.paired
+
+    @property
+    def refused(self) -> str:
+        """Say why no statement is made; "" where one is."""
+        return self.test.refused if isinstance(self.test, Difference) else ""
+
+
+def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN) -> dict[Key, Decision]:
+    """Decide all comparisons of a page together, by Holm's procedure."""
+    asked = {key: (test.p, test.weight) for key, test in tests.items() if test.p is not None}
+    adjusted = dict(zip(asked, holm(*zip(*asked.values(), strict=True)), strict=True)) if asked else {}
+    total = sum(weight for _, weight in asked.values())
+    # the weight that Holm's steps leave each: of what is not rejected all of it, of the rest what comes after
+    behind = {
+        key: sum(w for other, (_, w) in asked.items() if adjusted[other] >= min(p, ALPHA))
+        for key, p in adjusted.items()
+    }
+    decisions = {}
+    for key, test in tests.items():
+        p = adjusted.get(key)
+        sure = p is not None and p < ALPHA
+        verdict: Verdict = "different" if sure else CANNOT_TELL
+        estimate, more = Decision.estimate, None
+        if isinstance(test, Difference):
+            low, high = test.interval(ALPHA if p is None else ALPHA * test.weight / behind[key])
+            if sure:
+                low, high = (max(low, 0.0), high) if test.value > 0 else (low, min(high, 0.0))
+            elif p is not None:
+                low, high = min(low, 0.0), max(high, 0.0)
+                if -margin <= low and high <= margin:
+                    verdict = "equal"
+            estimate = Estimate(test.value, low, high, test.n)
+            if verdict == CANNOT_TELL and test.discordant is not None:
+                most = pairs_needed(margin, test.discordant, ALPHA * test.weight / total)
+                more = most if most > test.n else None
+        decisions[key] = Decision(test, p, verdict, len(asked), estimate, more)
+    return decisions
+
+
+def holm(p: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
+    """Adjust p-values: of the j-th smallest p / weight, multiply it by the weight of all from the j-th on (without
+    weights, by m - j + 1); kept monotone and at most 1.
+    """
+    each = np.ones(len(p)) if weights is None else np.asarray(weights, float)
+    scaled = np.asarray(p, float) / each
+    order, adjusted, worst, left = np.argsort(scaled, kind="stable"), [0.0] * len(p), 0.0, float(each.sum())
+    for index in order:
+        worst = max(worst, min(1.0, left * float(scaled[index])))
+        adjusted[int(index)] = worst
+        left -= float(each[index])
+    return adjusted
+
+
+def gap_words(decision: Decision) -> str:
+    """Say what a gap (reference minus target) is, in points of success."""
+    gap = decision.estimate
+    if decision.refused:
+        return f"{CANNOT_TELL}: {decision.refused}"
+    ends = sorted((100 * abs(gap.low), 100 * abs(gap.high)))
+    if decision.verdict == "equal":
+        return f"holds, to within {ends[1]:.0f} points"
+    if decision.certain:
+        word = "loses" if gap.value > 0 else "gains"
+        return f"{word} {100 * abs(gap.value):.0f} points ({ends[0]:.0f} to {ends[1]:.0f})"
+    worst, best = round(100 * gap.high), round(-100 * gap.low)
+    return f"{CANNOT_TELL}: anything from {worst} points lost to {best} gained"
+
+
+# 5. How many pairs it takes
+
+
+@lru_cache(maxsize=4096)
+def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA, power: float = POWER) -> int:
+    """Give the pairs with which McNemar's exact test at level alpha finds `difference` with probability `power`.
+
+    Args:
+        difference: of the two rates.
+        discordant: share of pairs that end differently; at least the difference.
+        alpha: of the test: of a family of m, ALPHA / m at Holm's first step.
+        power: probability of finding it.
+
+    Raises:
+        UserError: a difference that is not within (0, 1].
+    """
+    d = abs(difference)
+    if not 0 < d <= 1:
+        raise UserError("not a difference of two success rates", expected="0 < difference <= 1", got=difference)
+    psi = min(max(discordant, d), 1.0)
+    low, high = 1, 2
+    while exact_power(high, d, psi, alpha) < power:
+        low, high = high, 2 * high
+    while high - low > max(1, high // 200):  # power of an exact test goes up in steps: half a per cent is enough
+        middle = (low + high) // 2
+        low, high = (low, middle) if exact_power(middle, d, psi, alpha) >= power else (middle, high)
+    return high
+
+
+def exact_power(n: int, difference: float, discordant: float, alpha: float = ALPHA) -> float:
+    """Give the probability that McNemar's exact test on n pairs is significant at level alpha.
+
+    The discordant pairs m are binomial (n, discordant), the first's among them binomial (m, share).
+    """
+    share = (discordant + difference) / (2 * discordant)
+    sd = math.sqrt(n * discordant * (1 - discordant))
+    m = np.arange(max(0, int(n * discordant - 6 * sd)), min(n, int(n * discordant + 6 * sd) + 1) + 1)
+    most = binom.ppf(alpha / 2, m, 0.5)  # the largest count of the rarer side that may be significant
+    most = np.where(binom.cdf(most, m, 0.5) > alpha / 2, most - 1, most)
+    found = binom.cdf(most, m, share) + binom.sf(m - most - 1, m, share)
+    return float(np.sum(binom.pmf(m, n, discordant) * np.where(most >= 0, found, 0.0)))
+
+
+# 6. Which factor costs what
+
+
+def share(part: np.ndarray, total: np.ndarray) -> Estimate | None:
+    """Give a part's share of a total with Fieller's interval; None where the total may be 0, so that no share is.
+
+    Args:
+        part, total: values of the same networks and episodes (networks, episodes).
+    """
+    part, total = np.atleast_2d(part), np.atleast_2d(total)
+
+    of_part, of_total, of_rest = (_moments([_Side(list(y), True)], paired=True) for y in (part, total, total - part))
+    f, t = of_part.value, of_total.value
+    q_f, q_t, q_rest = (m.half(ALPHA) ** 2 for m in (of_part, of_total, of_rest))
+    a, b, c = t * t - q_t, f * t - (q_f + q_t - q_rest) / 2, f * f - q_f
+    if a <= 0 or 1 < len(part) < FEWEST_NETWORKS:
+        return None
+    half = math.sqrt(max(b * b - a * c, 0.0))
+    return Estimate(f / t, (b - half) / a, (b + half) / a, part.shape[1])
+
+
+# 7. Whether one world tells the other
+
+_RHO = np.linspace(-0.999, 0.999, 101)
+_SPREAD = 0.6 * (np.arange(16) / 15) ** 2  # standard deviations of true rates, which cannot exceed .5 by much
+
+
+def noise(first: Rows, second: Rows) -> np.ndarray:
+    """Give the covariance (2, 2) with which the episodes tell two rates, of the same episodes or of others.
+
+    With one success and one failure more than were seen, so that 20 of 20 is not taken for certain.
+    """
+    both = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
+    sides = [_side(rows, both or _shared(rows)) for rows in (first, second)]
+    y = [np.mean(side.rows, axis=0) if side.crossed else np.concatenate(side.rows) for side in sides]
+    sd = np.array([math.sqrt((v.sum() + 1) * (len(v) - v.sum() + 1) / len(v)) / (len(v) + 2) for v in y])
+    r = float(np.corrcoef(*y)[0, 1]) if both and min(map(np.std, y)) > 0 else 0.0
+    return np.outer(sd, sd) * np.array([[1.0, 0.999 * r], [0.999 * r, 1.0]])
+
+
+def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Estimate:
+    """Estimate the correlation of the true rates of which x and y (n,) are measured, each pair with its covariance.
+
+    Restricted likelihood of (x, y) ~ N(mean, [[a^2, r a b], [r a b, b^2]] + noise), profiled over mean, a and b on a
+    grid. The cut of its drop is widened by n / (n - 3), the small-sample variance of Fisher's z. NaN of fewer than
+    four.
+    """
+    n = len(x)
+    if n < 4:
+        return Estimate(math.nan, math.nan, math.nan, n)
+    r, a, b = np.meshgrid(_RHO, _SPREAD, _SPREAD, indexing="ij")
+    log = np.zeros(r.shape)
+    w_x, w_y, w_c, s_x, s_y = (np.zeros(r.shape) for _ in range(5))  # weights and weighted sums
+    for x_i, y_i, cov in zip(x, y, noise, strict=True):
+        v_x, v_y, c = a * a + cov[0, 0], b * b + cov[1, 1], r * a * b + cov[0, 1]
+        det = v_x * v_y - c * c
+        t_x, t_y = (v_y * x_i - c * y_i) / det, (v_x * y_i - c * x_i) / det
+        log -= np.log(det) + t_x * x_i + t_y * y_i
+        w_x, w_y, w_c, s_x, s_y = w_x + v_y / det, w_y + v_x / det, w_c - c / det, s_x + t_x, s_y + t_y
+    det = w_x * w_y - w_c * w_c
+    log += (w_y * s_x**2 - 2 * w_c * s_x * s_y + w_x * s_y**2) / det - np.log(det)
+    profile = log.max(axis=(1, 2))
+    inside = _RHO[profile.max() - profile <= chi2.ppf(LEVEL, 1) * n / (n - 3)]
+    ends = [float(np.sign(e)) if abs(e) == _RHO[-1] else float(e) for e in (inside.min(), inside.max())]
+    return Estimate(float(_RHO[profile.argmax()]), ends[0], ends[1], n)
+
+
+def mean_interval(values: np.ndarray) -> Estimate:
+    """Give the mean over policies with its t interval; NaN ends of fewer than three."""
+    n, value = len(values), float(np.mean(values))
+    if n < FEWEST_NETWORKS:
+        return Estimate(value, math.nan, math.nan, n)
+    half = float(student.ppf(1 - ALPHA / 2, n - 1)) * float(np.std(values, ddof=1)) / math.sqrt(n)
+    return Estimate(value, max(-1.0, value - half), min(1.0, value + half), n)
+
+
+def mmrv(target: np.ndarray, reference_order: np.ndarray, target_order: np.ndarray) -> float:
+    """Give the mean maximum rank violation (X. Li et al., Evaluating Real-World Robot Manipulation Policies in
+    Simulation, CoRL 2024): the mean over i of the largest |r_i - r_j| among the j that the two worlds order otherwise.
+
+    Args:
+        target: success r (n,) in the world that counts.
+        reference_order, target_order: (n, n): 1 where i is better than j beyond doubt, -1 where worse, 0 where the
+            data cannot tell; so what chance reverses is none.
+    """
+    violated = reference_order * target_order < 0
+    return float(np.mean(np.max(np.abs(target[:, None] - target) * violated, axis=1)))

@@ -1,1 +1,0 @@
-"""Intervals, tests and ranks: what episodes say, with how much doubt."""
