@@ -195,7 +195,9 @@ class Difference:
     weight: float = 1.0
 
 
-def difference(first: Rows, second: Rows, same_networks: bool, trained: tuple[bool, bool] = (True, True)) -> Difference:
+def difference(
+    first: Rows, second: Rows, same_networks: bool, trained: tuple[bool, bool] = (True, True), each: int = 1
+) -> Difference:
     """Compare success on two sides.
 
     Episodes are paired where whoever played fewest played nothing that another did not; else the sides are independent
@@ -206,6 +208,7 @@ def difference(first: Rows, second: Rows, same_networks: bool, trained: tuple[bo
         same_networks: whether a training seed is the same network on both sides (one policy in two worlds); those that
             played one side only are left out.
         trained: whether a side's networks are a sample of what its training gives; a scripted policy is none.
+        each: outcomes behind every number, where they are means.
     """
     if same_networks:
         common = [t for t in first if t in second]
@@ -216,7 +219,7 @@ def difference(first: Rows, second: Rows, same_networks: bool, trained: tuple[bo
     both = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
     own = [_shared(rows) for rows in (first, second)]
     sides = [_side(rows, both or mine) for rows, mine in zip((first, second), own, strict=True)]
-    return _compared(sides[0], sides[1], same_networks, bool(both), trained)
+    return _compared(sides[0], sides[1], same_networks, bool(both), trained, each)
 
 
 def contrast(*blocks: np.ndarray) -> Difference:
@@ -260,7 +263,9 @@ def _side(rows: Rows, episodes: Sequence[Hashable]) -> _Side:
     return _Side([np.array(list(rows[t].values()), float) for t in sorted(rows)], False)
 
 
-def _compared(first: _Side, second: _Side, same: bool, paired: bool, trained: tuple[bool, bool]) -> Difference:
+def _compared(
+    first: _Side, second: _Side, same: bool, paired: bool, trained: tuple[bool, bool], each: int
+) -> Difference:
     counts = [len(first.rows), len(second.rows)]
     n = min(sum(map(len, side.rows)) if not side.crossed else len(side.rows[0]) for side in (first, second))
     if counts == [1, 1]:
@@ -277,14 +282,20 @@ def _compared(first: _Side, second: _Side, same: bool, paired: bool, trained: tu
         blocks = [_Side([a - b for a, b in zip(first.rows, second.rows, strict=True)], True)]
     else:
         blocks = [first, -second]
-    return _by_t(blocks, paired, min(several, default=1), n, same_networks=same and not paired)
+    return _by_t(blocks, paired, min(several, default=1), n, same and not paired, each)
 
 
 def _by_t(
-    blocks: Sequence[_Side], paired: bool, networks: int, n: int, same_networks: bool = False, limit: float = 1.0
+    blocks: Sequence[_Side],
+    paired: bool,
+    networks: int,
+    n: int,
+    same_networks: bool = False,
+    each: int = 1,
+    limit: float = 1.0,
 ) -> Difference:
     """The t test of the sum of the blocks' means."""
-    moments = _moments(blocks, paired, same_networks)
+    moments = _moments(blocks, paired, same_networks, each)
     value = moments.value
 
     def interval(alpha: float) -> tuple[float, float]:
@@ -307,7 +318,7 @@ def fall(configurations: Sequence[tuple[Rows, Rows]]) -> Difference:
     """
     sides = [_averaged([both[side] for both in configurations]) for side in (0, 1)]
     if all(sides) and _shared({(side, t): row for side, rows in enumerate(sides) for t, row in rows.items()}):
-        return difference(*sides, same_networks=True)
+        return difference(*sides, same_networks=True, each=len(configurations))
     networks = [t for t in configurations[0][0] if all(t in rows for both in configurations for rows in both)]
     if len(networks) != 1:
         return difference(*(_weighted([b[i] for b in configurations], networks) for i in (0, 1)), same_networks=True)
@@ -378,17 +389,18 @@ class _Moments:
         return math.sqrt(sum(v * float(student.ppf(1 - alpha / 2, df)) ** 2 for v, df in parts if v > 0))
 
 
-def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False) -> _Moments:
+def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False, each: int = 1) -> _Moments:
     """Give the sum of the blocks' means and the parts of its variance V.
 
     Args:
         blocks: signed outcomes of a side each.
         paired: whether entry j is the same episode in all blocks.
         same_networks: whether row i is the same network in all blocks.
+        each: as of `difference`.
     """
     value = float(sum(block.means.mean() for block in blocks))
     rows = [sum(b.means for b in blocks)] if same_networks else [b.means for b in blocks]
-    least = _least(min(len(row) for block in blocks for row in block.rows))
+    least = _least(each * min(len(row) for block in blocks for row in block.rows))
     networks = [(max(float(m.var(ddof=1)), least) / len(m), len(m) - 1) for m in rows if len(m) > 1]
     episodes = []
     for group in [blocks] if paired else [[block] for block in blocks]:
@@ -398,7 +410,7 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False)
             rest = sum(_rest(np.array(block.rows)) / len(block.rows) for block in group if len(block.rows) > 1)
             excess = max(0.0, float(columns.var(ddof=1)) - rest) / n
             single = all(len(block.rows) == 1 for block in group)
-            episodes.append((max(excess, _least(n)) if single else excess, n - 1))
+            episodes.append((max(excess, _least(each * n)) if single else excess, n - 1))
     if not networks and not episodes:  # a single episode
         return _Moments(value, 0.0, 1.0, 1.0, 1.0)
     return _Moments(value, *_satterthwaite(networks), *_satterthwaite(episodes))
@@ -697,8 +709,8 @@ def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Es
     log += (w_y * s_x**2 - 2 * w_c * s_x * s_y + w_x * s_y**2) / det - np.log(det)
     profile = log.max(axis=(1, 2))
     inside = _RHO[profile.max() - profile <= chi2.ppf(LEVEL, 1) * n / (n - 3)]
-    ends = [float(np.sign(e)) if abs(e) == _RHO[-1] else float(e) for e in (inside.min(), inside.max())]
-    return Estimate(float(_RHO[profile.argmax()]), ends[0], ends[1], n)
+    found = (_RHO[profile.argmax()], inside.min(), inside.max())
+    return Estimate(*(float(np.sign(r)) if abs(r) == _RHO[-1] else float(r) for r in found), n)
 
 
 def mean_interval(values: np.ndarray) -> Estimate:

@@ -173,8 +173,11 @@ def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tupl
         status = "healthy" if r.value > HEALTHY else "watch"
     else:
         status = "watch" if r.high < HEALTHY else CANNOT_TELL
-    unsure = ", these episodes cannot tell whether it is healthy" if status == CANNOT_TELL else ""
-    return measures, status, f"{numbers} over {len(found)} configurations{unsure}"
+    if status != CANNOT_TELL:
+        return measures, status, f"{numbers} over {len(found)} configurations"
+    if r.low == -1 and r.high == 1:
+        return measures, status, "success hardly varies over the configurations, so these episodes cannot tell"
+    return measures, status, f"{numbers} over {len(found)} configurations, so these episodes cannot tell"
 
 
 def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:
