@@ -6,8 +6,9 @@ import torch
 from gymnasium import spaces
 
 from vispeg.core.errors import UserError
+from vispeg.core.memory import available
 from vispeg.core.seeds import stream
-from vispeg.learn.experience.replay import Replay, mixed
+from vispeg.learn.experience.replay import Replay, afford, mixed
 from vispeg.render.image_kinds import STEP
 
 SPACE = spaces.Dict(
@@ -188,3 +189,33 @@ def test_mixing_appends_along_transitions():
     both = mixed(a, b)
     assert both.action.shape == (5, 7, 1)
     assert torch.equal(both.obs["policy"][:, 4:], b.obs["policy"])
+
+
+def test_the_memory_of_a_ring_is_known_before_it_is_taken(monkeypatch, tmp_path):
+    """As its arrays have it; above what is free, the number that fits is said."""
+    space = spaces.Dict(
+        {
+            "policy": spaces.Box(-1, 1, (7,), np.float32),
+            "depth_a": spaces.Box(0, 4, (1, 9, 8), np.float32),
+            "rgb_a": spaces.Box(0, 255, (3, 9, 8), np.uint8),
+        }
+    )
+    action = spaces.Box(-1, 1, (3,), np.float32)
+    ring = Replay(40, space, action, n_envs=4)
+    held = [*ring.obs.values(), ring.action, ring.reward, ring.done, ring.starts]
+    need = Replay.size(40, space, action)
+    assert need == sum(a.nbytes for a in held)
+    (tmp_path / "proc/self").mkdir(parents=True)
+    group = tmp_path / "sys/fs/cgroup/box/inner"
+    group.mkdir(parents=True)
+    (tmp_path / "proc/meminfo").write_text("MemTotal: 9000000 kB\nMemAvailable: 4000 kB\n")
+    assert available(tmp_path) == 4000 * 1024
+    (tmp_path / "proc/self/cgroup").write_text("0::/box/inner\n")
+    (group / "memory.max").write_text("max\n")
+    for name, value in (("max", "3000000"), ("current", "2900000"), ("stat", "anon 1\ninactive_file 50000")):
+        (group.parent / f"memory.{name}").write_text(value)
+    assert available(tmp_path) == 150_000  # of the group above, whose files' pages would go
+    monkeypatch.setattr("vispeg.learn.experience.replay.available", lambda: available(tmp_path))
+    assert "of 0.14 MiB that are free" in afford(40, space, action, "--replay", "replay")
+    with pytest.raises(UserError, match=r"--replay: replay of 400 entries: .* free; expected \d+ or less"):
+        afford(400, space, action, "--replay", "replay")

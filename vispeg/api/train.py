@@ -82,6 +82,7 @@ def train(
     utd: float | None = None,
     recurrent: int = 0,
     symmetric: bool = False,
+    replay: int | None = None,
     teacher: str | Path | None = None,
     dataset: str | Path | None = None,
     distill: Mapping[str, int] | None = None,
@@ -110,6 +111,7 @@ def train(
         utd: critic updates a step; by default the modality's.
         recurrent: width of an LSTM in place of stacked observations; 0 for none.
         symmetric: critics that see what the actor sees, in place of ground truth.
+        replay: transitions that are kept, in memory and in every checkpoint; by default 300 000, with images 100 000.
         teacher: a policy's folder or name, or `expert`, for imitation.
         dataset: demonstrations as `render_dataset` writes them, in place of a teacher, or half of each batch of `sac`.
         distill: `steps` and `updates` of a round of imitation, and `looks` of each state, other than the defaults.
@@ -141,6 +143,7 @@ def train(
     asked = world_of(world, dict(chosen))[1]
     sac = defaults(bool(modality(_modality(task, asked, world)).kinds))
     sac = replace(sac, recurrent=recurrent, utd=sac.utd if utd is None else utd, symmetric=symmetric)
+    sac = sac if replay is None else replace(sac, replay=replay)
     config = TrainConfig(
         task,
         recipe,

@@ -1,12 +1,58 @@
-"""Memory that was freed goes back to the system: the C library keeps what large arrays leave between small ones."""
+"""Memory: how much there is to take, and what was freed goes back to the system.
+
+The C library keeps what large arrays leave between small ones, until it is asked to give it back.
+"""
 
 from __future__ import annotations
 
 import ctypes
 from contextlib import suppress
+from pathlib import Path
+
+MIB, GIB = 2**20, 2**30
+
+
+def in_words(size: float) -> str:
+    """A number of bytes for people."""
+    return f"{size / GIB:.3g} GiB" if size >= GIB else f"{size / MIB:.2g} MiB"
 
 
 def release() -> None:
     """Gives back what is free. Nothing happens where the C library has no such call (it is glibc's)."""
     with suppress(OSError, AttributeError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def available(root: Path = Path("/")) -> int | None:
+    """Bytes that this process may still take without swapping: of the machine, and of every control group it is in.
+
+    Args:
+        root: where /proc and /sys are.
+
+    Returns:
+        None where the system does not say (it is Linux that does).
+    """
+    free = []
+    with suppress(OSError, ValueError, IndexError):
+        lines = (root / "proc/meminfo").read_text().splitlines()
+        free += [1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+    with suppress(OSError):
+        for line in (root / "proc/self/cgroup").read_text().splitlines():
+            number, kinds, place = line.split(":", 2)
+            if number == "0":
+                free += _left(root / "sys/fs/cgroup", place, "memory.max", "memory.current", "inactive_file")
+            elif "memory" in kinds.split(","):
+                names = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
+                free += _left(root / "sys/fs/cgroup/memory", place, *names)
+    return min(free, default=None)
+
+
+def _left(mount: Path, place: str, limit: str, used: str, cache: str) -> list[int]:
+    """What a control group and those above it leave, bytes; a container sees its own at the mount itself."""
+    group, left = mount / place.lstrip("/"), []
+    for folder in [group, *(p for p in group.parents if p == mount or mount in p.parents)]:
+        with suppress(OSError, ValueError):  # no such group seen from here, or a limit of "max"
+            most, taken = int((folder / limit).read_text()), int((folder / used).read_text())
+            stats = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+            left.append(max(0, most - taken + int(stats.get(cache, 0))))  # files' pages go when memory is wanted
+    return left

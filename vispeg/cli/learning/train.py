@@ -74,6 +74,9 @@ class Args:
     """Width of an LSTM in place of stacked observations; 0 for none."""
     symmetric: bool = False
     """Critics see what the actor sees, in place of ground truth (slower; for comparison)."""
+    replay: int | None = None
+    """Transitions kept in memory and in each checkpoint; default: 300000, with images 100000. The size is said at the
+    start."""
     teacher: str | None = None
     """Teacher of the distill recipes: a policy's folder or name, or expert for the scripted one."""
     dataset: Path | None = None
@@ -135,6 +138,7 @@ class Args:
                 utd=self.utd,
                 recurrent=self.recurrent,
                 symmetric=self.symmetric,
+                replay=self.replay,
                 teacher=self.teacher,
                 dataset=self.dataset,
                 distill={"steps": self.distill_steps, "updates": self.distill_updates, "looks": self.distill_looks},

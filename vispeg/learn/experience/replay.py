@@ -18,9 +18,11 @@ import torch
 from torch import Tensor
 
 from vispeg.core.errors import UserError
+from vispeg.core.memory import available, in_words
 from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import kind_of
 
+SHARE = 0.9  # of free memory that a ring may take: networks and environments take some too
 Images = Literal["before", "after", "both", "none"]
 
 
@@ -84,6 +86,15 @@ class Replay:
         self.open = np.full(n_envs, -1, np.int64)  # the entry that waits for its successor, -1 for none
         self.began = np.zeros(n_envs, np.int64)  # where the present episode began
         self.full, self.refused = False, 0
+
+    @staticmethod
+    def size(entries: int, observation_space: Any, action_space: Any) -> int:
+        """Bytes of a ring of that many entries."""
+        each = sum(
+            int(np.prod(space.shape)) * np.dtype(_stored(key, space.dtype)).itemsize
+            for key, space in observation_space.spaces.items()
+        )
+        return entries * (each + 4 * int(np.prod(action_space.shape)) + 9)  # reward, end, start
 
     def add(
         self,
@@ -229,6 +240,29 @@ class Replay:
     def _arrays(self) -> dict[str, np.ndarray]:
         arrays = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open", "began")}
         return arrays | {f"obs.{key}": stored for key, stored in self.obs.items()}
+
+
+def afford(entries: int, observation_space: Any, action_space: Any, key: str, what: str) -> str:
+    """The memory that a ring will take, in words, before it takes it: pages come only as they are written.
+
+    Args:
+        entries: that will be written.
+        observation_space, action_space: as of Replay.
+        key: the option that sets its size.
+        what: it is, for people.
+
+    Raises:
+        UserError: this machine, or the control group of this process, has less.
+    """
+    need, free = Replay.size(entries, observation_space, action_space), available()
+    said = f"{what} of {entries} entries: {in_words(need)}"
+    if free is None:
+        return said
+    if need > SHARE * free:
+        fits = int(SHARE * free / need * entries)
+        expected = f"{fits} or less, or smaller images (image_size)"
+        raise UserError(f"{said}, and {in_words(free)} are free", key=key, expected=expected, got=entries)
+    return f"{said} of {in_words(free)} that are free"
 
 
 def mixed(first: Batch, second: Batch) -> Batch:

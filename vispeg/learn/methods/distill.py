@@ -22,7 +22,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.demonstrations.looks import looking, side_by_side
 from vispeg.learn.checkpoint import restart_seed
-from vispeg.learn.experience.replay import Replay
+from vispeg.learn.experience.replay import Replay, afford
 from vispeg.learn.methods.clone import CloneSettings, clone
 from vispeg.learn.methods.rounds import RoundResult, Rounds
 from vispeg.learn.networks.actor import Actor
@@ -146,6 +146,7 @@ def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks
     step at most."""
     rows = env.num_envs * looks
     size = rows * (length + length // 2 + 2)
+    afford(size, env.observation_space, env.action_space, "--distill-steps", "a ring of what is shown")
     return Replay(size, env.observation_space, env.action_space, device, rows, seed=seed)
 
 

@@ -26,6 +26,7 @@ from vispeg.learn.curves.progress import Bar, Row, Table, Watch, failures
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, maker
 from vispeg.learn.evaluation import Outcome, run_episodes, success_rate
+from vispeg.learn.experience.replay import afford
 from vispeg.learn.experience.shown import from_folder, made_in
 from vispeg.learn.meta import worlds
 from vispeg.learn.methods.clone import CloneSettings
@@ -72,6 +73,12 @@ class SacRun:
             world = getattr(drawn, "world", RandomizedWorld())
             self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
         device = device_of(config.device)
+        if config.recipe != "distill":
+            # an episode's end takes an entry of its own; episodes last ten steps or more
+            entries = min(config.sac.replay, config.steps + config.steps // 10)
+            said = afford(entries, self.env.observation_space, self.env.action_space, "--replay", "replay")
+            if show:
+                print(said, file=sys.stderr)
         self.model = AsymmetricSAC(self.env, self.modality, config.sac, seed=config.seed, device=device)
         self.model.set_logger(Logger(None, []))
         if config.dataset is not None and config.recipe != "distill":
