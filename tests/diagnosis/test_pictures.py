@@ -124,6 +124,15 @@ def test_a_fixture_that_stands_elsewhere_is_no_effect_of_a_camera():
 
 
 @pytest.mark.slow
+def test_a_fixture_that_was_moved_between_the_recordings_is_said_to_be():
+    moved = EffectInstance.of("hole_offset", "fixture", x=0.005)
+    for some in (((), (moved,)), ((moved,), ())):
+        fitted, held_out = (pictured(seed, *e) for seed, e in zip((3, 4), some, strict=True))
+        record = diagnose(CELL, [fitted], [held_out]).record
+        assert record["verdict"] == "unexplained", record["reason"]
+
+
+@pytest.mark.slow
 def test_a_late_camera_is_named():
     found = diagnosed(EffectInstance.of("camera_delay", WRIST, delay=0.04))
     (placed,) = found.world.effects
@@ -132,16 +141,28 @@ def test_a_late_camera_is_named():
 
 
 def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
-    left = [Left("part", 0.02, 0.05, "table")]
-    assert decide(2.0, 0.2, 1, [], left, Halves(0.2, 0.09), 0.1).verdict == "identified"
-    assert decide(2.0, 0.2, 1, [], left, Halves(0.6, 0.09), 0.1).verdict == "unexplained"
+    left, floor = [Left("part", 0.02, 0.05, "table")], 0.18
+    assert decide(2.0, 0.2, floor, 1, [], left, Halves(0.2, 0.09), 0.1).verdict == "identified"
+    assert decide(2.0, 0.2, floor, 1, [], left, Halves(0.6, 0.09), 0.1).verdict == "unexplained"
     assert Halves(0.31, 0.15).disagree and not Halves(0.31, 0.15, views=5).disagree
-    assert decide(2.0, 2.0, 0, [], [Left("part", 0.6, 3.0, "fixture")], None, 0.1).verdict == "unexplained"
-    assert decide(0.2, 0.2, 0, [], left, None, 0.1).verdict == "adequate"
+    elsewhere = [Left("part", 0.6, 3.0, "fixture")]
+    assert decide(2.0, 2.0, floor, 0, [], elsewhere, None, 0.1).verdict == "unexplained"
+    assert decide(0.2, 0.2, floor, 0, [], left, None, 0.1).verdict == "adequate"
     moved = [Left("part", 0.08, 1.8, "fixture")]  # most of a moved part's edges are no longer near its borders
-    assert decide(0.2, 0.2, 0, [], moved, None, 0.1).verdict == "unexplained"
-    far = decide(9.0, 8.0, 0, [], left, None, 0.7)
+    assert decide(0.2, 0.2, floor, 0, [], moved, None, 0.1).verdict == "unexplained"
+    far = decide(9.0, 8.0, floor, 0, [], left, None, 0.7)
     assert far.verdict == "unexplained" and "farther off than the 8 cm and 8 degrees" in far.reason
+
+
+def test_what_is_left_is_judged_against_the_floor_whatever_was_found():
+    left, floor = [Left("part", 0.02, 0.05, "table")], 0.13
+    above = decide(0.39, 0.39, floor, 0, [], left, None, 0.1)
+    assert above.verdict == "unexplained" and "3.0 times what a right model leaves" in above.reason
+    assert decide(0.6, 0.39, floor, 1, [], left, None, 0.1).verdict == "unexplained"
+    assert decide(5.0, 0.39, floor, 1, [], left, None, 0.1).verdict == "identified"  # of an error forty times the floor
+    assert decide(0.6, 0.16, floor, 1, [], left, None, 0.1).verdict == "identified"
+    between = decide(0.15, 0.15, floor, 0, [], left, None, 0.1, [Left("part", 0.4, 3.0, "fixture")])
+    assert between.verdict == "unexplained" and "fitted and held-out recordings differ" in between.reason
 
 
 def test_whitening_is_the_inverse_root_of_the_covariance():

@@ -3,55 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from sensor_shots import CELL, LIT, WRIST, measured, shots
 
 from vispeg.api.recording.look import cameras_of, scene_of
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.identify.channels import shows
 from vispeg.identify.motions.look_motion import look_motion
-from vispeg.identify.pictures.sensor import SensorEvidence, sensor_evidence
-from vispeg.identify.pictures.shots import Shot, shots_of
+from vispeg.identify.pictures.depth_figures import ERROR, TABLE, DepthFigures
+from vispeg.identify.pictures.sensor import sensor_evidence
+from vispeg.identify.pictures.shots import shots_of
 from vispeg.identify.pictures.sight import Sight
-from vispeg.recordings.cell import CellBelief
 from vispeg.vision.photograph import photograph
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
-CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
-WRIST, FRAMES = "wrist_wide", 6
 KINDS = {name: "depth" for name, kind in REGISTRY.items() if shows(kind, "depth")} | {
     name: "light" for name, kind in REGISTRY.items() if shows(kind, "light")
 }
-LIT = World(effects=(EffectInstance.of("light_intensity", "all"),))  # the look is the predictor's own
-
-
-@lru_cache
-def shots() -> tuple[Sight, list[Shot]]:
-    """Predicted frames along the look-about motion, with nothing measured."""
-    scene = scene_of(CELL)
-    (camera,) = cameras_of([WRIST], scene, (160, 120))
-    motion = look_motion("look", scene, 100.0, 16.0)
-    curve = CubicSpline(motion.time, motion.q_cmd)
-    sight = Sight("x", camera, np.linspace(1, 15, FRAMES), lambda t, i: curve(t), lambda i: None, lambda i: None)
-    with Predictor(scene, [camera], finer=3) as predictor:
-        return sight, shots_of(predictor, sight, CELL, np.zeros((FRAMES, len(scene.joints))))
-
-
-def measured(kind: str, *effects: EffectInstance, model: World = LIT) -> SensorEvidence:
-    """Evidence of frames that passed through a sensor with these effects."""
-    sight, some = shots()
-    world = CELL.add(*effects)
-    out = []
-    for shot in some:
-        rgb, depth = shot.sensed(world, lambda k: True)
-        out.append(replace(shot, rgb=rgb, depth=depth))
-    evidence = sensor_evidence(scene_of(CELL), [(sight, out)], kind, model)  # type: ignore[arg-type]
-    assert evidence is not None
-    return evidence
 
 
 def typical(name: str) -> EffectInstance:
@@ -77,10 +49,19 @@ def test_a_sensor_without_errors_has_no_odd_figure():
         assert max(map(abs, measured(kind).off(LIT).values())) < 0.01  # the smoothed picture has a little less grain
 
 
+def in_metres(off: dict[str, float]) -> list[tuple[float, float]]:
+    """Far end of each range of distance, and by how much depth is off there, m."""
+    some = {f.name: f.ordinary for f in TABLE}
+    ends = [(float(k.split(" to ")[1].split()[0]), v * some[k]) for k, v in off.items() if k.startswith(ERROR)]
+    return sorted(ends)
+
+
 def test_figures_of_depth_are_the_error_that_was_hidden():
     off = measured("depth", EffectInstance.of("depth_scale", WRIST, factor=1.013)).off(LIT)
-    bins = [v for k, v in off.items() if k.startswith("error, bin")]
-    assert bins and np.allclose(np.array(bins) * 4e-3, 0.013, atol=2e-4)
+    bins = in_metres(off)
+    assert len(bins) > 2 and np.array([error / far for far, error in bins]) == pytest.approx(0.013, rel=0.35)
+    off = measured("depth", EffectInstance.of("depth_bias", WRIST, offset=0.005)).off(LIT)
+    assert np.array([error for _, error in in_metres(off)]) == pytest.approx(0.005, abs=2e-5)
     off = measured("depth", EffectInstance.of("depth_bias", WRIST, scale=0, tilt_x=0.003, tilt_y=-0.002, ripple=0)).off(
         LIT
     )
@@ -120,3 +101,21 @@ def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
     assert abs(evidence.off(LIT)["smear"]) > 1.3 and abs(evidence.off(LIT.add(blurred))["smear"]) < 0.5
     at_rest = np.abs(some[0].flow) < 5  # px/s: the gripper's own borders
     assert at_rest.sum() > 100
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_scatter_of_a_matcher_whose_pixels_share_a_window_is_that_of_one_reading(held):
+    """Neighbours differ by a quarter of it; one pixel at two times, and pixels that share no window, do not."""
+    kind, values = "disparity_noise", {"sd": 0.3, "length": 1.5, "focal": 447.0, "baseline": 0.018}
+    noisy = CELL.add(EffectInstance.of(kind, WRIST, **values))
+    _, some = shots()
+    out = []
+    for shot in some:
+        first, second = (shot.sensed(noisy, lambda k: True, draw=d)[1] for d in (0, 1))
+        out.append(replace(shot, depth=first, again=second if held else None))
+    figures = DepthFigures(out, (0.0, 1e-6))
+    names = [f.name for f in figures.table]
+    for k, near, far in ((names.index("scatter at 0.18 to 0.25 m"), 0.18, 0.25),):
+        sigma = np.exp(np.nanmedian(figures.measured[:, k]))
+        low, high = (0.3 / (447.0 * 0.018) * z**2 for z in (near, far))
+        assert 0.9 * low < sigma < 1.1 * high

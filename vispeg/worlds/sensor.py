@@ -49,3 +49,20 @@ def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) ->
     kind = effect(entry["effect"], file=file, key=f"{key}.effect")
     params = {k: ranged_value(kind, k, v, file, f"{key}.params.{k}") for k, v in entry["params"].items()}
     return RandomizedEffect(entry["effect"], where or entry.get("where", "all"), params, source=entry["source"])
+
+
+def noise_of(name: str) -> float:
+    """How an unfiltered sensor's depth scatters at most, k of k z^2 in 1/m: the upper ends of its ranges.
+
+    New in every frame (`disparity_noise`) and lasting for some (`depth_temporal`), both of disparity.
+
+    Raises:
+        UserError: no such sensor.
+    """
+    variance = 0.0
+    for entry in read_yaml(sensor_file(name))["effects"]:
+        p = entry["params"]
+        if entry["effect"] in ("disparity_noise", "depth_temporal"):
+            (ends,) = p["sd"].values()
+            variance += (float(ends[-1]) / (p["focal"] * p["baseline"])) ** 2
+    return float(variance**0.5)

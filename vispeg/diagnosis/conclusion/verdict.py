@@ -116,6 +116,17 @@ def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection
     return replace(verdict, reason=text)
 
 
+def unexplained(before: float, after: float, n_added: int) -> bool:
+    """Whether more remains than an adequate or an identified model may leave.
+
+    Args:
+        before, after: held-out mean squared residual of the user's model and of the final one; 1 is the floor.
+        n_added: effects added.
+    """
+    explained = 1.0 - max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)
+    return after > FLOOR and (explained < EXPLAINED or after > FARTHEST or not n_added)
+
+
 def _of_readings(floor: float) -> str:
     """What coarse or noisy readings leave of the right model, in noise floors, where that is more than the noise."""
     if floor <= 1.05:

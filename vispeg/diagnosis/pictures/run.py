@@ -22,9 +22,11 @@ from vispeg.diagnosis.pictures.verdict import LOST, decide, with_sensor
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.run import Diagnosis
-from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, Rung
+from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, NoiseFloor, Rung
 from vispeg.diagnosis.selection.state import State
+from vispeg.identify.pictures.align import FREED
 from vispeg.identify.pictures.build import border_evidence, seeing
+from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.gather import gather
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.read import sights_of
@@ -65,10 +67,15 @@ def diagnose_pictures(
         raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
     say("bringing the predicted borders onto the pictures")
     progress = Progress() if progress is None else progress
-    evidence, judged = border_evidence(scene, mine, theirs, world, recall=progress.recall)
-    search, n_fixed = BorderSearch(evidence, judged, say, progress), len(world.effects)
+    borders = border_evidence(scene, mine, theirs, world, recall=progress.recall)
+    search, n_fixed = BorderSearch(*borders, say, progress), len(world.effects)
     say("fitting what moves the borders")
     state = search.run(world)
+    if any(e.effect not in FREED for e in state.world.effects[n_fixed:]):
+        borders = border_evidence(scene, mine, theirs, state.world, recall=progress.recall)
+        search, state = _seen_anew(search, state, borders, n_fixed)
+    evidence, judged = search.evidence, search.judged
+    assert isinstance(evidence, BorderEvidence) and isinstance(judged, BorderEvidence)
     rivals = search.rivals(state, n_fixed)
     halves = compare_halves(search, (evidence, judged), state.world, n_fixed)
     state = confirmed(search, state, n_fixed)
@@ -78,8 +85,10 @@ def diagnose_pictures(
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
         bent = heights_left(predictor.geometry, mine, theirs, state.world)
     remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
+    one_sided = [x for some in wide for x in left_over(*_halved(some), [*scene.parts, "board"])]
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
-    of_borders = decide(before, after, len(state.world.effects) - n_fixed, rivals, remainder, halves, lost)
+    n_added = len(state.world.effects) - n_fixed
+    of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, one_sided)
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
@@ -95,15 +104,17 @@ def diagnose_pictures(
     with Predictor(scene, cameras) as predictor:
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
-    floor = judged.floor
+    ladder, floor = _ladder(evidence, judged, world, state), _floor(evidence, judged)
+    if not n_added and (found := [s for s in sensed if s.added]):
+        ladder, floor = found[0].ladder()
     excitations = [*border_excitations(search, state.world), *(x for s in sensed for x in s.excitations)]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
-        "reason": verdict.reason,
+        "reason": verdict.reason + _joints_said(evidence.robot, fitted),
         "effects": effects(final, n_fixed, rivals, fitted_world),
-        "ladder": _ladder(evidence, judged, world, state),
-        "noise_floor": {"value": floor, "unit": "px RMS", "from": evidence.floor_from},
+        "ladder": ladder,
+        "noise_floor": floor,
         "where_it_fails": [],
         "residual_peaks": [],
         "unexplained": verdict.unexplained,
@@ -153,6 +164,38 @@ def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:
     ]
 
 
+def _seen_anew(
+    search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence], n_fixed: int
+) -> tuple[BorderSearch, State]:
+    """The search and the state on edges that were aligned, and trusted, with what was found in the model.
+
+    What the alignment does not free (a read-out time) it takes for the robot's errors, and edges for outliers.
+    """
+    anew = BorderSearch(*evidence, search.say, search.progress)
+    (fit,) = anew.fits([state.world], n_fixed)
+    state.take(fit, anew.judge.losses([fit.world])[0])
+    return anew, replace(state, last=[])
+
+
+def _halved(some: Sequence[tuple[Sight, Points]]) -> tuple[list[tuple[Sight, Points]], list[tuple[Sight, Points]]]:
+    """Every other frame of some sights, and the rest."""
+    first, second = ([(s, p.only(p.frame % 2 == k)) for s, p in some] for k in (0, 1))
+    return first, second
+
+
+def _floor(evidence: BorderEvidence, judged: BorderEvidence) -> NoiseFloor:
+    return {"value": judged.floor, "unit": "px RMS", "from": evidence.floor_from}
+
+
+def _joints_said(robot: float, recordings: Sequence[Recording]) -> str:
+    """How far the joints are taken to be off in each frame, beside the noise that the recordings state."""
+    if not robot:
+        return ""
+    said = f"; that is with the joints {1e3 * robot:.2g} mrad off in each frame (1 sigma), by the pictures alone"
+    stated = max((float(rec.noise.get("q", 0.0)) for rec in recordings), default=0.0)
+    return said + (f": {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
+
+
 def _channel(judged, before: World, after: World) -> Channel:
     cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in judged.items))
     return {
@@ -177,8 +220,6 @@ def _next(state: State, rivals: Sequence[Rivals], n_fixed: int) -> NextMotion | 
 
 def _notes(evidence, lost: float) -> list[str]:
     out = list(evidence.notes)
-    if evidence.robot:
-        out.append(f"the joints are off by {evidence.robot:.1g} rad (1 sigma) in each frame, by the pictures alone")
     if lost > 0.2:
         out.append(
             f"{100 * lost:.0f} % of the predicted borders have no clear edge in the pictures: too alike in colour"

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
+from vispeg.diagnosis.pictures.parts import in_parts
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.schema import Channel
+from vispeg.diagnosis.schema import Channel, NoiseFloor, Rung
 from vispeg.diagnosis.selection.state import State
+from vispeg.identify.pictures.depth_figures import ERROR
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.sensor import Kind, SensorEvidence, sensor_evidence
 from vispeg.identify.pictures.shots import Shot, shots_of
@@ -58,15 +60,18 @@ class SensorSearch(PictureSearch):
 class Sensed:
     """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on.
 
-    `excitations` says which effects these pictures could show.
+    `excitations` says which effects these pictures could show, `alike` what they cannot tell apart within one effect,
+    `evidence` what was fitted.
     """
 
     kind: Kind
     state: State
     rivals: list[Rivals]
+    evidence: SensorEvidence
     judged: SensorEvidence
     before: World
     excitations: list[Excitation]
+    alike: tuple[str, ...] = ()
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
@@ -79,18 +84,57 @@ class Sensed:
         return self.judged.error(self.before), self.judged.error(self.state.world)
 
     @property
+    def worst(self) -> tuple[str, float, float]:
+        """The figure that is left farthest off, and by how many times the ordinary, before and after."""
+        after, before = (self.judged.off(w) for w in (self.state.world, self.before))
+        name = max(after, key=lambda k: abs(after[k]), default="")
+        return (name, abs(before[name]), abs(after[name])) if name else ("no figure", 0.0, 0.0)
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether what was found changes how far depth is off, beyond what good cameras differ by."""
+        moved = self.judged.moves(self.before, self.state.world)
+        return any(abs(v) > 1.0 for k, v in moved.items() if k.startswith(ERROR))
+
+    def ladder(self) -> tuple[list[Rung], NoiseFloor]:
+        """Errors of each model on the way, and the floor, in mm of depth where it is that which falls."""
+        models = [("nominal", self.before), *((f"+ {t.score.label}", t.fit.world) for t, _ in self.state.steps)]
+        if self.added and self.state.world != models[-1][1]:
+            models[-1] = (f"+ {' + '.join(e.label for e in self.added)}", self.state.world)
+        metres = self.in_metres
+        unit = "mm RMS" if metres else f"{self.judged.unit} RMS"
+        both = [[e.depth_error(w) if metres else e.error(w) for e in (self.evidence, self.judged)] for _, w in models]
+        rungs: list[Rung] = [
+            {"model": name, "fit_error": fit, "heldout_error": held, "unit": unit}
+            for (name, _), (fit, held) in zip(models, both, strict=True)
+        ]
+        floor = self.judged.depth_floor if metres else self.judged.floor
+        return rungs, {"value": floor, "unit": unit, "from": self.evidence.floor_from}
+
+    @property
+    def fall(self) -> str:
+        """In words, how the held-out error fell."""
+        if self.in_metres:
+            ends = [self.judged.depth_error(w) for w in (self.before, self.state.world)]
+            return f"held-out depth moved from {ends[0]:.1f} to {ends[1]:.1f} mm off"
+        return f"held-out figures of {self.kind} from {self.errors[0]:.1f} to {self.errors[1]:.1f} times their scatter"
+
+    @property
     def channel(self) -> Channel:
         """For a record."""
-        before, after = self.errors
         cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
-        floor, unit = self.judged.floor, self.judged.unit
+        if self.in_metres:
+            before, after = (self.judged.depth_error(w) for w in (self.before, self.state.world))
+            floor, unit = self.judged.depth_floor, "mm RMS"
+        else:
+            (before, after), floor, unit = self.errors, self.judged.floor, self.judged.unit
         return {"channel": self.kind, "joint": cameras, "floor": floor, "before": before, "after": after, "unit": unit}
 
     def as_dict(self) -> dict:
         """For a record: each figure's deviation in multiples of what is ordinary, before and after."""
         before, after = (self.judged.off(w) for w in (self.before, self.state.world))
         figures = [{"figure": k, "before": round(v, 2), "after": round(after[k], 2)} for k, v in before.items()]
-        return {"kind": self.kind, "figures": figures}
+        return {"kind": self.kind, "figures": figures, "ladder": self.ladder()[0] if self.added else []}
 
 
 def sensor_search(
@@ -117,6 +161,7 @@ def sensor_search(
     out = []
     with Predictor(scene, cameras, finer=FINER) as predictor:
         shots = [shots_by(predictor, some, e, placed) for some, e in zip(sights, borders, strict=True)]
+        scene = predictor.scene
     for kind in KINDS:
         evidence, judged = (sensor_evidence(scene, s, kind, world) for s in shots)
         if evidence is None or judged is None:
@@ -125,7 +170,10 @@ def sensor_search(
         search, n_fixed = SensorSearch(evidence, judged, say, progress), len(world.effects)
         state = search.run(world)
         rivals = search.rivals(state, n_fixed)
-        out.append(Sensed(kind, confirmed(search, state, n_fixed), rivals, judged, world, search.excitations(world)))
+        state, alike = in_parts(search, confirmed(search, state, n_fixed), n_fixed)
+        here = {e.label for e in state.world.effects}
+        rivals = [r for r in rivals if r.label in here]
+        out.append(Sensed(kind, state, rivals, evidence, judged, world, search.excitations(world), alike))
     return out
 
 

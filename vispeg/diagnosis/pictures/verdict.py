@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.conclusion.verdict import Verdict, unexplained
 from vispeg.diagnosis.evidence.remainder import CONVINCING
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
@@ -21,47 +21,64 @@ LOST = 0.5  # share of the predicted borders without an edge near, from which on
 def decide(
     before: float,
     after: float,
+    floor: float,
     n_added: int,
     rivals: Sequence[Rivals],
     remainder: Sequence[Left],
     halves: Halves | None,
     lost: float,
+    one_sided: Sequence[Left] = (),
 ) -> Verdict:
     """The verdict.
 
     Args:
-        before, after: held-out misplacement of the borders, RMS px.
+        before, after: held-out misplacement of the borders, RMS px; 0 where no border is in view.
+        floor: of a right model, RMS px.
         n_added: effects added.
         rivals: of the added effects.
         remainder: what the remainder depends on.
         halves: whether two halves of the views agree.
         lost: share of predicted borders that the held-out pictures have no edge at.
+        one_sided: what the remainder of the fitted recordings, and of the held-out ones, depends on by themselves.
     """
     convincing = [x for x in remainder if _convinces(x)]
-    on = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in convincing]
     if convincing:
         top = convincing[0]
-        text = f"{top.size:.1f} px are left that no known effect explains; they depend on {top.input}: {top.where}"
-        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
+        return _left(f"{top.size:.1f} px are left that no known effect explains; they depend on {_on(top)}", convincing)
     if halves is not None and halves.disagree:
-        text = (
+        return _left(
             f"two halves of the views differ by {halves.difference:.2f} px where {halves.uncertainty:.2f} px are their "
             "uncertainty: no model of this form fits both"
         )
-        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
     if lost > LOST:
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
-        text += f"cell, or a camera that is farther off than the {far} within which it is looked for"
-        return Verdict("unexplained", text, {"depends_on": on, "text": text}, partial=True)
+        return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
+    differing = [x for x in one_sided if _convinces(x)]
+    if differing:
+        top = differing[0]
+        text = f"fitted and held-out recordings differ: {top.size:.1f} px of one of them depend on {_on(top)}"
+        return _left(f"{text}; what stands in the cell was moved in between", differing)
+    if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
+        text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
+        return _left(text + " leaves; no known effect explains it, and neither place, part nor distance predicts it")
     if not n_added:
-        return Verdict(
-            "adequate", f"borders lie within {after:.2f} px of where they are predicted; no effect lowers it"
-        )
+        said = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
+        return Verdict("adequate", f"{said}; no effect lowers it" if after else said)
     names = sorted(r.label for r in rivals if r.equals)
     if names:
         return Verdict("ambiguous", f"these views cannot tell {', '.join(names)} from other effects")
     return Verdict("identified", f"held-out borders moved from {before:.2f} to {after:.2f} px from their edges")
+
+
+def _left(text: str, on: Sequence[Left] = ()) -> Verdict:
+    """What remains, and what it depends on."""
+    depends = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in on]
+    return Verdict("unexplained", text, {"depends_on": depends, "text": text}, partial=True)
+
+
+def _on(x: Left) -> str:
+    return f"{x.input}: {x.where}"
 
 
 def _convinces(x: Left) -> bool:
@@ -70,14 +87,22 @@ def _convinces(x: Left) -> bool:
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
-    """The verdict on borders, with what the same pictures say of the sensor."""
+    """The verdict on borders, with what the same pictures say of the sensor: what is left decides there, too."""
+    if borders.verdict == "unexplained":
+        return borders
+    for s in sensed:
+        figure, before, after = s.worst
+        if unexplained(before**2, after**2, len(s.added)):
+            text = f"{s.kind}: {figure} is {after:.1f} times as far off as good cameras differ, and no known effect "
+            return _left(text + "explains it")
     added = [s for s in sensed if s.added]
-    if borders.verdict == "unexplained" or not added:
+    if not added:
         return borders
     names = sorted(r.label for s in added for r in s.rivals if r.equals)
-    if names or borders.verdict == "ambiguous":
-        text = f"these views cannot tell {', '.join(names)} from other effects" if names else borders.reason
-        return Verdict("ambiguous", text)
-    falls = [f"{s.kind} from {s.errors[0]:.1f} to {s.errors[1]:.1f} times its scatter" for s in added]
+    alike = [said for s in added for said in s.alike]
+    if names or alike or borders.verdict == "ambiguous":
+        told = [f"these views cannot tell {', '.join(names)} from other effects"] if names else []
+        first = [borders.reason] if borders.verdict == "ambiguous" else []
+        return Verdict("ambiguous", "; ".join([*first, *told, *alike]))
     said = [borders.reason] if borders.verdict == "identified" else []
-    return Verdict("identified", "; ".join([*said, f"held-out figures of {' and of '.join(falls)}"]))
+    return Verdict("identified", "; ".join([*said, *(s.fall for s in added)]))

@@ -19,6 +19,8 @@ class CameraEffect(Effect):
 
     family = "camera"
     photometric: ClassVar[bool] = False  # only turns each pixel's colour into another, the same way in every frame
+    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()  # parameters that are a fault by themselves, without the others
+    part_of: ClassVar[tuple[str, str] | None] = None  # the effect that has this one as a part, and its parameter there
     channel: ClassVar[str] = ""  # of pictures, in which a diagnosis looks for it: `border`, `depth`, `light`; or none
 
     def targets(self, model: Any) -> list[str]:

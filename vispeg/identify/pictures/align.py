@@ -23,6 +23,7 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
+FREED = (*CAMERA, "encoder_offset")
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
 STEPS = 4

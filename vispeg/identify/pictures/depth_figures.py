@@ -1,8 +1,14 @@
-"""Depth pictures in figures: scale and lean by distance, scatter, missing readings, and what happens beside borders."""
+"""Depth pictures in figures: error by distance, lean, scatter, missing readings, and what happens beside borders.
+
+Scatter is that of two readings of one pixel from one place, where the camera was held still: neighbours in a picture
+share most of a stereo matcher's window, so that their difference shows half of its noise or less. Where nothing was
+held still it is taken across the picture, from pixels too far apart to share a window.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,12 +23,17 @@ NEARER = np.array([0.0, 0.12, 0.18, 0.25, 0.35, 0.5, 0.8])  # m: edges of the bi
 STEP = 0.03  # m by which the far side of a border lies behind for near things to grow over it
 REACH = 8  # px beside a border
 FEW = 60  # pixels that a figure needs
-ORDINARY = (3e-4, 1e-3)  # m and 1/m: scatter s0 + s1 z^2 of a good stereo camera, told apart from none by nothing
+APART = 6  # px between pixels that share no matching window: half of the widest, 9 px, and a low-pass of 1.5
+ORDINARY = (3e-4, 1e-3)  # m and 1/m: scatter s0 + s1 z^2 of a camera of which nothing is stated, of no effect
+ERROR = "error at"  # how the names of errors begin; they are in m
+# of the distance: what a calibration repeats to, and what good cameras differ by (a D400's 2 % is a limit for all)
+KNOWN, DIFFER = 1e-3, 4e-3
 
+RANGES = tuple(f"{near:g} to {far:g} m" for near, far in pairwise(NEARER))
 TABLE = (
-    *(Figure(f"error, bin {k}", 1e-3, 4e-3) for k in range(len(NEARER) - 1)),
+    *(Figure(f"{ERROR} {at}", KNOWN * far, DIFFER * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
     *(Figure(f"lean {way}", 3e-4, 1e-3) for way in ("across", "down")),
-    *(Figure(f"scatter, bin {k}", 0.05, 0.35) for k in range(len(NEARER) - 1)),
+    *(Figure(f"scatter at {at}", 0.05, 0.35) for at in RANGES),
     Figure("missing", 5e-3, 0.015),
     Figure("run of missing", 0.5, NEVER),
     *(Figure(f"near part at {k + 1} px", 0.03, 0.15) for k in range(REACH)),
@@ -31,17 +42,29 @@ TABLE = (
 
 
 class DepthFigures:
-    """Figures of the frames that have depth."""
+    """Figures of the frames that have depth.
+
+    Args:
+        shots: the frames.
+        ordinary: (2,) m and 1/m, scatter s0 + s1 z^2 that is of no effect.
+    """
 
     table = TABLE
 
-    def __init__(self, shots: Sequence[Shot]):
-        self.shots = [s for s in shots if s.depth is not None]
-        self.measured = np.array([depth_figures(s.depth, s) for s in self.shots if s.depth is not None])
+    def __init__(self, shots: Sequence[Shot], ordinary: tuple[float, float] = ORDINARY):
+        self.shots, self.ordinary = [s for s in shots if s.depth is not None], ordinary
+        self.measured = np.array([self._figures(s.depth, s.again, s) for s in self.shots if s.depth is not None])
 
     def modelled(self, world: World) -> np.ndarray:
         """Figures of the predicted depth after a world's effects on depth."""
-        return np.array([depth_figures(s.sensed(world, of_depth)[1], s) for s in self.shots])
+        rows = []
+        for s in self.shots:
+            again = None if s.again is None else s.sensed(world, of_depth, draw=1)[1]
+            rows.append(self._figures(s.sensed(world, of_depth)[1], again, s))
+        return np.array(rows)
+
+    def _figures(self, picture: np.ndarray, again: np.ndarray | None, shot: Shot) -> np.ndarray:
+        return depth_figures(picture, shot, again, self.ordinary)
 
 
 def of_depth(kind: Effect) -> bool:
@@ -49,25 +72,32 @@ def of_depth(kind: Effect) -> bool:
     return shows(kind, "depth")
 
 
-def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
-    """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled."""
+def depth_figures(
+    picture: np.ndarray, shot: Shot, again: np.ndarray | None = None, ordinary: tuple[float, float] = ORDINARY
+) -> np.ndarray:
+    """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled.
+
+    Args:
+        picture: the depth.
+        shot: its frame.
+        again: (H, W) m from the same place at another time, None where there is none.
+        ordinary: (2,) m and 1/m, scatter s0 + s1 z^2 that is of no effect.
+    """
     prediction, residual = shot.rendering, depth_residual(picture, shot.rendering)
     kind, z = np.digitize(prediction.depth, NEARER), prediction.depth
     inside = residual.interior & (kind < len(NEARER))
     good = inside & np.isfinite(residual.error)
-    apart = np.full(picture.shape, np.nan)
-    apart[:, 1:] = np.abs(residual.error[:, 1:] - residual.error[:, :-1])
-    apart[~good] = np.nan
+    scatters = _in_time(picture, again) if again is not None else _across(residual.error)
+    scatters[~good] = np.nan
     error, scatter = [], []
     for k in range(1, len(NEARER)):
         rows = good & (kind == k)
         enough = rows.sum() >= FEW
-        error.append(float(np.median(residual.error[rows] / z[rows])) if enough else np.nan)
-        steps = apart[rows & np.isfinite(apart)]
-        least = ORDINARY[0] + ORDINARY[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
-        # half the difference of two independent readings has their standard deviation times 0.954 as median
+        error.append(float(np.median(residual.error[rows])) if enough else np.nan)
+        some = scatters[rows & np.isfinite(scatters)]
+        least = ordinary[0] + ordinary[1] * float(np.median(z[rows])) ** 2 if enough else 0.0
         scatter.append(
-            float(np.log(np.hypot(np.median(steps) / 0.954, least))) if enough and len(steps) >= FEW else np.nan
+            float(np.log(np.hypot(np.median(some) / MEDIAN, least))) if enough and len(some) >= FEW else np.nan
         )
     lost = inside & (picture <= 0)
     starts = int((lost[:, 1:] & ~lost[:, :-1]).sum())
@@ -76,6 +106,22 @@ def depth_figures(picture: np.ndarray, shot: Shot) -> np.ndarray:
         lost.sum() / starts if starts > 5 else np.nan,
     ]
     return np.concatenate([error, _lean(residual.error, good, shot), scatter, gone, _beside(picture, prediction.depth)])
+
+
+MEDIAN = 0.6745  # of the size of a normal deviate, in standard deviations
+
+
+def _in_time(picture: np.ndarray, again: np.ndarray) -> np.ndarray:
+    """(H, W) m whose size scatters as one reading does; NaN where either has none."""
+    return np.where((picture > 0) & (again > 0), np.abs(picture - again) / np.sqrt(2), np.nan)
+
+
+def _across(error: np.ndarray) -> np.ndarray:
+    """(H, W) m whose size scatters as one reading of independent ones does: what grows evenly cancels."""
+    out = np.full(error.shape, np.nan)
+    left, here, right = error[:, : -2 * APART], error[:, APART:-APART], error[:, 2 * APART :]
+    out[:, APART:-APART] = np.abs(left - 2 * here + right) / np.sqrt(6)
+    return out
 
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:

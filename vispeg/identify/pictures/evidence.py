@@ -18,14 +18,14 @@ from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.points import Points, misplacement
-from vispeg.identify.pictures.posture import Postures
+from vispeg.identify.pictures.posture import LOOSE, Postures
 from vispeg.identify.pictures.sight import Sight
-from vispeg.identify.pictures.unknowns import nuisances
+from vispeg.identify.pictures.unknowns import EDGE_BIAS, nuisances
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-ROBOT = (0.0, *np.geomspace(3e-5, 4e-3, 15).tolist())  # rad, each joint in each frame: sizes that are tried
+ROBOT = (0.0, *np.geomspace(3e-5, LOOSE, 12).tolist())  # rad, each joint in each frame: sizes that are tried
 LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
@@ -75,7 +75,7 @@ class BorderEvidence(Evidence):
     """
 
     least_gain, most_effects = 0.02, 6
-    floor_from = "scatter about the freest model"
+    floor_from = "scatter about the freest model, and what a look shifts edges by"
 
     def __init__(self, geometry: Geometry, items: Sequence[Item], settled: World, robot: float | None = None):
         self.geometry, self.items, self.settled = geometry, list(items), settled
@@ -208,8 +208,8 @@ class BorderEvidence(Evidence):
 
     @property
     def floor(self) -> float:
-        """RMS scatter in px of a perfect model's edges."""
-        return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items])))
+        """RMS in px of what a right model leaves: its edges' scatter, and what a look shifts all that face one way."""
+        return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items]) + EDGE_BIAS**2))
 
     @property
     def floors(self) -> np.ndarray:

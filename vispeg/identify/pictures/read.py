@@ -18,6 +18,7 @@ from vispeg.vision.board import board_of, view_of_board
 from vispeg.vision.eye import camera_of
 
 LEAST = 6  # frames of a camera, fewer say nothing about views that were not fitted
+STILL = 2e-4  # rad that a joint may move by in between: 0.1 px of a 320 px picture, at 0.3 m
 MOST = 40  # frames of a camera that are looked at in one recording: evenly spread ones of more
 
 
@@ -61,7 +62,7 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
 
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
     episodes = frames.episodes
-    rows = _standing(rec, frames)
+    every, rows = joints_at(rec, frames.times, episodes), _standing(rec, frames)
     if len(rows) < LEAST:
         what = f"camera '{name}' has too few frames at measured joint angles"
         raise UserError(what, file=rec.path, expected=f"{LEAST} or more", got=len(rows))
@@ -83,5 +84,25 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
         rgb = None if board is None else some[i].rgb
         return None if rgb is None or board is None else view_of_board(rgb, board)
 
-    camera = camera_of(frames.cameras[name])
-    return Sight(rec.name, camera, times, joints, lambda i: some[i].rgb, lambda i: some[i].depth, board, corners)
+    def again(i: int) -> np.ndarray | None:
+        other = _held(every, episodes, int(rows[i]))
+        return None if other is None else frames[other].depth
+
+    recorded = frames.cameras[name]
+    pictures = (lambda i: some[i].rgb), (lambda i: some[i].depth)
+    return Sight(rec.name, camera_of(recorded), times, joints, *pictures, board, corners, again, recorded.sensor)
+
+
+def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:
+    """The frame farthest from one in time, after it or else before it, in the stretch in which no joint moves; or None.
+
+    Args:
+        q: (n, nj) rad where each frame was taken, NaN where that is not known.
+        episodes: (n,) of each frame.
+        row: number of the one.
+    """
+    still = (np.abs(q - q[row]).max(axis=1) < STILL) & (episodes == episodes[row])
+    moved = np.flatnonzero(~still)
+    last = int(moved[moved > row].min(initial=len(q))) - 1
+    first = int(moved[moved < row].max(initial=-1)) + 1
+    return last if last > row else first if first < row else None

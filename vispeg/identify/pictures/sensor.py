@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -13,12 +14,13 @@ from vispeg.core.effect import Effect, effect
 from vispeg.effects.common.disparity import PARAMS
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.pictures.depth_figures import DepthFigures
+from vispeg.identify.pictures.depth_figures import ERROR, ORDINARY, DepthFigures
 from vispeg.identify.pictures.figure import Figures
 from vispeg.identify.pictures.light_figures import LightFigures
 from vispeg.identify.pictures.shots import Shot
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene
+from vispeg.worlds.sensor import noise_of
 from vispeg.worlds.world import World
 
 Kind = Literal["depth", "light"]
@@ -82,6 +84,7 @@ class SensorEvidence(Evidence):
         self._scene, self.items, self.kind = scene, list(items), kind
         self.notes: list[str] = []
         self.recordings = []
+        self.held: frozenset[tuple[str, str]] = frozenset()
         self._recent_figures: list[tuple[World, list[np.ndarray]]] = []
 
     @property
@@ -99,8 +102,14 @@ class SensorEvidence(Evidence):
         return shows(kind, self.kind)
 
     def frees(self, kind: Effect, name: str) -> bool:
-        """All but a stereo pair's own measures, which its data sheet states and its errors do not tell."""
-        return name not in PARAMS
+        """All but what is held, and a stereo pair's own measures: its data sheet states them, its errors do not."""
+        return name not in PARAMS and (kind.name, name) not in self.held
+
+    def holding(self, names: Collection[tuple[str, str]]) -> SensorEvidence:
+        """The same evidence, to which fits leave these parameters of effects as they are."""
+        out = copy(self)
+        out.held = frozenset(names)
+        return out
 
     def misplaced(self, world: World) -> list[np.ndarray]:
         """Per item, (frames, figures) measured less modelled in units of the scatter; NaN where not known."""
@@ -163,6 +172,23 @@ class SensorEvidence(Evidence):
         """RMS of the figures in units of their scatter."""
         return float(np.sqrt(np.nanmean(np.concatenate([m.ravel() for m in self.misplaced(world)]) ** 2)))
 
+    def depth_error(self, world: World) -> float:
+        """RMS of the errors of depth over frames and ranges of distance, mm; of depth's figures alone."""
+        rows, every = self._errors, zip(self.items, self.misplaced(world), strict=True)
+        off = [m[:, rows] * i.each[rows] for i, m in every]
+        return 1e3 * float(np.sqrt(np.nanmean(np.concatenate([o.ravel() for o in off]) ** 2)))
+
+    @property
+    def depth_floor(self) -> float:
+        """RMS scatter of those errors from frame to frame, mm."""
+        seen = [i.each[self._errors][np.isfinite(i.figures.measured[:, self._errors]).any(0)] for i in self.items]
+        return 1e3 * float(np.sqrt(np.mean(np.concatenate(seen) ** 2)))
+
+    @property
+    def _errors(self) -> np.ndarray:
+        """(figures,) bool, which of them are errors of depth."""
+        return np.array([f.name.startswith(ERROR) for f in self.items[0].figures.table])
+
     @property
     def floor(self) -> float:
         """1: the scatter itself."""
@@ -191,9 +217,14 @@ def sensor_evidence(
         has = [s for s in some if (s.depth if kind == "depth" else s.rgb) is not None]
         if len(has) < LEAST:
             continue
-        figures = DepthFigures(has) if kind == "depth" else LightFigures(has, lit)
+        figures = DepthFigures(has, _ordinary(sight)) if kind == "depth" else LightFigures(has, lit)
         items.append(FigureItem(sight, figures, _scatter(figures, world), kind))
     return SensorEvidence(scene, items, kind) if items else None
+
+
+def _ordinary(sight: Sight) -> tuple[float, float]:
+    """M and 1/m: scatter s0 + s1 z^2 of a camera's depth, by its kind where that is stated."""
+    return (0.0, noise_of(sight.sensor)) if sight.sensor else ORDINARY
 
 
 def _scatter(figures: Figures, world: World) -> np.ndarray:

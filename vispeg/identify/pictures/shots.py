@@ -17,6 +17,7 @@ from vispeg.vision.predict import Predictor, Rendering, through_sensor
 from vispeg.worlds.world import World
 
 MOST = 16  # frames of a sight: figures are means over thousands of pixels
+DRAWS = 100_000  # between the seeds of two draws of one frame: more than frames that a recording has
 LATER = 0.01  # s over which the camera's speed is taken
 SEED = 7  # of what the modelled sensor draws: the same in every world, so that differences are the world's
 
@@ -33,6 +34,7 @@ class Shot:
         flow: (n,) px/s by which each border moves along its normal.
         velocity: (6,) m/s and rad/s of the camera in its own axes.
         fixed: (H, W) bool, what stands still in the room.
+        again: depth as measured from the same place at another time, None where nothing was held still.
     """
 
     number: int
@@ -43,11 +45,16 @@ class Shot:
     flow: np.ndarray
     velocity: np.ndarray
     fixed: np.ndarray
+    again: np.ndarray | None = None
 
-    def sensed(self, world: World, kinds: Callable[[Effect], bool]) -> tuple[np.ndarray, np.ndarray]:
-        """The predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m."""
+    def sensed(self, world: World, kinds: Callable[[Effect], bool], draw: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """The predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m.
+
+        Another `draw` is another picture of the same moment.
+        """
         sensor = world.only(lambda e: kinds(effect(e.effect)))
-        return through_sensor(sensor, self.rendering, SEED + self.number, self.velocity, bend=False)
+        seed = SEED + self.number + DRAWS * draw
+        return through_sensor(sensor, self.rendering, seed, self.velocity, bend=False)
 
 
 def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarray) -> list[Shot]:
@@ -69,7 +76,8 @@ def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarr
         borders = borders_of(picture, predictor.geometry, step=3.0)
         velocity, flow = _motion(predictor.geometry, name, borders, before + posture[i], after + posture[i])
         measured = sight.rgb(int(i)), sight.depth(int(i))
-        out.append(Shot(int(i), *measured, picture, borders, flow, velocity, _fixed(predictor, picture)))
+        fixed, again = _fixed(predictor, picture), sight.again(int(i))
+        out.append(Shot(int(i), *measured, picture, borders, flow, velocity, fixed, again))
     return out
 
 

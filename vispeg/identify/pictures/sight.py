@@ -25,6 +25,8 @@ class Sight:
         depth: its depth (H, W) float32 m, 0 where there is no reading, or None.
         board: that lies in sight, None where there is none.
         corners: the view of the board in a frame, None where it is not found there.
+        again: depth as in a frame, (H, W) m, of another one that was taken from the same place; None without one.
+        sensor: kind of depth camera, as the recording states it, "" where it does not.
     """
 
     name: str
@@ -35,6 +37,8 @@ class Sight:
     depth: Callable[[int], np.ndarray | None]
     board: Board | None = None
     corners: Callable[[int], View | None] = lambda i: None
+    again: Callable[[int], np.ndarray | None] = lambda i: None
+    sensor: str = ""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -55,4 +59,6 @@ class Sight:
             lambda i: self.depth(int(chosen[i])),
             self.board,
             lambda i: self.corners(int(chosen[i])),
+            lambda i: self.again(int(chosen[i])),
+            self.sensor,
         )

@@ -17,6 +17,7 @@ from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.schema import Finite, Positive
 
 Mount = Literal["base", "flange"]
+Sensor = Literal["d405", "d435", "structured_light"]  # the sensors of `vispeg.worlds.sensor`, which stand above
 Side = Annotated[int, Field(ge=1, le=8192)]
 Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 DEPTH_UNIT = 1e-3  # m: what most depth cameras deliver
@@ -35,6 +36,7 @@ class RecordedCamera:
         depth_unit: m, a step of its 16-bit depth pictures.
         mount: what carries it; None where that is not stated.
         pose: (4, 4) camera axes (OpenCV: x right, y down, z forward) in the mount's frame, m; None where not stated.
+        sensor: kind of depth camera, by whose noise its depth is judged; "" for an ordinary one.
     """
 
     name: str
@@ -48,6 +50,7 @@ class RecordedCamera:
     depth_unit: float = DEPTH_UNIT
     mount: Mount | None = None
     pose: np.ndarray | None = None
+    sensor: Sensor | Literal[""] = ""
 
     @property
     def K(self) -> np.ndarray:
@@ -66,6 +69,7 @@ class _Section(BaseModel):
     cy: Finite
     distortion: Annotated[list[Finite], Field(min_length=5, max_length=5)] = [0.0] * 5
     depth_unit_m: Annotated[float, Field(gt=0, le=1.0, allow_inf_nan=False)] = DEPTH_UNIT
+    sensor: Sensor | None = None
     base_T_camera: Annotated[list[Row], Field(min_length=4, max_length=4)] | None = None
     flange_T_camera: Annotated[list[Row], Field(min_length=4, max_length=4)] | None = None
 
@@ -102,7 +106,8 @@ def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
         lens = tuple(section.distortion)
         numbers = section.width, section.height, section.fx, section.fy, section.cx, section.cy, lens
         matrix = None if pose is None else np.array(pose, float)
-        cameras[str(name)] = RecordedCamera(str(name), *numbers, section.depth_unit_m, mount, matrix)  # type: ignore[arg-type]
+        placed = section.depth_unit_m, mount, matrix, section.sensor or ""
+        cameras[str(name)] = RecordedCamera(str(name), *numbers, *placed)  # type: ignore[arg-type]
         unknown += [f"{name}.{key}" for key in section.model_extra or {}]
     return cameras, unknown
 
@@ -112,6 +117,8 @@ def camera_entry(camera: RecordedCamera) -> Mapping[str, object]:
     out: dict[str, object] = {"width": int(camera.width), "height": int(camera.height)}
     out |= {key: float(getattr(camera, key)) for key in ("fx", "fy", "cx", "cy")}
     out |= {"distortion": [float(k) for k in camera.distortion], "depth_unit_m": float(camera.depth_unit)}
+    if camera.sensor:
+        out["sensor"] = camera.sensor
     if camera.mount is not None and camera.pose is not None:
         out[f"{camera.mount}_T_camera"] = np.asarray(camera.pose, float).tolist()
     return out

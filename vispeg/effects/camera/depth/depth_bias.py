@@ -1,9 +1,10 @@
-"""Depth bias: a wrong scale, a plane that leans, and the ripple of a matcher that favours whole pixels.
+"""Depth bias: a wrong scale, an offset, a plane that leans, and the ripple of a matcher that favours whole pixels.
 
-z' = z (1 + scale) + tilt_x x + tilt_y y + ripple z^2 / (f B) sin(2 pi d), with (x, y) the normalised pixel and d = f
-B / z the disparity; ripple is its error in px. Source of the ripple: Grunnet-Jepsen et al., Subpixel linearity
-improvement for RealSense depth cameras D400, white paper; reported as rings on a plane (librealsense #3210). Ranges:
-scale +-1 %, ripple 0.02 to 0.08 px.
+z' = z (1 + scale) + offset + tilt_x x + tilt_y y + ripple z^2 / (f B) sin(2 pi d), with (x, y) the normalised pixel and
+d = f B / z the disparity; ripple is its error in px. Source of the ripple: Grunnet-Jepsen et al., Subpixel linearity
+improvement for RealSense D400 depth cameras, white paper; reported as rings on a plane (librealsense #3210). An offset
+is the same at every distance: depth that counts from another plane than the lens's. RealSense D400 datasheet 337029
+has its start at -3.7 mm from the front glass (D405). Ranges: scale +-1 %, offset 1 to 10 mm, ripple 0.02 to 0.08 px.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ class DepthBias(CameraEffect):
     name = "depth_bias"
     channel = "depth"
     contains = ("depth_scale",)
+    parts = (("scale",), ("offset",), ("tilt_x", "tilt_y"), ("ripple",))
     order = 34
     params = {
         "scale": Param(0.0, -0.1, 0.1, "1", start=0.01, doc="relative error of every distance"),
         "tilt_x": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg to the right"),
         "tilt_y": Param(0.0, -0.05, 0.05, "m", start=0.002, doc="error at 45 deg downwards"),
+        "offset": Param(0.0, -0.05, 0.05, "m", start=0.003, doc="the same error at every distance"),
         "ripple": Param(0.0, -0.3, 0.3, "px", start=0.05, doc="of the disparity between whole pixels"),
         **PARAMS,
     }
@@ -38,8 +41,9 @@ class DepthBias(CameraEffect):
         for row, fb in zip(rows, gauge(p, rows)[:, 0, 0], strict=True):
             depth = frame.depth[row]
             x, y, _ = rays(frame.K[row], frame.shape)
-            scale, a, b, ripple = (np.float32(p[k][row]) for k in ("scale", "tilt_x", "tilt_y", "ripple"))
-            out = depth * (1 + scale)
+            names = ("scale", "offset", "tilt_x", "tilt_y", "ripple")
+            scale, offset, a, b, ripple = (np.float32(p[k][row]) for k in names)
+            out = depth * (1 + scale) + offset
             out += a * x
             out += b * y
             if ripple:

@@ -17,6 +17,7 @@ class DepthScale(CameraEffect):
 
     name = "depth_scale"
     channel = "depth"
+    part_of = ("depth_bias", "scale")
     order = 33
     params = {"factor": Param(1.0, 0.8, 1.25, "1", start=1.02, scale="log", doc="factor on every depth")}
 

@@ -1,0 +1,116 @@
+"""Which parts of an effect are there: a depth's scale, its offset and its lean are faults by themselves.
+
+All parts are free at once in one fit. A set of parts may be all that there is where the fit cannot tell the others from
+none (Wald, Transactions of the American Mathematical Society 54(3), 1943). Of the smallest such sets one is the answer;
+several compete: at one distance an offset is a scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.pictures.search import PictureSearch
+from vispeg.diagnosis.pictures.spread import confirmed
+from vispeg.diagnosis.selection.state import State
+from vispeg.effects.common.camera import CameraEffect
+from vispeg.identify.fit import Fit
+from vispeg.identify.pictures.sensor import SensorEvidence
+from vispeg.worlds.world import World
+
+LEVEL = 0.05  # of the test that parts are absent
+Parts = tuple[tuple[str, ...], ...]
+
+
+def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, tuple[str, ...]]:
+    """The state with every found effect in as few of its parts as the pictures ask for.
+
+    An effect that is a part of a wider one, as `depth_scale` is of `depth_bias`, gives way to it where another part is
+    what there is.
+
+    Args:
+        search: of a sensor's effects.
+        state: where it ended, its intervals confirmed.
+        n_fixed: number of effects that are not fitted.
+
+    Returns:
+        The state, and a sentence for every effect of which sets of parts compete.
+    """
+    said = []
+    for here in range(n_fixed, len(state.world.effects)):
+        placed = state.world.effects[here]
+        kind = effect(placed.effect)
+        assert isinstance(kind, CameraEffect)
+        wide = effect(kind.part_of[0]) if kind.part_of else kind
+        assert isinstance(wide, CameraEffect)
+        if not wide.parts:
+            continue
+        full = state
+        if wide is not kind:
+            full = _fitted(search, state, _put(state.world, here, EffectInstance.of(wide.name, placed.where)), n_fixed)
+        assert full.fit is not None
+        chosen, *others = smallest(full.fit, here, wide.parts)
+        if others:
+            sets = ", ".join(" and ".join(names[0].split("_")[0] for names in some) for some in (chosen, *others))
+            said.append(f"{placed.label}: these distances cannot tell which it is of {sets}")
+        if kind.part_of and any(some == ((kind.part_of[1],),) for some in (chosen, *others)):
+            continue  # the part that has a name of its own
+        absent = [name for part in wide.parts if part not in chosen for name in part]
+        if not absent:
+            state = full
+            continue
+        lean = full.world.effects[here].with_values(**{k: wide.params[k].null for k in absent})
+        state = _fitted(search, state, _put(full.world, here, lean), n_fixed, [(wide.name, k) for k in absent])
+    return state, tuple(said)
+
+
+def _put(world: World, index: int, placed: EffectInstance) -> World:
+    return replace(world, effects=(*world.effects[:index], placed, *world.effects[index + 1 :]))
+
+
+def _fitted(
+    search: PictureSearch, state: State, world: World, n_fixed: int, held: Sequence[tuple[str, str]] = ()
+) -> State:
+    """The state of another world, fitted with some parameters of effects held, its intervals confirmed."""
+    search = copy(search)
+    assert isinstance(search.evidence, SensorEvidence) and isinstance(search.judged, SensorEvidence)
+    search.evidence, search.judged = search.evidence.holding(held), search.judged.holding(held)
+    (fit,) = search.fits([world], n_fixed)
+    loss = search.judge.losses([fit.world])[0]
+    fitted = replace(state, world=fit.world, fit=fit, loss=loss, residual=fit.residual, last=[])
+    return confirmed(search, fitted, n_fixed)
+
+
+def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
+    """The sets of fewest parts beside which a fit cannot tell the others from none, the likeliest first.
+
+    Args:
+        fit: with all parts free.
+        index: of the effect in the fit's world.
+        parts: the effect's parameters, part by part.
+    """
+    axes = fit.space.axes
+    where = {a.name: k for k, a in enumerate(axes) if a.index == index}
+    covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
+    off = fit.u - np.array([fit.space.forward(a.param.null, a) for a in axes])
+
+    def absent(kept: Parts) -> float:
+        """How unlikely a fit of the others is that are none: 1 less the level at which that is refused."""
+        rows = [where[n] for part in parts if part not in kept for n in part if n in where]
+        if not rows:
+            return 0.0
+        block = covariance[np.ix_(rows, rows)]
+        wald = float(off[rows] @ np.linalg.pinv(block, rcond=1e-9) @ off[rows])
+        return float(stats.chi2.cdf(wald, len(rows)))
+
+    for count in range(1, len(parts) + 1):
+        passed = [(absent(kept), kept) for kept in combinations(parts, count)]
+        if good := sorted((p, kept) for p, kept in passed if p < 1 - LEVEL):
+            return [kept for _, kept in good]
+    return [parts]
