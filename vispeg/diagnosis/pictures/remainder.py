@@ -6,17 +6,21 @@ A moved part, a bent picture or a drift is no effect of the library: it shows he
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.diagnosis.evidence.remainder import Dependence
-from vispeg.identify.pictures.points import Points
+from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.sight import Sight
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.world import World
 
 CELLS = (6, 5)  # of the image, across and down
 VISIBLE = 0.2  # px RMS that a dependence must explain in the part of the views that it concerns
+FEW = 30  # points that the place of a fixture needs
+SMALL, FAR = 1e-4, 0.02  # m: step of a derivative, and how far a fixture may have been moved
 PENALTY = 3.0  # ridge in points: a cell with few points says nothing
 
 
@@ -73,6 +77,36 @@ def left_over(
         size = float(np.sqrt(square / weight)) if weight else 0.0
         out.append(Left(name, max(gain, 0.0) / max(total, 1e-9), size, most[1]))
     return sorted(out, key=lambda x: -x.share)
+
+
+def standing(geometry: Geometry, some: Sequence[tuple[Sight, Points]], world: World) -> tuple[float, ...] | None:
+    """(3,) m by which the fixture stands beside its place in a world, in its own axes; None where too little shows it.
+
+    Args:
+        geometry: of the cell.
+        some: sights with their border points, sought in a wide window.
+        world: where everything stands.
+    """
+    fixture, columns, away = geometry.model.body(geometry.scene.fixture).id, [], []
+    for sight, p in some:
+        p = p.only(np.flatnonzero((p.body == fixture) & np.isfinite(p.along)))
+        if len(p.frame):
+            here = pixels(geometry, sight, world, p)
+            moved = [pixels(geometry, sight, world, replace(p, local=p.local + SMALL * a)) - here for a in np.eye(3)]
+            columns.append(np.stack([np.sum(m * p.normal, axis=1) / SMALL for m in moved], axis=1))
+            away.append(p.along - np.sum((here - p.pixel) * p.normal, axis=1))
+    slope, rest = np.concatenate(columns or [np.zeros((0, 3))]), np.concatenate(away or [np.zeros(0)])
+    good = np.isfinite(slope).all(axis=1) & np.isfinite(rest)
+    slope, rest = slope[good], rest[good]
+    if len(rest) < FEW:
+        return None
+    shift = np.zeros(3)
+    for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from all of the window to the edges that belong
+        w = trust(rest - slope @ shift, scale)
+        shift = np.linalg.solve(
+            (slope * w[:, None]).T @ slope / scale**2 + np.eye(3) / FAR**2, slope.T @ (w * rest) / scale**2
+        )
+    return tuple(shift.tolist())
 
 
 def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:

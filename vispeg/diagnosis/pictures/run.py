@@ -14,7 +14,7 @@ from vispeg.diagnosis.pictures.excited import border_excitations, motion_between
 from vispeg.diagnosis.pictures.flatness import heights_left
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import confounded, projections
-from vispeg.diagnosis.pictures.remainder import left_over
+from vispeg.diagnosis.pictures.remainder import left_over, standing
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
@@ -85,10 +85,11 @@ def diagnose_pictures(
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
         bent = heights_left(predictor.geometry, mine, theirs, state.world)
     remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
-    one_sided = [x for some in wide for x in left_over(*_halved(some), [*scene.parts, "board"])]
+    places = [standing(judged.geometry, some, state.world) for some in wide]
+    moved = None if None in places else 1e3 * float(np.linalg.norm(np.subtract(*places)))  # type: ignore[arg-type]
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
     n_added = len(state.world.effects) - n_fixed
-    of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, one_sided)
+    of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved)
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
@@ -175,12 +176,6 @@ def _seen_anew(
     (fit,) = anew.fits([state.world], n_fixed)
     state.take(fit, anew.judge.losses([fit.world])[0])
     return anew, replace(state, last=[])
-
-
-def _halved(some: Sequence[tuple[Sight, Points]]) -> tuple[list[tuple[Sight, Points]], list[tuple[Sight, Points]]]:
-    """Every other frame of some sights, and the rest."""
-    first, second = ([(s, p.only(p.frame % 2 == k)) for s, p in some] for k in (0, 1))
-    return first, second
 
 
 def _floor(evidence: BorderEvidence, judged: BorderEvidence) -> NoiseFloor:

@@ -13,8 +13,10 @@ from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
 from vispeg.diagnosis.pictures.sensors import Sensed
 from vispeg.identify.pictures.coarse import SHIFTS, TURNS
+from vispeg.identify.pictures.unknowns import FIXED
 
 MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
+KNOWN = 1e3 * float(FIXED[0])  # mm to which a fixture's place is known: a smaller move is no finding
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
 
 
@@ -27,7 +29,7 @@ def decide(
     remainder: Sequence[Left],
     halves: Halves | None,
     lost: float,
-    one_sided: Sequence[Left] = (),
+    moved: float | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -39,7 +41,8 @@ def decide(
         remainder: what the remainder depends on.
         halves: whether two halves of the views agree.
         lost: share of predicted borders that the held-out pictures have no edge at.
-        one_sided: what the remainder of the fitted recordings, and of the held-out ones, depends on by themselves.
+        moved: mm by which the fixture stands elsewhere in the held-out recordings than in the fitted ones; None where
+            it cannot be seen in both.
     """
     convincing = [x for x in remainder if _convinces(x)]
     if convincing:
@@ -54,14 +57,12 @@ def decide(
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
         return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
-    differing = [x for x in one_sided if _convinces(x)]
-    if differing:
-        top = differing[0]
-        text = f"fitted and held-out recordings differ: {top.size:.1f} px of one of them depend on {_on(top)}"
-        return _left(f"{text}; what stands in the cell was moved in between", differing)
     if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
         text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
-        return _left(text + " leaves; no known effect explains it, and neither place, part nor distance predicts it")
+        text += " leaves, and no known effect explains it"
+        if moved is not None and moved > KNOWN:
+            text += f"; the fixture stands {moved:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
+        return _left(text)
     if not n_added:
         said = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
         return Verdict("adequate", f"{said}; no effect lowers it" if after else said)

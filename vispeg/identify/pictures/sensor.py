@@ -223,8 +223,11 @@ def sensor_evidence(
 
 
 def _ordinary(sight: Sight) -> tuple[float, float]:
-    """M and 1/m: scatter s0 + s1 z^2 of a camera's depth, by its kind where that is stated."""
-    return (0.0, noise_of(sight.sensor)) if sight.sensor else ORDINARY
+    """Scatter s0 + s1 z^2 of a camera's depth, m and 1/m, by its kind where that is stated.
+
+    With twice the variance of its kind's noisiest: a camera at the end of its range is then at half of what is odd.
+    """
+    return (0.0, float(np.sqrt(2)) * noise_of(sight.sensor)) if sight.sensor else ORDINARY
 
 
 def _scatter(figures: Figures, world: World) -> np.ndarray:
