@@ -170,7 +170,8 @@ class PictureSearch(Loop[State, Trial], Shown):
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds ask alike
-        ends = self.progress.recall(["pictures", which, [model_text(w) for w in worlds], n_fixed], work_out)
+        question = ["pictures", which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
+        ends = self.progress.recall(question, work_out)
         again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
         return fresh or run_together(again, chosen.residuals)
 

@@ -75,6 +75,7 @@ class BorderEvidence(Evidence):
     """
 
     least_gain, most_effects = 0.02, 6
+    held: frozenset[tuple[str, str]] = frozenset()  # parameters that a fit leaves: none
     floor_from = "scatter about the freest model, and what a look shifts edges by"
 
     def __init__(self, geometry: Geometry, items: Sequence[Item], settled: World, robot: float | None = None):
