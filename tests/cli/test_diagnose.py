@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
 
+from vispeg.cli.models.diagnose import Args
+from vispeg.cli.usage import parse
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.search import Search
@@ -91,3 +93,21 @@ def test_with_other_inputs_it_begins_anew(vispeg, swings, worked_out, tmp_path, 
     assert asked() == 0
     robot.write_text(robot.read_text().replace('mass="2.0"', 'mass="2.1"'))
     assert asked() == 1
+
+
+def test_several_recordings_after_one_flag_are_several():
+    """What a shell makes of `rig-*` is what the flag repeated is."""
+    each = ["arm.xml", *COMMAND, "--out", "d"]
+    together = ["arm.xml", "--recording", "a", "b", "--validate=c", "--quiet", "--threads", "1", "--out", "d"]
+    assert parse(Args, "diagnose", "", together) == parse(Args, "diagnose", "", each)
+
+
+def test_one_recording_judges_on_its_own_end(vispeg, swings, refused, tmp_path):
+    robot = swings()
+    refused(["diagnose", robot, "--recording", "a", "--out", "d", "--quiet"], "--validate", "--hold-out 0.3")
+    command = ["diagnose", robot, "--recording", "a", "--hold-out", "0.3", "--quiet", "--threads", "1"]
+    assert vispeg(*command, "--out", "d")[0] == 0
+    record = found(tmp_path / "d")
+    assert [e["effect"] for e in record["effects"]] == ["coulomb_friction"]
+    assert record["ladder"][-1]["heldout_error"] < 0.1 * record["ladder"][0]["heldout_error"]
+    refused([*command, "--validate", "c", "--out", "e"], "--hold-out", "no --validate")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from made import recording
 
-from vispeg.recordings.windows import LENGTH, choose
+from vispeg.core.errors import UserError
+from vispeg.recordings.windows import LENGTH, choose, split
 
 
 def day(seconds=300.0, rate=50.0, bursts=(61.0, 200.0), seed=0, **changes):
@@ -85,3 +86,18 @@ def test_no_window_crosses_a_gap_an_episode_or_missing_readings():
     every = day(bursts=())
     every = replace(every, time=np.arange(len(every.time)) * 1.0 + np.arange(len(every.time)) // 3 * 100.0)
     assert choose(every, 24.0).chosen is not None  # gaps everywhere: something is used, nothing breaks
+
+
+def test_a_recording_is_cut_in_a_part_to_fit_and_a_part_to_judge_on():
+    """Every row is on one side; whole episodes are held out where there are several; what cannot be cut is refused."""
+    rec = day(20.0)
+    first, last = split(rec, 0.3)
+    assert len(first.time) + len(last.time) == len(rec.time) and first.time[-1] < last.time[0]
+    assert last.time[-1] - last.time[0] == pytest.approx(0.3 * (rec.time[-1] - rec.time[0]), abs=0.1)
+    assert np.array_equal(np.concatenate([first.q, last.q]), rec.q)
+    several = replace(rec, episode=np.repeat(np.arange(4), -(-len(rec.time) // 4))[: len(rec.time)])
+    first, last = split(several, 0.3)
+    assert set(first.episode) == {0, 1, 2} and set(last.episode) == {3}
+    for share in (0.0, 1.0, -1.0):
+        with pytest.raises(UserError, match="hold-out"):
+            split(rec, share)

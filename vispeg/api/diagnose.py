@@ -82,8 +82,9 @@ class DiagnosisResult(Result):
 def diagnose(
     model: Model,
     recordings: Source | Sequence[Source],
-    validate: Source | Sequence[Source],
+    validate: Source | Sequence[Source] = (),
     *,
+    hold_out: float | None = None,
     baseline: Source | Sequence[Source] = (),
     seconds: float = SECONDS,
     seed: int = 0,
@@ -103,6 +104,8 @@ def diagnose(
             object, whose recordings are tosses (docs/formats.md).
         recordings: folders, or recordings in memory, to fit.
         validate: held-out ones, never fitted.
+        hold_out: share of each recording, its end, that judges where there is none in `validate`; a recording of
+            another motion judges better.
         baseline: earlier ones of the same robot, two or more, the last one held out. The effects named are then the
             change since; `record["baseline"]` holds those before.
         seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
@@ -136,8 +139,8 @@ def diagnose(
     contact = of_cell(model)
     if contact and (not isinstance(baseline, Sequence) or len(baseline)):
         raise UserError("a cell has no baseline", key="--baseline", expected="two diagnoses, one of each state")
-    whole = windows(model, seconds, recordings, validate)
-    inputs = read_inputs(model, recordings, validate, **whole, reading=reading)
+    options = {**windows(model, seconds, recordings, validate), "hold_out": hold_out, "reading": reading}
+    inputs = read_inputs(model, recordings, validate, **options)
     price = Price.of(policies, cell, episodes, inputs.world) if asked else None
     before = _before(model, baseline, seconds, reading)
     stamp = inputs.provenance(seed)

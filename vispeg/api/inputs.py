@@ -21,7 +21,7 @@ from vispeg.recordings.frames.read import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
-from vispeg.recordings.windows import SECONDS, choose
+from vispeg.recordings.windows import SECONDS, choose, split
 from vispeg.robots.model import RobotModel
 from vispeg.robots.model import load as load_robot
 from vispeg.sim.units import check_units
@@ -52,6 +52,7 @@ class Inputs:
         fitted, held_out: the recordings.
         digests: of the fitted and of the held-out recordings' content, by the name that the user gave.
         files: what was read.
+        hold_out: share of each recording that judges, where none but those that are fitted was given.
     """
 
     world: World
@@ -59,6 +60,7 @@ class Inputs:
     held_out: tuple[Recording, ...]
     digests: tuple[Mapping[str, str], Mapping[str, str]]
     files: tuple[str | Path, ...]
+    hold_out: float | None = None
 
     def provenance(self, seed: int | None) -> Provenance:
         """What is needed to repeat a result."""
@@ -67,7 +69,7 @@ class Inputs:
     def key(self) -> list[object]:
         """What a result depends on."""
         robot = digest(self.world.robot) if Path(self.world.robot).is_file() else None
-        return [model_text(self.world), robot, *([*group.values()] for group in self.digests)]
+        return [model_text(self.world), robot, *([*group.values()] for group in self.digests), self.hold_out]
 
 
 def load_recording(path: str | Path, *, seconds: float = 0.0) -> Recording:
@@ -89,6 +91,7 @@ def read_inputs(
     validate: Source | Sequence[Source],
     *,
     need_validate: bool = True,
+    hold_out: float | None = None,
     seconds: float = SECONDS,
     signals: Callable[[Header], Collection[str]] | None = needed,
     reading: Reading = silent,
@@ -103,6 +106,7 @@ def read_inputs(
         recordings: to fit: folders, or recordings in memory.
         validate: to judge on.
         need_validate: whether there must be one to judge on.
+        hold_out: share of each recording, its end, that judges where `validate` is empty.
         seconds: of a longer recording the windows that show the most, this long in all; 0 uses all.
         signals: header -> what is kept of a recording beside `q`; None keeps all.
         reading: progress display of reading a recording.
@@ -114,8 +118,11 @@ def read_inputs(
     fit, judge = _several(recordings), _several(validate)
     if not fit:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
-    if need_validate and not judge:
-        raise UserError("no recording to judge on", key="--validate", expected="at least one folder that is not fitted")
+    if hold_out is not None and judge:
+        raise UserError("either recordings to judge on or a part of each", key="--hold-out", expected="no --validate")
+    if need_validate and not judge and hold_out is None:
+        expected = "a folder that is not fitted; with one recording alone, --hold-out 0.3 judges on its last 30 %"
+        raise UserError("no recording to judge on", key="--validate", expected=expected)
     for flag, sources in (("--recording", fit), ("--validate", judge)):
         _once(flag, [_path(s) for s in sources])
     both = {_path(s).resolve() for s in fit} & {_path(s).resolve() for s in judge}
@@ -123,6 +130,14 @@ def read_inputs(
         raise UserError("fitted and held out at once", file=sorted(both)[0], expected="different recordings")
     if not 0 <= seconds < float("inf"):
         raise UserError("not a length", key="--seconds", expected="seconds, or 0 for all", got=seconds)
+    if hold_out is not None:
+        whole = [_read(s, world, 0.0, signals, reading) for s in fit]
+        world = _of_recordings(world, whole)
+        halves = [split(rec, hold_out) for rec in whole]
+        fitted, held_out = (tuple(choose(rec, seconds) for rec in side) for side in zip(*halves, strict=True))
+        digests = {str(_path(s)): _digest(s) for s in fit}
+        ends = {f"{name}, last {hold_out:.0%}": value for name, value in digests.items()}
+        return Inputs(world, fitted, held_out, (digests, ends), _files(model, world, fit), hold_out)
     fitted, held_out = (tuple(_read(s, world, seconds, signals, reading) for s in sources) for sources in (fit, judge))
     world = _of_recordings(world, (*fitted, *held_out))
     for held, path in zip(held_out, map(_path, judge), strict=True):
@@ -130,9 +145,13 @@ def read_inputs(
             if np.array_equal(held.q, rec.q):
                 raise UserError(f"a copy of {other}, which is fitted", file=path, expected="different recordings")
     digests = tuple({str(_path(s)): _digest(s) for s in sources} for sources in (fit, judge))
+    return Inputs(world, fitted, held_out, (digests[0], digests[1]), _files(model, world, (*fit, *judge)))
+
+
+def _files(model: Model, world: World, sources: Sequence[Source]) -> tuple[str | Path, ...]:
+    """What was read: the model's files and the recordings' folders."""
     source = [] if isinstance(model, World) else [str(model)]
-    files = (*source, world.robot, *(p for p in map(_path, (*fit, *judge)) if p.exists()))
-    return Inputs(world, fitted, held_out, (digests[0], digests[1]), files)
+    return (*source, world.robot, *(p for p in map(_path, sources) if p.exists()))
 
 
 def _several(sources: Source | Sequence[Source]) -> list[Source]:

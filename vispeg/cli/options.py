@@ -47,6 +47,7 @@ class Option:
         choices: the legal values, where they are few.
         takes: whether a value follows the flag.
         path: whether that is a file or a folder.
+        repeats: whether the flag may come several times, with a value each.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Option:
     choices: tuple[str, ...] = ()
     takes: bool = True
     path: bool = False
+    repeats: bool = False
 
 
 def options(kind: type[Any]) -> list[Option]:
@@ -116,7 +118,8 @@ def _option(field: Field[Any], hint: Any) -> Option:
     bare, plain = _bare(hint), _plain(hint)
     word = getattr(_config(hint), "name", None) or field.name
     flag = "" if positional else f"--{word.replace('_', '-')}"
-    return Option(field.name, flag, _choices(bare), bare is not bool, plain is Path)
+    repeats = "UseAppendAction" in repr(hint)
+    return Option(field.name, flag, _choices(bare), bare is not bool, plain is Path, repeats)
 
 
 def _bare(hint: Any) -> Any:
@@ -163,7 +166,7 @@ def _metavar(field: Field[Any], hint: Any) -> str | None:
         return None  # a switch
     else:
         word = TEXTS.get(field.name, WORDS[plain]) if plain is str else WORDS[plain]
-    if many is None or "UseAppendAction" in repr(hint):
+    if many is None:
         return f"[{word}]" if positional and field.default is not MISSING else word
     if ... not in get_args(many):
         return " ".join(word for _ in get_args(many))

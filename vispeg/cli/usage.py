@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
@@ -36,7 +36,7 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     """
     import tyro
 
-    from vispeg.cli.options import describe, subcommands
+    from vispeg.cli.options import describe, options, subcommands
 
     below = subcommands(kind)
     if below and argv and not argv[0].startswith("-"):
@@ -45,6 +45,7 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
             raise UserError("unknown command", got=argv[0], choices=below)
         return kind(command=parse(leaf, f"{program} {argv[0]}", leaf.__doc__, argv[1:]))
     describe(kind)
+    argv = repeated(argv, {option.flag for option in options(kind) if option.repeats})
     page, text = Page(), io.StringIO()
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
@@ -57,6 +58,20 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
     check_values(args)
     return args
+
+
+def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:
+    """Repeat a flag before each of the values that follow it, so that a shell's `rig-*` is several of them."""
+    out, flag, taken = list[str](), "", 0
+    for word in argv:
+        if word.startswith("--"):
+            flag, taken = word.partition("=")[0], int("=" in word)
+        elif flag in flags:
+            if taken:
+                out.append(flag)
+            taken += 1
+        out.append(word)
+    return out
 
 
 def filled(text: str) -> str:

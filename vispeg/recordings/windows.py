@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.differentiate import episodes, smooth
 
@@ -105,6 +106,33 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
         load=float(cover[2]),
     )
     return replace(taken(rec, parts), chosen=chosen)
+
+
+def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
+    """Cut a recording in two: what is fitted, and the end of it that is held out.
+
+    Args:
+        rec: the recording; with several episodes whole episodes are held out, else the last stretch of time.
+        share: of the time, or of the episodes, that is held out, between 0 and 1; at least one episode.
+
+    Raises:
+        UserError: a share that leaves nothing on one side, or a recording with pictures.
+    """
+    if rec.frames is not None:
+        raise UserError("pictures are not cut", file=rec.path, key="--hold-out", expected="another recording to judge")
+    if rec.episode is not None and len(np.unique(rec.episode)) > 1:
+        numbers = np.unique(rec.episode)
+        last = numbers[len(numbers) - min(max(1, round(share * len(numbers))), len(numbers) - 1) :]
+        late = np.isin(rec.episode, last)
+    else:
+        late = rec.time >= rec.time[0] + (1 - share) * (rec.time[-1] - rec.time[0])
+    if not 0 < share < 1 or late.all() or not late.any():
+        raise UserError("leaves nothing to fit or to judge on", key="--hold-out", expected="0.2 to 0.5", got=share)
+    parts = []
+    for rows, name in ((~late, "first part"), (late, "last part")):
+        cut = {n: value[rows] for n in ("time", "episode", *SIGNALS) if (value := getattr(rec, n)) is not None}
+        parts.append(replace(rec, path=rec.path.with_name(f"{rec.path.name}, {name}"), **cut))
+    return parts[0], parts[1]
 
 
 def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:

@@ -27,7 +27,7 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to compare with; repeat the option for each."""
+    """Recordings to compare with."""
     seconds: float = SECONDS
     """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     threads: int = 2

@@ -15,7 +15,8 @@ pictures), again if another one has named an effect that it needs. One page has 
 against a cell, or against what the robot's own MJCF shows beside the arm.
 
 Example:
-    vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --out found
+    vispeg diagnose iiwa14 --recording rig-a rig-b --validate rig-c --out found
+    vispeg diagnose iiwa14 --recording rig-a --hold-out 0.3 --out found
     vispeg diagnose iiwa14 --recording rig-a --recording rig-b --validate rig-c --policy runs/best --out found
     vispeg diagnose iiwa14 --baseline empty-a --baseline empty-b --recording loaded-a --validate loaded-b --out change
 """
@@ -42,9 +43,11 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to fit; repeat the option for each."""
+    """Recordings to fit."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A held-out recording, never fitted; repeat the option for each."""
+    """Held-out recordings, never fitted."""
+    hold_out: float | None = None
+    """With one recording alone: judge on this share of it, its end; 0.3 is usual."""
     baseline: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """An earlier recording of the same robot; two or more, the last one is held out."""
     policy: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
@@ -79,7 +82,7 @@ class Args:
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
-            options["rooms"] = self.rooms
+            options |= {"rooms": self.rooms, "hold_out": self.hold_out}
             part, reading = self.out.with_name(self.out.name + ".part"), reading_bars(self.output.quiet)
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)

@@ -41,9 +41,9 @@ class Args:
     out: Path
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A recording to fit; repeat the option for each."""
+    """Recordings to fit."""
     validate: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
-    """A held-out recording, never fitted; repeat the option for each."""
+    """Held-out recordings, never fitted."""
     effects: tuple[str, ...] = ()
     """Effects to fit, each EFFECT:WHERE[:param=start,...]; other starts: the model's values, else typical ones."""
     seconds: float = SECONDS
