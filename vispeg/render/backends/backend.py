@@ -30,7 +30,7 @@ BackendName = Literal["auto", "classic", "raycast", "filament"]
 def jobs_a_process(backend: str) -> int | None:
     """Jobs after which a process that draws with this backend should end; None where it may live on.
 
-    Filament on Vulkan keeps half a megabyte of every picture for as long as the process lives (docs/cameras.md).
+    What Filament draws on software Vulkan leaves memory behind for as long as the process lives (docs/cameras.md).
     """
     return 1 if backend == "filament" else None
 
