@@ -134,8 +134,29 @@ def test_controls_are_played_in_the_first_world_and_the_last_or_where_they_are_a
     html = (tmp_path / "ends/gap.html").read_text()
     assert all(text in html for text in ("<h3>In nominal</h3>", "<h3>In randomized</h3>", "no blind control"))
     jobs.clear()
-    assert vispeg("gap", "expert", *worlds, "--control-worlds", "unknown_hole", "--out", "one")[0] == 0
+    code, _, err = vispeg("gap", "expert", *worlds, "--control-worlds", "unknown_hole", "--out", "one")
+    assert code == 0 and "16 episodes, 4 of them of controls (--controls none" in err
     assert [j.world_name for j in jobs if j.control] == ["unknown_hole"]
+    jobs.clear()
+    code, _, err = vispeg("gap", "expert", *worlds, "--controls", "none", "--out", "none")
+    assert code == 0 and "of controls" not in err and len(jobs) == 3
+
+
+def test_a_policy_in_the_world_of_its_training_is_at_home_there_and_not_refused(vispeg, tmp_path, played):
+    """A naive and an identified policy can be compared in both their worlds."""
+    played(lambda job, seed: job.world_name == "randomized" or seed % 2)
+    both = ("gap", "state-3mm-randomized", "expert", "--worlds", "nominal", "randomized", "--controls", "none")
+    code, _, err = vispeg(*both, "--episodes", "20", "--videos", "0", "--out", "g")
+    assert code == 0, err
+    values = json.loads((tmp_path / "g/gap.json").read_text())
+    assert [p["home"] for p in values["policies"]] == [["randomized"], []]
+    assert [g["home"] for g in values["gaps"]] == [True, False] and len(values["comparisons"]) == 2
+    page = (tmp_path / "g/gap.html").read_text()
+    assert "world of training" not in page and "state-3mm-randomized (home)" not in page.split("randomized</h3>")[0]
+    code, _, err = vispeg(
+        "suite", "run", "state-3mm-randomized", "--train", "nominal", "--target", "randomized", "--out", "s"
+    )
+    assert code == 2 and "was trained in randomized" in err, "a suite has one training world"
 
 
 def recorded(folder, *seeds, lost=()):

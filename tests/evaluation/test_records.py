@@ -35,6 +35,11 @@ def test_one_file_may_repeat_another_but_not_contradict_it(tmp_path):
     append(tmp_path / "a.jsonl", [ONE])
     append(tmp_path / "b.jsonl", [ONE, replace(ONE, seed=9)])
     assert len(read_all([tmp_path / "a.jsonl", tmp_path / "b.jsonl"])) == 2
+    append(tmp_path / "other.jsonl", [replace(ONE, success=False, category="jam")])
+    with pytest.raises(
+        UserError, match="other.jsonl: p .training seed 0. in S, seed 7: .*otherwise.*success as in.*a.jsonl"
+    ):
+        read_all([tmp_path / "a.jsonl", tmp_path / "other.jsonl"])
     append(tmp_path / "a.jsonl", [replace(ONE, success=False, category="jam")])
     with pytest.raises(UserError, match="twice with different outcomes"):
         read(tmp_path / "a.jsonl")

@@ -52,7 +52,7 @@ def test_lost_is_what_the_policy_with_everything_has_more_worst_first():
     whole, little, much = [1] * 18 + [0] * 2, [1] * 17 + [0] * 3, [1] * 8 + [0] * 12
     # names before and after `everything` in the alphabet, so that both signs of a comparison come up
     given = [*episodes("depth-a", 1, much), *episodes("rgb-no-lights", 1, much)]
-    for seed in (1, 2):
+    for seed in (1, 2, 3):
         given += episodes("depth-everything", seed, whole) + episodes("depth-no-lights", seed, little)
         given += episodes("depth-no-camera", seed, much)
     table = success_table([*given, *episodes("depth-nothing", 1, [0] * 20)], "V")
@@ -61,8 +61,8 @@ def test_lost_is_what_the_policy_with_everything_has_more_worst_first():
         assert [row["factor"] for row in rows] == ["all of them", "camera", "lights"]
         assert [row["costs"] for row in rows] == pytest.approx([0.9, 0.5, 0.05])
         assert all(row["low"] < row["costs"] < row["high"] for row in rows)
-        # one discordant episode in each of two seeds says little, ten in each say much
-        assert rows[2]["low"] < 0 < rows[1]["low"] and rows[1]["p"] == pytest.approx(2 * 0.5**20)
+        # one discordant episode in each of three seeds says little, ten in each say much
+        assert rows[2]["low"] < 0 < rows[1]["low"] and rows[1]["p"] < 0.01
     assert lost(table, "rgb") == []  # nothing to compare with yet
 
 

@@ -23,6 +23,7 @@ from vispeg.report.gap.build import write
 from vispeg.task.registry import scene_of
 from vispeg.task.world_file import WorldFile
 
+NO_CONTROL = "none"
 Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
 
 
@@ -90,9 +91,15 @@ def check_numbers(episodes: int, workers: int) -> None:
 
 
 def check_controls(controls: Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
-    """The controls that are asked for, all that the world's cell has for None. Raises UserError for an unknown one."""
+    """The controls that are asked for: all that the world's cell has for None, none for `none` alone.
+
+    Raises:
+        UserError: an unknown one.
+    """
     choices = controls_of(scene_of(world.task))
+    if controls is not None and tuple(controls) == (NO_CONTROL,):
+        return ()
     for control in controls or ():
         if control not in choices:
-            raise UserError("unknown control", key="--controls", got=control, choices=choices)
+            raise UserError("unknown control", key="--controls", got=control, choices=(*choices, NO_CONTROL))
     return choices if controls is None else tuple(controls)

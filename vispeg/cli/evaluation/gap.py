@@ -1,12 +1,12 @@
 """Measures what policies lose in other worlds, factor by factor.
 
-All policies play the same seeds. The first world is the training world, the others are targets. The loss in a combined
+All policies play the same seeds. Losses count from the first world, the others are targets. The loss in a combined
 world (VNP combines V, N and P) is split into shares. Controls are played in the first and the last world; the blind
 control is a policy of its own, of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
-A policy that was trained in a target is refused without --fine-tuned. --measured replaces a target by a real robot's
-trials (CSV: policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or of an
-earlier gap; films need the policies too.
+A world that a policy was trained in is its home, and marked so. A policy that was trained with a part of a target is
+refused without --fine-tuned. --measured adds a real robot's trials as a target (CSV: policy, configuration, seed,
+outcome, category). --records reuses episodes of `vispeg evaluate` or of an earlier gap; films need the policies too.
 
 Example:
     vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -17,13 +17,21 @@ Example:
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from vispeg.cli.evaluation.trials import Played, Trials
 from vispeg.core.interrupt import goes_on
+
+if TYPE_CHECKING:
+    from vispeg.evaluation.jobs import Job
+    from vispeg.evaluation.runner import Watch
 
 
 @dataclass(frozen=True)
@@ -35,11 +43,11 @@ class Args:
     policies: tyro.conf.Positional[tuple[str, ...]] = ()
     """Policy folders, NAME=FOLDER, MODULE:CLASS or .zip files; replicas of one name differ in their training seed."""
     worlds: tuple[str, ...] = ("S", "V", "N", "P", "VNP")
-    """Built-in worlds' names or world files; the first is the training world."""
+    """Built-in worlds' names or world files; losses count from the first."""
     episodes: int = 100
-    """Episodes of every policy in every world."""
+    """Episodes of every policy in every world, and as many for each control in each of --control-worlds."""
     controls: tuple[str, ...] | None = None
-    """shuffled, frozen, and GOAL_fixed with the cell's name of the goal; default: all."""
+    """shuffled, frozen, and GOAL_fixed with the cell's name of the goal; none: without; default: all."""
     control_worlds: tuple[str, ...] | None = None
     """Worlds of the controls; default: the first and the last of --worlds."""
     records: tuple[Path, ...] = ()
@@ -51,7 +59,7 @@ class Args:
     videos: int = 2
     """Episodes of each policy to film in the first and the last world, new failures first."""
     fine_tuned: bool = False
-    """Allow policies that were trained or fine-tuned in a target."""
+    """Allow policies that were trained or fine-tuned with a part of a target."""
     trials: Played = Trials()
 
     @goes_on()
@@ -59,6 +67,15 @@ class Args:
         """Plays what is missing, writes the folder, prints the gaps."""
         from vispeg.api.gap import gap
 
+        options = self.trials.options(self.out)
+        bar = options["playing"]
+
+        def told(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[Watch]:
+            if not self.trials.output.quiet and (text := _said(jobs)):
+                print(text, file=sys.stderr)
+            return bar(jobs, folder)
+
+        options["playing"] = told
         result = gap(
             self.policies,
             self.worlds,
@@ -70,7 +87,15 @@ class Args:
             robot=self.robot,
             videos=self.videos,
             fine_tuned=self.fine_tuned,
-            **self.trials.options(self.out),
+            **options,
         )
         self.trials.give(result, self.out / "gap.html")
         return 0
+
+
+def _said(jobs: Sequence[Job]) -> str:
+    """How many episodes are asked for, where controls make them more than --episodes says; else nothing."""
+    total, controlled = sum(len(j.seeds) for j in jobs), sum(len(j.seeds) for j in jobs if j.control)
+    return (
+        f"{total} episodes, {controlled} of them of controls (--controls none leaves those out)" if controlled else ""
+    )
