@@ -101,3 +101,19 @@ def test_a_recording_is_cut_in_a_part_to_fit_and_a_part_to_judge_on():
     for share in (0.0, 1.0, -1.0):
         with pytest.raises(UserError, match="hold-out"):
             split(rec, share)
+
+
+def test_no_joint_stands_in_every_window_if_it_moves_somewhere():
+    """One joint has two rich bursts, the other makes one short move between them: of two windows one is for each. Where
+    there is room for one alone, what stands in it is named."""
+    time = np.arange(round(300 * 50)) / 50
+    u = np.clip((time - 150.0) / 0.15, 0.0, 1.0)
+    once = 0.02 * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    q = np.stack([day(bursts=(61.0, 100.0, 200.0)).q[:, 0], once], 1)
+    rec = day(q=q, q_cmd=q)
+    cut = choose(rec, 12.0)
+    assert cut.chosen is not None and not cut.chosen.standing and cut.chosen.speed > 0.9
+    assert any(w.start < 150.1 < w.stop for w in cut.chosen.windows) and "moves in none" not in cut.chosen.said("rig")
+    alone = choose(rec, 6.0)
+    assert alone.chosen is not None and len(alone.chosen.standing) == 1
+    assert f"{alone.chosen.standing[0]} moves in none of them: use more (--seconds)" in alone.chosen.said("rig")

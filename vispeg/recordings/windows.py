@@ -42,6 +42,7 @@ class Chosen:
         windows: in order of time.
         reversals, reversals_of: changes of direction in the windows and in the whole, all joints together.
         speed, acceleration, load: largest in the windows over largest in the whole, of the joint where that is least.
+        standing: joints that move in the whole and stand in every window.
     """
 
     of_s: float
@@ -52,16 +53,18 @@ class Chosen:
     speed: float
     acceleration: float
     load: float
+    standing: tuple[str, ...] = ()
 
     def said(self, name: str) -> str:
         """One sentence for a person."""
         where = ", ".join(f"{w.start:.4g}" for w in self.windows)
         many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
         speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
+        still = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
         return (
             f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {many} from {where} s on, chosen for what they "
             f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "
-            f"speed, {acceleration} of its acceleration, {load} of its range of load"
+            f"speed, {acceleration} of its acceleration, {load} of its range of load{still}"
         )
 
 
@@ -75,7 +78,8 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
 
     Each window counts how long each joint spends in cells of signed speed, of acceleration and of load while it moves,
     and how often it turns back. Windows are taken one by one, each time the one that adds most to the sum over cells of
-    log(1 + t / 0.1 s), t the time spent in a cell: what is rare counts more than what is had already.
+    log(1 + t / 0.1 s), t the time spent in a cell: what is rare counts more than what is had already. Where a joint
+    that moves in the recording would stand in all of them, windows in which it moves come first.
 
     Args:
         rec: the recording.
@@ -89,7 +93,10 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     if not 0 < seconds < length - LENGTH:
         return rec
     cells, turns, spans, tops = _cells(rec, runs)
-    picked = _greedy(cells, spans, max(1, int(seconds / LENGTH)))
+    count, moves = max(1, int(seconds / LENGTH)), tops[0] > STANDS * tops[0].max(axis=0)  # (w, nj)
+    picked = _greedy(cells, spans, count)
+    if not moves[picked].any(axis=0).all():
+        picked = _greedy(cells, spans, count, moves)
     picked = sorted(picked, key=lambda k: spans[k][0])
     parts = [spans[k] for k in picked]  # those that touch stay apart: side by side, equally long ones cost the least
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
@@ -104,6 +111,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
         speed=float(cover[0]),
         acceleration=float(cover[1]),
         load=float(cover[2]),
+        standing=tuple(j for j, there in zip(rec.joints, moves[picked].any(axis=0), strict=True) if not there),
     )
     return replace(taken(rec, parts), chosen=chosen)
 
@@ -214,13 +222,21 @@ def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
     return out
 
 
-def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int) -> list[int]:
-    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of logarithms."""
+def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int, moves: np.ndarray | None = None) -> list[int]:
+    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of logarithms.
+
+    With `moves` (w, nj) first those in which most joints move that stand in the ones before.
+    """
     have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
+    moved = np.zeros(0 if moves is None else moves.shape[1], bool)
     starts, stops = np.array(spans).T
     while len(picked) < count and free.any():
-        gain = np.where(free, np.log1p((have + cells) / ENOUGH).sum(axis=1), -1.0)
-        best = int(np.argmax(gain))
+        gain = np.log1p((have + cells) / ENOUGH).sum(axis=1)
+        if moves is not None:
+            gain += (1.0 + gain.max()) * (moves & ~moved).sum(axis=1)  # more than any window is worth by itself
+        best = int(np.argmax(np.where(free, gain, -1.0)))
+        if moves is not None:
+            moved |= moves[best]
         picked.append(best)
         have += cells[best]
         free &= (stops <= starts[best]) | (starts >= stops[best])
