@@ -101,6 +101,24 @@ def test_what_compare_fit_diagnose_and_demo_print(columns):
     assert not within(done.stdout, columns) and not whole(done.stdout, cells)
 
 
+def test_a_ladder_of_effects_that_came_in_together_stays_a_table(capsys):
+    """At 80 columns, whatever many effects a step added: a row a model, its errors beside it."""
+    from rich.console import Console
+
+    from vispeg.report.text.terminal import ladder_table
+
+    together = "+ coulomb_friction + viscous_friction + rotor_inertia + joint_bias(several)"
+    rungs = [
+        {"model": m, "fit_error": 4.72e-5, "heldout_error": 1e-3, "unit": "rad RMS"} for m in ("nominal", together)
+    ]
+    Console(width=80).print(ladder_table({"ladder": rungs, "noise_floor": {"value": 2e-5, "unit": "rad RMS"}}))
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80 and lines[0].split() == ["Model", "Fitted", "Held", "out", "Floor"]
+    names = [line.split("  ")[0].strip() for line in lines[2:]]
+    assert names == ["nominal", "+ coulomb_friction", "+ viscous_friction", "+ rotor_inertia", "+ joint_bias(several)"]
+    assert "1.00 mrad RMS" in lines[3]
+
+
 def test_check(rigs):
     text = run("check", rigs["short"], columns=60)
     said = text.partition("  !")[0].splitlines()[1:]  # warnings are sentences, one a line

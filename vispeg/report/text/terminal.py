@@ -15,12 +15,19 @@ from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line, print_summary
 from vispeg.report.text.tables import Column, Sheet
 
+WIDE = 34  # letters of a model's name, beside which three columns of errors fit into 80
+
 
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
     """Model, error on fitted and on held-out recordings, and the latter in noise floors; of either kind of record."""
     columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
     models = ladder_rows(_record(diagnosis))
-    return Sheet(columns, [[row["model"], row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
+    return Sheet(columns, [[_lines(row["model"]), row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
+
+
+def _lines(model: str) -> str:
+    """A model's name with each effect that came in at once on a line of its own, where one line would be wide."""
+    return model if len(model) <= WIDE else model.replace(" + ", "\n+ ")
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
