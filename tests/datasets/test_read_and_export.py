@@ -151,8 +151,8 @@ def test_torch_items_are_the_frames(folder):
 
 
 def test_objects_of_bop_are_what_a_dataset_has_poses_of(folder, tmp_path):
-    assert objects(Dataset(folder)) == {1: ("peg", "label.peg"), 2: ("fixture", "label.hole")}
+    assert objects(Dataset(folder)) == {1: ("peg", "peg"), 2: ("fixture", "hole")}
     other = write_dataset(tmp_path)  # of another task, with other names
-    assert objects(Dataset(other)) == {1: ("tool", "label.tool"), 2: ("fixture", "label.goal")}
+    assert objects(Dataset(other)) == {1: ("tool", "tool"), 2: ("fixture", "goal")}
     with pytest.raises(UserError, match="no pose of an object"):
         objects(Dataset(other, ["action", "label.camera.eye"]))

@@ -45,7 +45,7 @@ def alone(clip):
 @pytest.mark.parametrize("rows", [1, 3, 7, 20])
 def test_a_clip_is_what_it_is_by_itself_whatever_is_beside_or_before_it(rows):
     given = clips()
-    for clip, (rgb, depth) in zip(given, sense(EYE, given, PERIOD, rows), strict=True):
+    for clip, (rgb, depth, _) in zip(given, sense(EYE, given, PERIOD, rows), strict=True):
         want_rgb, want_depth = alone(clip)
         assert rgb.shape == clip.rgb.shape and rgb.dtype == np.uint8 and depth.dtype == np.float32
         # sums of another stack may round otherwise, by which a reading at a threshold may come or go

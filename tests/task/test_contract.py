@@ -203,3 +203,23 @@ def test_a_policy_is_trained_in_it_by_the_same_command(tmp_path):
     policy.reset(2)
     action = policy.act(env.reset(seed=1)[0])
     assert action.shape == (2, 3) and np.isfinite(env.step(action)[1]).all()
+
+
+@pytest.mark.parametrize("where", ["peg", "each"])
+def test_what_was_drawn_is_shown_as_it_was_drawn(where):
+    """Whatever place the world draws at: surfaces, the held part and joints that it does not name do not count."""
+    from vispeg.task.environments.vector import TaskVec
+    from vispeg.worlds.distribution import Uniform
+    from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+
+    drawn = {"friction": ("contact_friction", "scale", where), "latency": ("command_delay", "delay", "joint1")}
+    world = RandomizedWorld(tuple(RandomizedEffect(e, at, {k: Uniform(0.005, 0.02)}) for e, k, at in drawn.values()))
+    env = TaskVec(3, world)
+    truth = env.reset(seed=0)[0]["privileged"]
+    for term, (name, key, _) in drawn.items():
+        for row in range(3):
+            values = [v[key] for label, v in env.drawn(row).values.items() if label.startswith(f"{name}(")]
+            shown = truth[row, env.observed[term]] * env.observed.term(term).scale
+            assert shown == pytest.approx(np.mean(values), rel=1e-5), term
+    assert (truth[:, env.observed["mass"]] == 0).all(), "the world draws none"
+    env.close()

@@ -12,6 +12,7 @@ import yaml
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import build
+from vispeg.sim.placement import activate
 from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
 from vispeg.worlds.distribution import Normal, Uniform
 
@@ -132,6 +133,36 @@ def test_what_was_identified_wins_over_the_base_at_the_same_place(world, tmp_pat
     alone = {r.label: r.params for r in load_world(world("alone", model="model.yaml")).world.ranges}
     assert {r.label: r.params for r in found if r.where != "each"} == alone, "and nothing of the base's is left there"
     assert [r.where for r in found][0] == "each", "the wide range comes first, so that the narrow one wins"
+
+
+@pytest.mark.parametrize("where", ["all", "each"])
+def test_a_files_word_for_many_places_wins_over_its_bases_for_one(where, world):
+    """Of every effect of which `randomized` says something for one place: nothing of that is left in any episode."""
+    base = load_world("randomized").world.ranges
+    for name in dict.fromkeys(r.effect for r in base if r.where not in ("all", "each")):
+        kind = effect(name)
+        null = {k: kind.params[k].null for k in kind.magnitudes}
+        path = world(f"{name}-{where}", base="randomized", effects=[{"effect": name, "where": where, "params": null}])
+        for seed in range(3):
+            found = [v for label, v in values(path, seed).items() if label.startswith(f"{name}(")]
+            assert found and all(v[k] == null[k] for v in found for k in null), name
+    own = world(base="randomized", effects=[{"effect": "hole_offset", "where": where, "params": {"x": 0.01}}])
+    assert [v for k, v in values(own, 1).items() if k.startswith("hole_offset")] == [{"x": 0.01, "y": 0.0, "z": 0.0}]
+
+
+def test_of_one_file_the_narrower_word_wins(world, tmp_path):
+    """For one effect and place: the file's own for that place, what was identified, the file's for many, the bases'."""
+    (tmp_path / "model.yaml").write_text(MODEL, encoding="utf-8")
+
+    def friction(where, damping):
+        return {"effect": "viscous_friction", "where": where, "params": {"damping": damping}}
+
+    world("low", effects=[friction("joint1", 9.0), friction("joint2", 9.0), friction("joint4", 9.0)])
+    mine = [friction("joint3", 0.7), friction("each", 0.5)]
+    path = world("high", base="low.yaml", model={"file": "model.yaml", "sd": 0, "widen": 0}, effects=mine)
+    cell = activate(SCENE, [load_world(path).world.sample(0, SCENE)])
+    damping = next(a.p["damping"][0] for a in cell if a.effect.name == "viscous_friction")
+    assert damping.tolist() == [0.5, 3.0, 0.7, 0.5, 0.5, 0.5, 0.5]
 
 
 def test_a_world_builds_on_others_and_replaces_what_it_says_itself(world, tmp_path):

@@ -19,6 +19,7 @@ class Frame:
         normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes where the renderer gave them, or None.
         velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
         time: (n,) s since the episode began: what latency and dropped frames go by.
+        shown: (n,) s, the moment that each image shows: its time, or an earlier one where it came late; or None.
     """
 
     rgb: np.ndarray | None
@@ -28,6 +29,7 @@ class Frame:
     normals: np.ndarray | None = None
     velocity: np.ndarray | None = None
     time: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    shown: np.ndarray | None = None
 
     @property
     def n(self) -> int:

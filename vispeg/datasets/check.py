@@ -12,8 +12,10 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import CAMERA_FILE, RENDER_FILE, STATS, TASKS
 from vispeg.datasets.episodes import OWN
+from vispeg.datasets.formats.bop import matrix, objects
 from vispeg.datasets.formats.stored import Stored
-from vispeg.datasets.layout import COUNTED, is_depth, is_picture
+from vispeg.datasets.layout import COUNTED, depth_of, is_depth, is_picture, pose_of
+from vispeg.datasets.moments import Seen, disagreements
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.parquet import opened, table, values
 from vispeg.datasets.read import Dataset
@@ -164,6 +166,8 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
     digests: dict[bytes, str] = {}
     content = [name for name in data.features if name not in COUNTED]
     repeated = 0
+    # a camera that is late or drops frames delivers a picture twice; a frame that holds pictures alone is then the same
+    pictures_alone = all(is_picture(data.features[name]) for name in content)
     for number, about in enumerate(data.episodes):
         try:
             frames = data.episode(number)
@@ -171,6 +175,11 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
             faults.append(str(error) if "episode " in str(error) else f"episode {number}: {error}")
             continue
         faults += [f"episode {number}: {fault}" for fault in pictures(data, frames)]
+        try:
+            faults += [f"episode {number}: {fault}" for fault in disagreements(_seen(data, number, frames))]
+        except UserError as error:
+            faults.append(str(error))
+        last = b""
         for i in range(about["length"]):
             digest = hashlib.blake2b(digest_size=16)
             for name in content:
@@ -178,13 +187,33 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
                 digest.update(value.encode() if isinstance(value, str) else np.ascontiguousarray(value).tobytes())
             here = f"frame {about['dataset_from_index'] + i}"
             before = digests.setdefault(digest.digest(), here)
-            if before != here:
+            again, last = pictures_alone and digest.digest() == last, digest.digest()
+            if before != here and not again:
                 repeated += 1
                 faults += [f"{here}: repeats {before}"] if repeated <= MOST else []
         watch(about["length"])
     if repeated > MOST:
         faults.append(f"... and {repeated - MOST} more repeated frames")
     return faults
+
+
+def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
+    """The parts of known surface and pose that an episode's cameras see."""
+    if isinstance(data, Stored):
+        yield from data.seen(number, frames)
+        return
+    cameras = data.drawn_cameras(number) if data.models else {}
+    for name, camera in cameras.items():
+        eye, deep, labels = f"label.camera.{name}", depth_of(name, frames), frames.get(f"label.parts.{name}")
+        for part, site in objects(data).values():
+            pose = pose_of(site, name, frames)
+            if part not in data.models or not {eye, deep, pose} <= set(frames):
+                continue
+            with np.errstate(all="ignore"):  # a pose that is none has been found by then
+                eyes, stands = ([matrix(row) for row in frames[key]] for key in (eye, pose))
+                at = np.stack([np.linalg.inv(a) @ b for a, b in zip(eyes, stands, strict=True)])
+            mask = labels == 1 + data.parts.index(part) if labels is not None and part in data.parts else None
+            yield Seen(camera, part, frames[deep], mask, at, data.models[part])
 
 
 def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:

@@ -137,6 +137,15 @@ def depth_of(camera: str, features: Container[str]) -> str:
     return old if old in features else f"observation.depth.{camera}"
 
 
+def pose_of(part: str, camera: str, features: Container[str]) -> str:
+    """The feature that holds a part's pose at the moment that a camera's picture shows.
+
+    The part's own where the features have one for all cameras: of what does not move, or as older datasets have it.
+    """
+    of_camera = f"label.{part}.{camera}"
+    return of_camera if of_camera in features else f"label.{part}"
+
+
 def truth_of(features: Container[str]) -> str:
     """The feature that holds what only a simulation knows.
 

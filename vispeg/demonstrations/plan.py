@@ -102,10 +102,10 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         "next.reward": number(),
         "next.done": flag(),
         "next.success": flag(),
-        f"label.{scene.held}": numbers(POSE),
         f"label.{scene.goal}": numbers(POSE),
     }
     for c in cameras:
+        features[f"label.{scene.held}.{c.name}"] = numbers(POSE)
         features[f"label.camera.{c.name}"] = numbers(POSE)
         features[colour_of(c.name)] = picture(c)
         features[depth_of(c.name, ())] = depth(c)

@@ -44,8 +44,10 @@ class Clip:
 
 def sense(
     camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
-) -> list[tuple[np.ndarray, np.ndarray]]:
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Each clip's pictures, (T, H, W, 3) uint8 and (T, H, W) float32 m, as the camera delivers them.
+
+    With them comes which of the clip's moments each of them shows, (T,) int: an earlier one where it came late.
 
     Args:
         camera: as its user believes it.
@@ -57,7 +59,7 @@ def sense(
         ValueError: an effect that leaves no picture.
     """
     n = min(rows, len(clips))
-    out = [(np.empty_like(c.rgb), np.empty_like(c.depth)) for c in clips]
+    out = [(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int)) for c in clips]
     clip_of, step, following = list(range(n)), [0] * n, n  # by row: its clip, the picture of it; the next clip to show
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
@@ -74,12 +76,13 @@ def sense(
             time=np.array(step) * period,
         )
         delivered = pipeline.run(frame, [stream(c.seed, "image", camera.name, t) for c, t in now])
-        if delivered.rgb is None or delivered.depth is None:
+        if delivered.rgb is None or delivered.depth is None or delivered.shown is None:
             raise ValueError("an effect took a picture away")
         rgb = np.round(255 * np.clip(delivered.rgb, 0, 1)).astype(np.uint8)
+        shown = np.rint(delivered.shown / period).astype(int)
         for row in busy:
             of, at = out[clip_of[row]], step[row]
-            of[0][at], of[1][at] = rgb[row], np.nan_to_num(delivered.depth[row])
+            of[0][at], of[1][at], of[2][at] = rgb[row], np.nan_to_num(delivered.depth[row]), shown[row]
             step[row] += 1
         over = [row for row in busy if step[row] == len(clips[clip_of[row]])]
         for row in over:

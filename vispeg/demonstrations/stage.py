@@ -63,9 +63,17 @@ class Played:
 
 @dataclass(frozen=True)
 class Take:
-    """One look of an episode as rendered: what its frames hold but for the pictures, those by camera, what it is."""
+    """One look of an episode as rendered.
+
+    Attributes:
+        frames: what they hold but for pictures and what is labelled in these.
+        labels: by camera, of every moment; a picture that came late has those of the moment that it shows.
+        clips: pictures by camera.
+        about: what it is.
+    """
 
     frames: list[dict[str, np.ndarray]]
+    labels: dict[str, list[dict[str, np.ndarray]]]
     clips: dict[str, Clip]
     about: dict[str, object]
 
@@ -188,10 +196,11 @@ class Stage:
         cell = moments[0].cell  # the guard judges it as it stands, which is the same in every look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
-        frames, shots = [], []
+        frames, shots, labels = [], [], []
         for moment in moments:
             views = self.renderer.render(moment.cell.qpos, moment.cell.bodies)
-            frames.append(moment.values | self._labels(views))
+            frames.append(moment.values | {f"label.{self.scene.goal}": self._pose(self.scene.goal)})
+            labels.append({name: self._labels(name, shot) for name, shot in views.items()})
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in views.items()})
             drawn(1)
         about = {
@@ -216,18 +225,21 @@ class Stage:
             clips[c.name] = Clip(
                 world, view_seed, np.stack([s.rgb for s in mine]), np.stack([s.depth for s in mine]), speed
             )
-        return Take(frames, clips, about)
+        by_camera = {c.name: [moment[c.name] for moment in labels] for c in self.layout.cameras}
+        return Take(frames, by_camera, clips, about)
 
-    def _labels(self, shots: dict[str, Shot]) -> dict[str, np.ndarray]:
-        data, model = self.renderer.data, self.renderer.model
-        labels = {}
-        for name, site in ((self.scene.held, self.scene.tip_site), (self.scene.goal, self.scene.goal)):
-            i = model.site(site).id
-            labels[f"label.{name}"] = np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
-        for name, shot in shots.items():
-            labels[f"label.camera.{name}"] = np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])])
-            if shot.segmentation is not None:
-                labels[f"label.parts.{name}"] = shot.segmentation.astype(np.uint8)
+    def _pose(self, site: str) -> np.ndarray:
+        data, i = self.renderer.data, self.renderer.model.site(site).id
+        return np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
+
+    def _labels(self, camera: str, shot: Shot) -> dict[str, np.ndarray]:
+        """What a camera's picture of the renderer's present moment shows."""
+        labels = {
+            f"label.{self.scene.held}.{camera}": self._pose(self.scene.tip_site),
+            f"label.camera.{camera}": np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])]),
+        }
+        if shot.segmentation is not None:
+            labels[f"label.parts.{camera}"] = shot.segmentation.astype(np.uint8)
         return labels
 
     def develop(self, takes: Sequence[Take]) -> Iterator[Episode]:
@@ -238,8 +250,9 @@ class Stage:
             recorder = Recorder(self.layout)
             for step, frame in enumerate(take.frames):
                 pictures = {}
-                for c, pairs in zip(cameras, delivered, strict=True):
-                    rgb, depth = pairs[k]
+                for c, clips in zip(cameras, delivered, strict=True):
+                    rgb, depth, shown = clips[k]
+                    pictures |= take.labels[c.name][shown[step]]
                     pictures[colour_of(c.name)] = rgb[step]
                     pictures[depth_of(c.name, ())] = np.clip(depth[step], 0, FAR)
                 recorder.add(frame | pictures)

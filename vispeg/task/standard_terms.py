@@ -12,6 +12,7 @@ import numpy as np
 
 from vispeg.control.laws import rotation_vector
 from vispeg.task.terms import Term
+from vispeg.worlds.places import MANY
 
 if TYPE_CHECKING:
     from vispeg.task.environments.simulation import TaskSimulation
@@ -25,12 +26,18 @@ def _tip(sim: TaskSimulation) -> np.ndarray:
 
 
 def drawn(effect: str, key: str) -> Callable[[TaskSimulation], np.ndarray]:
-    """What an episode drew of an effect's parameter, the mean over its places (n, 1); 0 in worlds without it."""
+    """Read what an episode drew of an effect's parameter (n, 1): the mean over the places at which the world draws it.
+
+    0 in worlds without the effect; its null in an episode that goes without.
+    """
 
     def read(sim: TaskSimulation) -> np.ndarray:
-        for a in sim.cell.active:
-            if a.effect.name == effect and key in a.p:
-                return a.p[key].mean(axis=1, keepdims=True)
+        where = {e.where for e in sim.world.entries if e.effect == effect}
+        for a in sim.cell.active if where else ():
+            if a.effect.name == effect:
+                many = not where.isdisjoint(MANY)
+                columns = [i for i, place in enumerate(a.effect.targets(sim.scene)) if many or place in where]
+                return a.p[key][:, columns].mean(axis=1, keepdims=True)
         return np.zeros((sim.nsim, 1))
 
     return read

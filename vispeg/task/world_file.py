@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -113,7 +113,7 @@ def load_world(source: str | Path) -> WorldFile:
     path = _path(source, None)
     parts = _Parts()
     name = _collect(path, parts, ())
-    # the later wins: a range for one place over one for many
+    # of one file's, a range for one place wins over one for many; those of its bases have made way by then
     broad = [r for r in parts.ranges.values() if r.where in MANY]
     narrow = [r for r in parts.ranges.values() if r.where not in MANY]
     config = config_of(parts.task, str(path))
@@ -188,28 +188,43 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     parts.cameras |= _cameras(_given(data, "cameras", {}), path)
     parts.renderer |= _renderer(_given(data, "renderer", {}), path)
     config = config_of(parts.task, str(path))
+    found: list[RandomizedEffect] = []
     if data.get("model") is not None:
-        for r in ranges_of(Identified.of(data["model"], path), config.robot.model):
-            _replace(parts, r, path, "model")
+        found += ranges_of(Identified.of(data["model"], path), config.robot.model)
     entries = _typed(_given(data, "effects", []), list, path, "effects")
-    if not entries:
-        return name  # its robot is not looked for: a file on top of this one may name another
-    scene = task_of(config).cell(config)
-    earlier: set[tuple[str, str]] = set()
+    # without entries its robot is not looked for: a file on top of this one may name another
+    scene = task_of(config).cell(config) if entries else None
+    own: dict[tuple[str, str], tuple[RandomizedEffect, str]] = {}
     for i, entry in enumerate(entries):
         r = ranged(entry, scene, path, f"effects[{i}]")
-        if (r.effect, r.where) in earlier:
+        if (r.effect, r.where) in own:
             raise UserError(f"{r.label} is given twice", file=path, key=f"effects[{i}]")
-        earlier.add((r.effect, r.where))
-        _replace(parts, r, path, f"effects[{i}]")
+        own[r.effect, r.where] = r, f"effects[{i}]"
+    _lay(parts, own, [r for r in found if (r.effect, r.where) not in own], path)
     return name
 
 
-def _replace(parts: _Parts, r: RandomizedEffect, path: Path, key: str) -> None:
-    """The range, said there, takes the place of one for the same effect and place, and stands last."""
-    parts.ranges.pop((r.effect, r.where), None)
-    parts.ranges[r.effect, r.where] = r
-    parts.said[r.effect, r.where] = path, key
+def _lay(
+    parts: _Parts,
+    own: Mapping[tuple[str, str], tuple[RandomizedEffect, str]],
+    found: Sequence[RandomizedEffect],
+    path: Path,
+) -> None:
+    """Put a file's ranges over those of its bases, in the order in which the later wins.
+
+    Those for many places, then those that were identified, then those for one place. One for many places takes away all
+    that the bases have of that effect, at whatever place.
+    """
+    layer = [o for o in own.values() if o[0].where in MANY]
+    layer += [(r, "model") for r in found]
+    layer += [o for o in own.values() if o[0].where not in MANY]
+    many = {r.effect for r, _ in layer if r.where in MANY}
+    for place in [place for place in parts.ranges if place[0] in many]:
+        del parts.ranges[place]
+    for r, key in layer:
+        parts.ranges.pop((r.effect, r.where), None)  # so that it stands last
+        parts.ranges[r.effect, r.where] = r
+        parts.said[r.effect, r.where] = path, key
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:

@@ -18,28 +18,27 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import DEPTH_STEP, encode, to_steps
 from vispeg.datasets.formats.models import described, ply
-from vispeg.datasets.layout import colour_of, depth_of
+from vispeg.datasets.layout import colour_of, depth_of, pose_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
 FIXTURE = "fixture"  # the part that the goal belongs to
 MM = 1000.0
-Things = Mapping[int, tuple[str, str]]  # number -> part, key of its pose
+Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
 
 def objects(data: Dataset) -> Things:
-    """Number -> (part, key of its pose) of what a dataset has poses of; a pose that bears no part's name is the goal's.
+    """Number -> (part, name of its pose) of what a dataset has poses of; a pose of no part's name is the goal's.
 
     Raises:
         UserError: no such pose.
     """
     poses = [key for key in data.features if key.startswith("label.") and not key.startswith("label.camera.")]
-    poses = [key for key in poses if data.features[key].get("shape") == [7]]
-    if not poses:
+    names = [key.split(".")[1] for key in poses if data.features[key].get("shape") == [7]]
+    if not names:
         raise UserError("has no pose of an object, which BOP is about", file=data.folder, key="label.NAME")
-    names = [key.removeprefix("label.") for key in poses]
-    parts = [name if name in data.parts else FIXTURE for name in names]
-    return dict(enumerate(zip(parts, poses, strict=True), start=1))
+    things = [(name if name in data.parts else FIXTURE, name) for name in dict.fromkeys(names)]
+    return dict(enumerate(things, start=1))
 
 
 def write_bop(source: Path, out: Path) -> None:
@@ -62,7 +61,7 @@ def write_bop(source: Path, out: Path) -> None:
     first = next(iter(data.cameras.values()))
     general = {k: getattr(first, k) for k in ("fx", "fy", "cx", "cy", "width", "height")}
     _json(out / "camera.json", general | {"depth_scale": DEPTH_STEP * MM})
-    named = {str(i): {"name": name, "frame": label.partition(".")[2]} for i, (name, label) in things.items()}
+    named = {str(i): {"name": part, "frame": name} for i, (part, name) in things.items()}
     scenes = [
         [f"{len(data.cameras) * n + i:06d}", n, c]
         for n in range(len(data.episodes))
@@ -102,8 +101,8 @@ def _scene(folder: Path, data: Dataset, things: Things, frames: dict[str, np.nda
             "cam_t_w2c": (MM * view[:3, 3]).tolist(),
         } | ({"cam_distortion": list(camera.distortion)} if any(camera.distortion) else {})
         truth[str(i)], extent[str(i)] = [], []
-        for j, (number, (part, label)) in enumerate(things.items()):
-            at = view @ matrix(frames[label][i])
+        for j, (number, (part, name)) in enumerate(things.items()):
+            at = view @ matrix(frames[pose_of(name, camera.name, frames)][i])
             entry = {"cam_R_m2c": at[:3, :3].ravel().tolist(), "cam_t_m2c": (MM * at[:3, 3]).tolist(), "obj_id": number}
             truth[str(i)].append(entry)
             labels = frames.get(f"label.parts.{camera.name}")

@@ -21,6 +21,7 @@ from vispeg.datasets.formats.models import read_ply
 from vispeg.datasets.formats.stored import LARGEST, Stored
 from vispeg.datasets.formats.stored import picture as read_picture
 from vispeg.datasets.layout import colour_of, depth, depth_of, parts, picture
+from vispeg.datasets.moments import Seen
 from vispeg.formats.guard import is_file, read_bytes
 from vispeg.formats.json_data import read_json
 from vispeg.render.cameras.camera import Camera
@@ -120,6 +121,19 @@ class Bop(Stored):
                 out[f"label.parts.{name}"] = np.stack([self._parts(scene, i, name) for i in frames])
         return out
 
+    def seen(self, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
+        """See Stored."""
+        for name in self.cameras if self.known_models else ():
+            scene = self.by[number, name]
+            poses = [self._poses(scene).get(str(i), []) for i in self._frames(scene)]
+            for place, (i, part) in enumerate(self.objects.items(), 1):
+                at = [_pose(entry) for row in poses for entry in row if entry["obj_id"] == i]
+                if i in self.known_models and len(at) == len(poses) > 0:  # once in every picture
+                    vertices, faces = read_ply(self.folder / f"models/obj_{i:06d}.ply")
+                    mask = frames[f"label.parts.{name}"] == place
+                    depth, camera = frames[depth_of(name, ())], self._camera(name, scene)
+                    yield Seen(camera, part, depth, mask if mask.any() else None, np.stack(at), (MM * vertices, faces))
+
     def _parts(self, scene: Path, i: int, name: str) -> np.ndarray:
         feature = self.features[f"label.parts.{name}"]
         out, order = np.zeros(feature["shape"], np.uint8), list(self.objects)
@@ -202,6 +216,13 @@ def _objects(listing: Any, path: Path) -> dict[int, str]:
     if not isinstance(objects, dict) or not all(k.isdigit() and isinstance(o, dict) for k, o in objects.items()):
         raise UserError("not a mapping of objects", file=path, key="objects", got=objects)
     return {int(key): str(entry.get("name", key)) for key, entry in objects.items()}
+
+
+def _pose(entry: ObjectPose) -> np.ndarray:
+    """(4, 4) of an object in camera axes, m."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = np.reshape(entry["cam_R_m2c"], (3, 3)), MM * np.asarray(entry["cam_t_m2c"])
+    return out
 
 
 def _picture_of(folder: Path, i: int) -> Path:

@@ -17,6 +17,7 @@ from vispeg.datasets.codec import DEPTH_STEP, decode
 from vispeg.datasets.describe import Made
 from vispeg.datasets.episodes import Stretch
 from vispeg.datasets.layout import Feature, is_depth, pixel_shape
+from vispeg.datasets.moments import Seen
 from vispeg.formats.guard import MB, read_bytes
 from vispeg.render.cameras.camera import Camera
 
@@ -51,6 +52,10 @@ class Stored(ABC):
     @abstractmethod
     def read(self, number: int) -> dict[str, np.ndarray]:
         """An episode's frames, (T, ...) arrays by feature. Raises UserError for damaged files."""
+
+    def seen(self, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
+        """The parts of known surface and pose that an episode's cameras see."""
+        yield from ()
 
     def check(self) -> Iterator[str]:
         """What is wrong beside what reading the frames would tell. Raises UserError where no more can be found."""

@@ -12,6 +12,7 @@ from vispeg.core.effect import Effect, Values
 from vispeg.core.params import Param
 
 SEED_MAX = float(2**31 - 1)
+DELIVERED = ("rgb", "depth", "shown")  # what of a Frame is delivered later where a camera is late
 
 
 class CameraEffect(Effect):

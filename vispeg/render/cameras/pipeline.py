@@ -90,6 +90,7 @@ class Pipeline:
             rgb=None if frame.rgb is None else frame.rgb.copy(),
             depth=None if frame.depth is None else frame.depth.copy(),
             truth=frame.depth if frame.truth is None else frame.truth,
+            shown=np.array(np.broadcast_to(frame.time, (self.n,)), float),
         )
         for in_light, group in groupby(self.stages, lambda s: isinstance(s.effect, LightEffect)):
             if in_light:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.params import Param
-from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.camera import DELIVERED, CameraEffect
 from vispeg.effects.common.field import begins
 
 
@@ -35,7 +35,7 @@ class CameraDelay(CameraEffect):
         for row in self.rows(p):
             row = int(row)
             history = [] if opening[row] else past.get(row, [])
-            images = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
+            images = {n: i[row].copy() for n in DELIVERED if (i := getattr(frame, n)) is not None}
             history = [(t, i) for t, i in history if t >= now[row] - 2 * self.params["delay"].high] + [
                 (now[row], images)
             ]

@@ -6,7 +6,7 @@ Each frame is lost with probability `chance`, independently; an episode's first 
 from __future__ import annotations
 
 from vispeg.core.params import Param
-from vispeg.effects.common.camera import CameraEffect
+from vispeg.effects.common.camera import DELIVERED, CameraEffect
 from vispeg.effects.common.field import begins
 
 
@@ -26,4 +26,4 @@ class DroppedFrames(CameraEffect):
                 for name, image in last[row].items():
                     getattr(frame, name)[row] = image
             else:
-                last[row] = {n: i[row].copy() for n in ("rgb", "depth") if (i := getattr(frame, n)) is not None}
+                last[row] = {n: i[row].copy() for n in DELIVERED if (i := getattr(frame, n)) is not None}
