@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vispeg.core.effect import EffectInstance
 from vispeg.core.frame import Frame
 from vispeg.core.seeds import stream
 from vispeg.demonstrations.sensing import Clip, sense
@@ -11,6 +12,7 @@ from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.robots.scene import build
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.sensor import sensor
+from vispeg.worlds.world import World
 
 EYE = Camera("wrist_wide", 24, 20, 30.0, 30.0, 11.5, 9.5)
 PERIOD = 0.16
@@ -58,7 +60,7 @@ def test_the_sensors_did_something_and_clips_are_left_as_they_were():
     given, kept = clips(), clips()
     seen = sense(EYE, given, PERIOD, 3)
     assert all(
-        (depth == 0).any() and not np.array_equal(depth, c.depth) for c, (_, depth) in zip(given, seen, strict=True)
+        (depth == 0).any() and not np.array_equal(depth, c.depth) for c, (_, depth, _) in zip(given, seen, strict=True)
     )
     assert all(
         np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth) for a, b in zip(given, kept, strict=True)
@@ -70,3 +72,16 @@ def test_the_same_clips_give_the_same_bytes_and_none_give_none():
     for a, b in zip(first, second, strict=True):
         assert a[0].tobytes() == b[0].tobytes() and a[1].tobytes() == b[1].tobytes()
     assert sense(EYE, [], PERIOD) == []
+
+
+def test_what_a_late_picture_shows_is_told():
+    """Colours that count the moments: the moment told is the one that is seen, however late it comes."""
+    rgb = np.stack([np.full((20, 24, 3), 20 * t, np.uint8) for t in range(6)])
+    depth = np.stack([np.full((20, 24), 0.2 + 0.01 * t, np.float32) for t in range(6)])
+    late = EffectInstance.of("camera_delay", "all", delay=2 * PERIOD)
+    lost = EffectInstance.of("dropped_frames", "all", chance=0.4)
+    cases = [(), (late,), (lost,), (lost, late)]
+    given = [Clip(World(effects=e), 7 + i, rgb, depth, np.zeros((6, 6))) for i, e in enumerate(cases)]
+    for seen_rgb, seen_depth, shown in sense(EYE, given, PERIOD):
+        assert (seen_rgb == rgb[shown]).all() and (seen_depth == depth[shown]).all()
+    assert [s[2].tolist() for s in sense(EYE, given[:2], PERIOD)] == [[0, 1, 2, 3, 4, 5], [0, 0, 0, 1, 2, 3]]

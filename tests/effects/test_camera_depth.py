@@ -137,6 +137,23 @@ def test_jitter_takes_readings_from_beside():
     assert set(np.unique(apply("lateral_jitter", step(0.2, 0.4), sd=0.7).depth)) == {np.float32(0.2), np.float32(0.4)}
 
 
+@pytest.mark.parametrize(("sd", "moved"), [(0.1, 0.0), (0.2, 0.025), (0.3, 0.18), (0.4, 0.38)])
+def test_a_small_jitter_moves_as_many_pixels_as_stated(sd, moved):
+    slope = plane(1.0, 8)
+    slope.depth += np.arange(SIZE, dtype=np.float32) + 1000 * np.arange(SIZE, dtype=np.float32)[:, None]
+    given = slope.depth.copy()
+    changed = apply("lateral_jitter", slope, sd=sd).depth != given
+    assert abs(changed[:, 2:-2, 2:-2].mean() - moved) < 0.012
+
+
+@pytest.mark.parametrize("grey", [0.05, 0.1, 0.2])
+def test_dark_surfaces_lose_readings_by_the_square_of_their_luma(grey):
+    frame = plane(0.3, 32)
+    frame.rgb[:] = grey
+    share = lost(apply("grazing_holes", frame, dark=0.8)).mean()
+    assert abs(share - 0.8 * max(0, 1 - grey**2 / 0.05)) < 0.02
+
+
 def test_what_is_too_near_is_lost():
     frame = apply("near_limit", step(0.12, 0.4), nearest=0.17)
     assert np.array_equal(lost(frame)[0], step(0.12, 0.4).depth[0] < 0.17)

@@ -3,8 +3,10 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
+from vispeg.core.effect import effect as registered
 from vispeg.task.world_file import built_in, load_world
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Uniform
 
@@ -99,3 +101,49 @@ def test_the_article_s_pictures_are_a_world_of_their_own():
         ):
             parameter, stated = ARTICLE[effect]
             assert ends(ranges[effect].params[parameter]) == stated, (name, effect)
+
+
+def test_the_hidden_plant_is_what_it_says_of_itself():
+    """Effects that training lacks, those beyond its ranges, and those inside, against `randomized`."""
+    from vispeg.worlds.places import acts_on
+
+    trained, new, beyond, inside = load_world("randomized").world.ranges, [], [], []
+    goal = {r.effect for r in load_world("searching").world.ranges}
+    for r in load_world("P").world.ranges:
+        if registered(r.effect).family in ("camera", "appearance") or r.effect in goal:
+            continue
+        known = [t for t in trained if t.effect == r.effect and (t.where == r.where or acts_on(t.where, ()))]
+        if not known:
+            new.append(r.label)
+            continue
+        sizes = {
+            k: known[0].params[k] for k in registered(r.effect).magnitudes if k in r.params and k in known[0].params
+        }
+        out = any(not d.at(0.0) <= r.params[k] <= d.at(1.0) for k, d in sizes.items())
+        (beyond if out else inside).append(r.label)
+    assert (len(new), len(beyond)) == (7, 5)
+    assert inside == ["command_delay(all)", "gripper_slip(peg)"]
+
+
+def test_how_often_damping_acts_beside_restitution_is_as_stated():
+    """One episode of seven in `randomized`, by the field that both write."""
+    from vispeg.effects.common.parts import shapes
+    from vispeg.robots.scene import build
+    from vispeg.sim.placement import activate
+    from vispeg.sim.restart import RowFields
+    from vispeg.sim.state import Fields
+
+    scene, both = build(), ("contact_damping", "restitution")
+    model, world, n = scene.compile(), load_world("randomized").world, 1500
+    world = world.only(lambda r: r.effect in both)
+    drawn = [world.sample(seed, scene) for seed in range(n)]
+
+    def damped(worlds):
+        fields = RowFields(model, n)
+        for a in activate(scene, worlds):
+            a.effect.write(Fields(fields, scene), a.p)
+        return fields.values["geom_solref"][:, shapes(model, "peg")[0]]
+
+    alone = damped([w.only(lambda e: e.effect == "restitution") for w in drawn])
+    share = np.mean(~np.isclose(damped(drawn), alone, rtol=1e-9).all(axis=1))
+    assert abs(share - 1 / 7) < 0.03

@@ -1,8 +1,9 @@
 """Pixels without a reading, likelier on surfaces seen at a grazing angle, on dark ones and on shining ones.
 
 A pixel is lost with probability 1 - (1 - P_grazing) (1 - P_dark) (1 - P_shine) (1 - P_blobs), where P_grazing =
-grazing / (1 + exp(-(a - angle) / 4 deg)) for an incidence a, P_dark = dark max(0, 1 - I / 0.05) for linear luminance
-I, P_shine = shine for I > 0.9. The draw is a field correlated over `size` px, of which each frame keeps a share
+grazing / (1 + exp((cos a - cos angle) / 0.04)) for an incidence a, which at 1.3 rad is a transition of 2.4 deg,
+P_dark = dark max(0, 1 - Y^2 / 0.05) and P_shine = shine for Y^2 > 0.9, for the luma Y of the encoded picture, whose
+square stands for linear luminance. The draw is a field correlated over `size` px, of which each frame keeps a share
 `rho`: so they come as blobs that stay for a while. The form follows Sweeney et al., A supervised approach to
 predicting noise in depth images, ICRA 2019; no source fixes its numbers: 0 to 15 % of an image is lost in practice.
 """
@@ -19,7 +20,7 @@ from vispeg.effects.common.light import LUMA
 from vispeg.effects.common.rays import rays
 
 WIDTH = 0.04  # of the transition around `angle`, in its cosine
-DARK, BRIGHT = 0.05, 0.9  # linear luminance below and above which a matcher finds no contrast
+DARK, BRIGHT = 0.05, 0.9  # squared luma below and above which a matcher finds no contrast
 
 
 class GrazingHoles(CameraEffect):
