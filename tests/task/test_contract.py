@@ -214,7 +214,7 @@ def test_what_was_drawn_is_shown_as_it_was_drawn(where):
 
     drawn = {"friction": ("contact_friction", "scale", where), "latency": ("command_delay", "delay", "joint1")}
     world = RandomizedWorld(tuple(RandomizedEffect(e, at, {k: Uniform(0.005, 0.02)}) for e, k, at in drawn.values()))
-    env = TaskVec(3, world)
+    env = TaskVec(3, world, privileged=True)
     truth = env.reset(seed=0)[0]["privileged"]
     for term, (name, key, _) in drawn.items():
         for row in range(3):

@@ -62,7 +62,7 @@ def play(env: TaskVec, row: int, seeds: list[int]) -> list[dict[str, np.ndarray]
 
 def differ(world, **settings) -> list[str]:
     """Channels in which a used environment, alone or beside another row, leaves what a fresh one sees of SEED."""
-    made = {"obs_mode": "rgbd", "cameras": CAMERAS, "image_size": 24, "seed": 0, **settings}
+    made = {"obs_mode": "rgbd", "privileged": True, "cameras": CAMERAS, "image_size": 24, "seed": 0, **settings}
     fresh, used, two = TaskVec(1, world, **made), TaskVec(1, world, **made), TaskVec(2, world, **made)
     try:
         right = play(fresh, 0, [SEED])
