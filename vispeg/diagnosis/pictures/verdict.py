@@ -16,7 +16,7 @@ from vispeg.identify.pictures.coarse import SHIFTS, TURNS
 from vispeg.identify.pictures.unknowns import FIXED
 
 MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
-KNOWN = 1e3 * float(FIXED[0])  # mm to which a fixture's place is known: a smaller move is no finding
+MOVED = 3e3 * float(FIXED[0])  # mm, three standard deviations of where a fixture is known to stand
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
 
 
@@ -57,12 +57,12 @@ def decide(
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
         return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
+    if moved is not None and moved > MOVED:
+        text = f"the fixture stands {moved:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
+        return _left(f"{text}: what stands in the cell was moved in between")
     if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
         text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
-        text += " leaves, and no known effect explains it"
-        if moved is not None and moved > KNOWN:
-            text += f"; the fixture stands {moved:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
-        return _left(text)
+        return _left(text + " leaves, and no known effect explains it")
     if not n_added:
         said = f"borders lie within {after:.2f} px of where they are predicted" if after else "no border is in view"
         return Verdict("adequate", f"{said}; no effect lowers it" if after else said)
