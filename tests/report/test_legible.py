@@ -1,7 +1,9 @@
 """Pages can be read by day and by night, on a laptop and on a phone: type, colours, tables, one style sheet."""
 
 import re
+import subprocess
 
+import browser
 import pytest
 
 from vispeg.evaluation.gap import gap
@@ -9,7 +11,7 @@ from vispeg.report.build import render as report
 from vispeg.report.drawings import palette
 from vispeg.report.drawings.figures import NARROW, WIDE
 from vispeg.report.gap.build import render as gap_page
-from vispeg.report.page import templates
+from vispeg.report.page import source, templates
 from vispeg.report.record import load_record
 
 from .test_gap_page import episodes
@@ -87,3 +89,20 @@ def test_every_report_has_the_one_style_sheet():
     for name in templates().list_templates(extensions=["j2"]):
         source = templates().loader.get_source(templates(), name)[0]
         assert name == "report.html.j2" or "<style" not in source, name
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium")
+def test_paper_has_what_is_folded_away_on_the_screen(tmp_path):
+    """As many sheets with a closed table as with an open one, and more than without it."""
+    sheets = {}
+    for name, body in {
+        "closed": '<details><summary>Table</summary><div style="height: 3000px">rows</div></details>',
+        "open": '<details open><summary>Table</summary><div style="height: 3000px">rows</div></details>',
+        "none": "<p>no table</p>",
+    }.items():
+        page, paper = tmp_path / f"{name}.html", tmp_path / f"{name}.pdf"
+        page.write_text(f"<!doctype html><style>{source('report.css')}</style><main>{body}</main>", encoding="utf-8")
+        command = [browser.chromium(), "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
+        subprocess.run([*command, page.as_uri()], capture_output=True, timeout=240, check=True)
+        sheets[name] = len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
+    assert sheets["closed"] == sheets["open"] > sheets["none"] == 1, sheets

@@ -56,6 +56,14 @@ def test_the_page_shows_frames_depth_and_the_projection():
     assert context(Record("diagnosis", {"verdict": "identified"}, Evidence())) is None
 
 
+def test_a_projection_of_which_nothing_was_fitted_is_not_shown():
+    """Its shift is none and its uncertainty is none, which says that it is known exactly."""
+    still = record()
+    views = {**still.values["views"], "projection": [{**ROW, "rms_px": 0.0, "largest_px": 0.0, "uncertainty_px": 0.0}]}
+    values = context(Record("diagnosis", {**still.values, "views": views}, still.evidence))
+    assert values is not None and values["maps"] == []
+
+
 def test_depth_differences_have_a_colour_a_sign():
     measured = np.array([[0.3, 0.31, 0.29, 0.0]], np.float32)
     far, near, hole = _difference(measured, np.full((1, 4), 0.3, np.float32))[0, 1:]
