@@ -1,53 +1,43 @@
 """What a recording determines in combination alone is ambiguous, and the motion that tells it apart is asked for."""
 
-from types import SimpleNamespace
-
-import numpy as np
-import pytest
+from pressed import recorded
 
 from vispeg.contact.next_motion import separating
-from vispeg.contact.selection.entangled import beside, entangled, judged, tilted
+from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.entangled import beside, entangled, judged
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.identify.fit import fit_job
+from vispeg.identify.pool import run_together
 from vispeg.worlds.world import World
 
-TOOL = EffectInstance.of("tool_mass", "gripper", mass=2.0)
-GAIN = EffectInstance.of("wrench_gain", "flange", gain=0.3)
-FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.7)
+TOOL = EffectInstance.of("tool_mass", "gripper", mass=0.15)
+PART = EffectInstance.of("object_mass", "peg", scale=1.5)
+FRICTION = EffectInstance.of("contact_friction", "peg", scale=1.3)
 
 
-def fitted(a, b, correlation):
-    axes = (SimpleNamespace(index=0), SimpleNamespace(index=1))
-    matrix = np.array([[1.0, correlation], [correlation, 1.0]])
-    return SimpleNamespace(world=World().add(a, b), space=SimpleNamespace(axes=axes), correlation=matrix)
+def fitted(*effects: EffectInstance, n_fixed: int = 0):
+    """A fit, of one step, of what may stand in for one another to a press with the tool upright."""
+    evidence = evidence_of([recorded((TOOL,))])
+    world = World().add(*effects)
+    (fit,) = run_together([fit_job(evidence, world, range(n_fixed, len(effects)), iterations=1)], evidence.residuals)
+    return fit
 
 
-def test_a_heavier_tool_and_a_weaker_sensor_are_one_combination():
-    pairs = entangled(fitted(TOOL, GAIN, -0.93), 0, True)
-    assert pairs == [(TOOL, GAIN)]
-    verdict = judged(Verdict("identified", "both"), pairs)
-    assert verdict.verdict == "ambiguous" and TOOL.label in verdict.reason and GAIN.label in verdict.reason
-    record = [{"effect": e.effect, "where": e.where, "indistinguishable_from": []} for e in (TOOL, GAIN)]
-    found = beside(record, pairs)
-    assert [o["effect"] for e in found for o in e["indistinguishable_from"]] == ["wrench_gain", "tool_mass"]
-    assert separating(World().add(TOOL, GAIN), [], [], pairs)["motion"] == "free"
+def test_what_weighs_together_is_one_combination_and_friction_is_not_in_it():
+    """One attitude, one weight: how much of it is the tool's, and how much the part's, no press says."""
+    fit = fitted(TOOL, PART, FRICTION)
+    (together,) = entangled(fit, 0)
+    assert [e.effect for e in together] == ["tool_mass", "object_mass"]
+    verdict = judged(Verdict("identified", "all"), [together])
+    assert verdict.verdict == "ambiguous" and all(e.label in verdict.reason for e in together)
+    record = [{"effect": e.effect, "where": e.where, "indistinguishable_from": []} for e in (TOOL, PART, FRICTION)]
+    found = beside(record, [together])
+    assert [[o["effect"] for o in e["indistinguishable_from"]] for e in found] == [["object_mass"], ["tool_mass"], []]
+    assert separating(fit.world, [], [], [together])["motion"] == "free"
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "correlation", "n_fixed"), [(TOOL, GAIN, 0.5, 0), (FRICTION, GAIN, 0.99, 0), (TOOL, GAIN, 0.99, 2)]
-)
-def test_others_are_not(a, b, correlation, n_fixed):
-    """Hardly correlated, no effects that look alike, or what the user gave."""
-    assert entangled(fitted(a, b, correlation), n_fixed, True) == []
+def test_what_was_given_and_what_is_told_apart_is_not():
+    assert entangled(fitted(TOOL, FRICTION), 0) == []
+    assert entangled(fitted(PART, TOOL, n_fixed=1), 1) == []
     assert judged(Verdict("identified", "both"), []).verdict == "identified"
-
-
-def test_a_tool_that_hangs_straight_does_not_tell_its_weight_from_the_sensors_gain():
-    """Whatever the estimates say: one attitude, one weight."""
-    hanging, leaning = np.zeros((50, 6)), np.zeros((50, 6))
-    leaning[:, 3], leaning[:, 4] = np.linspace(0, 0.3, 50), np.linspace(0, 0.3, 50)
-    items = [SimpleNamespace(path=SimpleNamespace(place=place)) for place in (hanging, leaning)]
-    assert not tilted(items[:1]) and tilted(items)
-    weak = fitted(TOOL, GAIN, 0.1)
-    assert entangled(weak, 0, False) == [(TOOL, GAIN)] and entangled(weak, 0, True) == []
-    assert entangled(fitted(FRICTION, GAIN, 0.1), 0, False) == []

@@ -26,7 +26,7 @@ CONTROL = int(STATE.mjSTATE_CTRL | STATE.mjSTATE_QFRC_APPLIED)
 
 @dataclass(frozen=True)
 class Driven:
-    """What came of it.
+    """What came of it, in true newtons.
 
     Attributes:
         correction: (nworld, n, 6) wrench in the flange's axes that held the hand on its path, beside the one read; NaN
@@ -51,8 +51,13 @@ def drive(
     nthread: int,
     shift: np.ndarray | None = None,
     way: np.ndarray | None = None,
+    stands: np.ndarray | None = None,
 ) -> Driven:
     """Drives the hands of `worlds` (which have the same springs built in) through windows of a path.
+
+    What holds a hand to its path weighs an error of the path against one of the reading, in newtons as read: `scene` is
+    held by so many of them per metre. Where one of them stands for more force the hold is as much stiffer, or else what
+    a path is off by would cost less in a world whose sensor reads less.
 
     Args:
         scene: a hand, see `vispeg.contact.hand`.
@@ -65,8 +70,12 @@ def drive(
         nthread: of the batch.
         shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
         way: (nworld, 2, n, 6) by how much its coordinates and their rates are off those of the path, sample by sample.
+        stands: (nworld,) true newtons that one more of those read stands for; 1 by default.
     """
     batch = hands(scene, cell, path, worlds, nthread)
+    stands = np.ones(len(worlds)) if stands is None else stands
+    for name in ("actuator_gainprm", "actuator_biasprm"):
+        batch.expand(name)[:] *= stands[:, None, None]
     if shift is not None:
         body, turn = compiled(scene).body(scene.base).id, Rotation.from_quat(path.frame, scalar_first=True)
         batch.expand("body_pos")[:, body] = path.origin + turn.apply(shift[:, :3])
@@ -78,7 +87,7 @@ def drive(
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
     weight = np.linalg.solve(path.jacobian[rest.start], bias[:, :6].T).T
     zero = wrench[:, rest].mean(axis=1) - weight
-    damping = -compiled(scene).actuator_biasprm[6:12, 2]
+    damping = -batch.expand("actuator_biasprm")[:, None, 6:12, 2]
     applied = np.einsum("nij,wnj->wni", path.jacobian, wrench - zero[:, None])
     correction, went = np.full(wrench.shape, np.nan), place.copy()
     pieces, where = Pieces(batch, batch.model, scene), tip_places(path, cell)

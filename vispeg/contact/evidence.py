@@ -105,9 +105,7 @@ class ContactEvidence(Evidence):
         """(m, 6) of each item: what a world leaves, without what the items' sensors and kinematics leave open."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
         errors = self.nuisance_in_part if part else self.nuisance
-        flat = errors.whitened(np.concatenate([p.ravel() for p in parts]))
-        size = np.abs(flat)
-        flat = np.where(size > FAR, np.sign(flat) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), flat)
+        flat = _huber(errors.whitened(np.concatenate([p.ravel() for p in parts])))
         ends = np.cumsum([p.size for p in parts])[:-1]
         return [r.reshape(p.shape) for r, p in zip(np.split(flat, ends), parts, strict=True)]
 
@@ -115,6 +113,12 @@ class ContactEvidence(Evidence):
     def unit(self) -> str:
         """Of the principal channel."""
         return "N"
+
+    def as_read(self, world: World) -> float:
+        """Squared residual in floors, before what sensors and kinematics leave open is taken off."""
+        predicted = self.simulated([world])
+        parts = [self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)]
+        return float(np.sum(_huber(np.concatenate(parts)) ** 2))
 
     def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
         self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items) / (PART if part else 1)
@@ -177,3 +181,9 @@ class ContactEvidence(Evidence):
             for name in item.phase.names:
                 out[name] = out.get(name, 0.0) + BLOCK * float(np.sum(item.phase.of(name)))
         return out
+
+
+def _huber(residual: np.ndarray) -> np.ndarray:
+    """Whitened residuals whose squares grow as their amount beyond `FAR`."""
+    size = np.abs(residual)
+    return np.where(size > FAR, np.sign(residual) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), residual)

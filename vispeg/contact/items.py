@@ -31,6 +31,7 @@ from vispeg.worlds.world import World
 BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
 # a tool may weigh otherwise and a sensor have a zero, but not turn a weight round (sign, frame), nor scale it (unit):
 FELT, TOWARDS, SCALE = 2.0, 0.5, 4.0  # N of weight that tells; least cosine of the angle between; most of the ratio
+PUSH, LEVER = 0.2, 0.1  # N, m: of a wrong reading, about what sensors are off by; of a torque
 ZEROED = 8.0  # N at most where the sensor was zeroed there
 H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
 
@@ -65,6 +66,7 @@ class ContactItem(Item):
     grasp: Grasp = None  # type: ignore[assignment]
     floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
     answer: np.ndarray = None  # type: ignore[assignment]  (6, m, 6), see `displaced`
+    response: np.ndarray = None  # type: ignore[assignment]  (m, 6, 6), see `pushed`
 
     @property
     def nj(self) -> int:
@@ -90,11 +92,18 @@ def driven(
     wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
     cell, rest, way = item.source.scene, item.phase.rest, given_way(item, hand_worlds, wrench)
-    return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way)
+    stands = _stands(item, worlds)
+    return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way, stands=stands)
+
+
+def _stands(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
+    """(nworld,) true newtons that one more newton read stands for."""
+    hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
+    return np.array([stands_for(item.path, item.hand, w) for w in hand_worlds])
 
 
 def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """(6, m, 6) how the wrench answers where the hand is off its path by `PLACE` or `TURN`, an axis each.
+    """(6, m, 6) how the wrench as read answers where the hand is off its path by `PLACE` or `TURN`, an axis each.
 
     Along the tool's axis it is deeper by that. `nominal` is how the believed model went along the path itself.
     """
@@ -102,19 +111,43 @@ def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarra
     world = hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
     phase, scenes = item.phase, (item.hand, item.source.scene)
-    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off)
-    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction))
+    stands = _stands(item, [World()] * 6)
+    out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off, stands=stands)
+    return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction)) / stands[0]
+
+
+def pushed(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
+    """(m, 6, 6) what is left of the wrench as read, by row, where one channel, by column, reads one more than there is.
+
+    In free air that is all of it. A contact takes up what pushes against it: there a wrong reading hardly moves the
+    hand, and a hand that is off its path is off for another reason. `nominal` is how the believed model went; where it
+    touches what the tool did not, nothing is taken up.
+    """
+    size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
+    wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
+    stands, phase = _stands(item, [World()] * 6), item.phase
+    more = np.zeros_like(wrench)
+    more[:, phase.rest.stop :] = (np.diag(size) * stands[0])[:, None]
+    out = drive(
+        item.hand, item.source.scene, item.path, [world] * 6, wrench + more, phase.rest, phase.windows, nthread,
+        stands=stands,
+    )  # fmt: skip
+    change = (phase.means(nominal.correction) - phase.means(out.correction)) / stands[0] / size[:, None, None]
+    left = np.moveaxis(change, 0, 2)
+    takes_up = phase.of("press") | phase.of("slide") | phase.of("hole")
+    return np.where((takes_up & np.isfinite(left).all(axis=(1, 2)))[:, None, None], left, np.eye(6))
 
 
 def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.ndarray:
     """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
 
     While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
-    world says that these stand for: errors are the sensor's, and what reads less would seem to fit them better.
+    world says that these stand for: with readings `y = G w + n` of a wrench w and a path that is off by e, what is left
+    is `n + G K e`, and the hold K goes as `1 / G` (`drive`). So noise and path weigh the same in every world, their
+    covariance is the same constant for all, and what reads less does not seem to fit them better.
     """
     correction = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
-    each = [stands_for(item.path, item.hand, hand_world(item.source.believed, w)) for w in worlds]
-    return item.measured[None] + correction / np.array(each)[:, None, None]
+    return item.measured[None] + correction / _stands(item, worlds)[:, None, None]
 
 
 def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
@@ -160,12 +193,12 @@ def _item(
     item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
-    answer = displaced(item, nominal, nthread)
+    answer, response = displaced(item, nominal, nthread), pushed(item, nominal, nthread)
     counts = phase.valid & ~(phase.resting & _tared(rec))  # a zero that was set tells nothing
     valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
-    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer)
+    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer, response)
 
 
 def _read(t: Touching, path: Path) -> np.ndarray:

@@ -5,6 +5,7 @@ nothing else does, and then otherwise.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from itertools import combinations
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.conclusion.rivals import Rivals
@@ -29,13 +30,13 @@ def separating(
     world: World,
     rivals: Sequence[Rivals],
     unseen: Sequence[NotExcited],
-    pairs: Sequence[tuple[EffectInstance, EffectInstance]] = (),
+    together: Sequence[tuple[EffectInstance, ...]] = (),
     recorded: Collection[str] = (),
 ) -> NextMotion | None:
-    """The motion to record next: what tells a world's effect from its rival, or from another one of its `pairs`, or
-    shows most of what was not excited; of each the first that is not `recorded` yet.
+    """The motion to record next: what tells a world's effect from its rival, or apart what is determined `together`
+    alone, or shows most of what was not excited; of each the first that is not `recorded` yet.
     """
-    for asked in (list(_apart(world, rivals, pairs)), list(_shows(unseen))):
+    for asked in (list(_apart(world, rivals, together)), list(_shows(unseen))):
         new = [(motion, why) for motion, why in asked if motion not in recorded]
         if new:
             motion, why = new[0]
@@ -48,10 +49,10 @@ def separating(
 
 
 def _apart(
-    world: World, rivals: Sequence[Rivals], pairs: Sequence[tuple[EffectInstance, EffectInstance]]
+    world: World, rivals: Sequence[Rivals], together: Sequence[tuple[EffectInstance, ...]]
 ) -> Iterator[tuple[str, str]]:
     """Motions that tell effects apart, what a recording determines in combination alone first; and why."""
-    for a, b in pairs:
+    for a, b in (pair for some in together for pair in combinations(some, 2)):
         for motion in apart(a, b.effect):
             yield motion, f"tells {a.label} from {b.label}"
     for r in rivals:

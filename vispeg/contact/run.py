@@ -82,8 +82,8 @@ def diagnose_contact(
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
-    pairs = entangled.entangled(state.fit, n_fixed, entangled.tilted(evidence.items))
-    verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), pairs), tool)
+    together = entangled.entangled(state.fit, n_fixed)
+    verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), together), tool)
     final = with_origin(
         corrected,
         n_fixed,
@@ -101,7 +101,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": weighed.beside(entangled.beside(effects(final, n_fixed, rivals, fitted_world), pairs), tool),
+        "effects": weighed.beside(entangled.beside(effects(final, n_fixed, rivals, fitted_world), together), tool),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -112,7 +112,7 @@ def diagnose_contact(
         "not_excited": unseen,
         "shows_from": shows_from(shows),
         "closed_loop": replayed,
-        "next_experiment": weighed.asked(tool) or separating(fitted_world, rivals, unseen, pairs, recorded),
+        "next_experiment": weighed.asked(tool) or separating(fitted_world, rivals, unseen, together, recorded),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

@@ -80,9 +80,12 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     places = [_place(i) for i in items]
     errors = _smooth(places)
     for item, error in zip(items, errors, strict=True):
-        alone = [*_drifts(item), _late(item), *_stuck(item), *_chatters(item), *_slipped(item), *unsure(item)]
-        separate.append(_whitened(item, [*alone, *bearing(item), *_turned(item)]))
-        shared.append(_whitened(item, [*_mixtures(item), *_misplaced(item, error), _gives(item)]))
+        read = _taken_up(item, [*_drifts(item), _late(item), *unsure(item)])
+        alone = [*_stuck(item), *_chatters(item), *_slipped(item), *bearing(item), *_turned(item)]
+        separate.append(_whitened(item, [*read, *alone]))
+        shared.append(
+            _whitened(item, [*_taken_up(item, _mixtures(item)), *_misplaced(item, error), _gives(item)])
+        )
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
@@ -95,6 +98,11 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
 def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
     """(6 m, k) of columns (m, 6)."""
     return np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], axis=1)
+
+
+def _taken_up(item: ContactItem, errors: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """What errors of the reading, (m, 6) each, leave in the compared wrench: a contact takes up what pushes on it."""
+    return [np.einsum("mij,mj->mi", item.response, error) for error in errors]
 
 
 def _drifts(item: ContactItem) -> list[np.ndarray]:

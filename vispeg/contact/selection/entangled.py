@@ -1,4 +1,9 @@
-"""Effects that a recording determines in combination alone: a heavier tool that a weaker sensor reads."""
+"""Effects that recordings determine in combination alone: a heavier tool, a heavier part and a weaker sensor.
+
+The information matrix of a fit, scaled to a diagonal of ones, says so: along an eigenvector whose eigenvalue is near 0
+the parameters may move together and the residual stays. Of two parameters it is one less their correlation. Source:
+Belsley, Kuh and Welsch 1980, Regression Diagnostics, chapter 3.
+"""
 
 from __future__ import annotations
 
@@ -6,57 +11,45 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.contact.items import ContactItem
-from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.diagnosis.selection.accept import CORRELATED
 from vispeg.identify.fit import Fit
-from vispeg.recordings.checks.extent import TILT
 
-Pair = tuple[EffectInstance, EffectInstance]
+Together = tuple[EffectInstance, ...]
+FLAT = 1e-12
+PART = 0.3  # of an eigenvector of length 1, from which a parameter has a part in it
 
 
-def entangled(fit: Fit | None, n_fixed: int, tilted: bool) -> list[Pair]:
-    """Pairs of added effects that need another motion to be told apart (`Effect.told_from`), where the tool was not
-    `tilted` as that of free air does, or where their estimates are correlated.
-    """
-    if fit is None:
+def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
+    """Sets of added effects that a fit determines in combination alone, the least determined first."""
+    if fit is None or not len(fit.u):
         return []
-    out = []
-    for i, a in enumerate(fit.world.effects):
-        for j, b in enumerate(fit.world.effects[i + 1 :], i + 1):
-            motion = effect(a.effect).told_from.get(b.effect) or effect(b.effect).told_from.get(a.effect)
-            unseen = motion == "free" and not tilted
-            if i >= n_fixed and motion and (unseen or _correlation(fit, i, j) > CORRELATED):
-                out.append((a, b))
+    columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
+    value, vector = np.linalg.eigh(columns.T @ columns)
+    out: list[Together] = []
+    for way in vector.T[value < 1 - CORRELATED]:
+        some = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > PART)})
+        together = tuple(fit.world.effects[i] for i in some)
+        if len(some) > 1 and some[0] >= n_fixed and together not in out:
+            out.append(together)
     return out
 
 
-def tilted(items: Sequence[ContactItem]) -> bool:
-    """Whether the tool was tilted as far as tells its weight from a sensor's zero and gain."""
-    turns = [i.path.place[:, 3:5] for i in items]  # intrinsic x, y, z: the axis leans by what x and y make
-    return any(float(np.cos(t).prod(axis=1).min()) <= np.cos(TILT) for t in turns)
-
-
-def judged(verdict: Verdict, pairs: Sequence[Pair]) -> Verdict:
+def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
     """`ambiguous` in place of `identified` where some effects are determined in combination alone."""
-    if verdict.verdict != "identified" or not pairs:
+    if verdict.verdict != "identified" or not sets:
         return verdict
-    named = "; ".join(f"{a.label} and {b.label}" for a, b in pairs)
+    named = "; ".join(" and ".join(e.label for e in some) for some in sets)
     return Verdict("ambiguous", f"these recordings determine only a combination of {named}", partial=verdict.partial)
 
 
-def beside(effects: list[FoundEffect], pairs: Sequence[Pair]) -> list[FoundEffect]:
-    """The effects of a record, each with what it is determined in combination with."""
-    for a, b in [*pairs, *((b, a) for a, b in pairs)]:
-        entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
-        other: Place = {"effect": b.effect, "where": b.where}
-        entry["indistinguishable_from"] += [] if other in entry["indistinguishable_from"] else [other]
+def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
+    """The effects of a record, each with those that it is determined in combination with."""
+    for some in sets:
+        for a in some:
+            entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))
+            others: list[Place] = [{"effect": b.effect, "where": b.where} for b in some if b is not a]
+            entry["indistinguishable_from"] += [o for o in others if o not in entry["indistinguishable_from"]]
     return effects
-
-
-def _correlation(fit: Fit, i: int, j: int) -> float:
-    """The greatest, without its sign, of an estimate of one effect with one of the other."""
-    rows, columns = ([k for k, a in enumerate(fit.space.axes) if a.index == n] for n in (i, j))
-    return float(np.abs(fit.correlation[np.ix_(rows, columns)]).max(initial=0.0))

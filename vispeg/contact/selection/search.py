@@ -236,10 +236,17 @@ class ContactSearch(Search):
         return self.beyond(cost, float(stats.chi2.isf(2 * LEVEL, 1)))
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Two likelihood ratios alone: contact acts in few blocks, of which ranks and shares of all say little."""
+        """Two likelihood ratios: contact acts in few blocks, of which ranks and shares of all say little. And what is
+        read, with nothing of it taken off, must not be described worse.
+        """
         if absent:
             return "it lowers the squared residual by no more than chance"
-        return "" if self.holds(state, trial) else "it does not show in the held-out recordings"
+        if not self.holds(state, trial):
+            return "it does not show in the held-out recordings"
+        judged = self.judge.evidence
+        assert isinstance(judged, ContactEvidence)
+        before, after = judged.as_read(state.world), judged.as_read(trial.fit.world)
+        return "the held-out error of what is read rises" if after > before else ""
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
         """Whether the held-out recordings want an effect beside the others."""

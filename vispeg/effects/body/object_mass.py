@@ -21,7 +21,7 @@ class ObjectMass(Effect):
     stage = "free air"
     sizes = {"scale": (0.4, 2.0)}
     shown_by = ("free",)
-    told_from = {"tool_mass": "free", "wrench_bias": "free"}
+    told_from = {"tool_mass": "free", "wrench_bias": "free", "wrench_gain": "free"}
     needs = "weighing"
 
     def targets(self, model):
