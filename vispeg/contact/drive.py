@@ -15,7 +15,7 @@ from vispeg.contact.pieces import Pieces, stretches, tip_places
 from vispeg.core.effect import effect
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-from vispeg.sim.physics import derive, exact
+from vispeg.sim.physics import derive, exact, firm
 from vispeg.sim.placement import activate
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
@@ -129,6 +129,8 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
     body = model.body(scene.base).id
     batch.expand("body_pos")[:, body], batch.expand("body_quat")[:, body] = path.origin, path.frame
     derive(batch, fields)
+    if scene.slip:
+        firm(batch, model, scene.slip)
     weight, on_arm = batch.expand("body_invweight0"), {behind.body(b).name: b for b in range(behind.nbody)}
     for b in range(1, model.nbody):
         hand_weight, at = model.body_invweight0[b], on_arm.get(model.body(b).name)

@@ -116,9 +116,15 @@ class ContactEvidence(Evidence):
 
     def as_read(self, world: World) -> float:
         """Squared residual in floors, before what sensors and kinematics leave open is taken off."""
+        return float(np.sum(_huber(self._as_read(world)) ** 2))
+
+    def taken(self, world: World) -> dict[str, float]:
+        """Of each kind of error that is allowed for the share of that squared residual that it takes."""
+        return self.nuisance.taken(self._as_read(world))
+
+    def _as_read(self, world: World) -> np.ndarray:
         predicted = self.simulated([world])
-        parts = [self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)]
-        return float(np.sum(_huber(np.concatenate(parts)) ** 2))
+        return np.concatenate([self.whiten(item, y[0]).ravel() for item, y in zip(self.items, predicted, strict=True)])
 
     def _simulated(self, worlds: Sequence[World], part: bool = False) -> list[np.ndarray]:
         self.rollouts += len(worlds) * sum(i.path.time[-1] for i in self.items) / (PART if part else 1)

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal, cast
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 from scipy.spatial.transform import Rotation
 
+from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
-from vispeg.diagnosis.schema import Failure, NotExcited, ShowsFrom
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
 from vispeg.sim.compiled import flange_pose
+from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
+MOST = 0.5  # of what is left as read, from which on it is more an allowance's than anything else's
+ALLOWANCES: dict[Literal["sensor", "path", "form"], str] = {
+    "sensor": "what a force sensor may be off by (drift, crosstalk, delay)",
+    "path": f"what kinematics may be off by ({1e3 * PLACE:.1g} mm, {1e3 * TURN:.1g} mrad)",
+    "form": "what no law of contact says (where it sticks, chatters, bears)",
+}
 
 
 def channels(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Any]:
@@ -129,6 +139,25 @@ def _leaving(code: np.ndarray) -> np.ndarray:
     """(m,) bool: blocks of free air beside contact, which may hold a part of it over the narrow floor of free air."""
     free = code == NAMES.index("free")
     return free & binary_dilation(~free)
+
+
+def allowed(judged: ContactEvidence, models: Mapping[str, World]) -> list[Allowed]:
+    """Of each model the shares of its squared residual as read that allowances for sensor, path and form take."""
+    return [cast("Allowed", {"model": name, **judged.taken(world)}) for name, world in models.items()]
+
+
+def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
+    """The verdict with the allowance that takes most of what the last of some models leaves, where it takes `MOST`.
+
+    What an allowance takes is no evidence: what hides in it would not be seen.
+    """
+    share, kind = max((rows[-1][kind], kind) for kind in ALLOWANCES)
+    if share < MOST:
+        return verdict
+    text = (
+        f"of the error that is left as read {ALLOWANCES[kind]} takes {100 * share:.0f} %: what is no larger is not seen"
+    )
+    return replace(verdict, reason=f"{verdict.reason}; {text}")
 
 
 def not_excited(

@@ -12,7 +12,17 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.inputs import touching
 from vispeg.contact.law import unsure
 from vispeg.contact.next_motion import separating
-from vispeg.contact.record import arrays, channels, not_excited, phase_errors, shows_from, where_it_fails, worst_left
+from vispeg.contact.record import (
+    allowed,
+    arrays,
+    channels,
+    not_excited,
+    phase_errors,
+    shows_from,
+    told,
+    where_it_fails,
+    worst_left,
+)
 from vispeg.contact.remainder import judged as in_phases
 from vispeg.contact.remainder import remainder
 from vispeg.contact.selection import entangled, layer, weighed
@@ -65,7 +75,7 @@ def diagnose_contact(
     begin = begun(world)
     world, n_fixed = begin.world, begin.n_fixed
     before_held = judged.residuals([world])[0]
-    shows = least_sizes(search, world)
+    search.least = shows = least_sizes(search, world)
     state = search.run(world, n_fixed)
     tool = weighed.weighed(search, state, n_fixed)
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
@@ -84,6 +94,8 @@ def diagnose_contact(
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)
     together = entangled.entangled(state.fit, n_fixed)
     verdict = weighed.judged(entangled.judged(layer.judged(verdict, corrected, n_fixed), together), tool)
+    taken = allowed(judged, {"given": world, "corrected": state.world} if len(models) > 1 else {"given": world})
+    verdict = told(verdict, taken)
     final = with_origin(
         corrected,
         n_fixed,
@@ -111,6 +123,7 @@ def diagnose_contact(
         "channels": channels(judged, predicted),
         "not_excited": unseen,
         "shows_from": shows_from(shows),
+        "allowed": taken,
         "closed_loop": replayed,
         "next_experiment": weighed.asked(tool) or separating(fitted_world, rivals, unseen, together, recorded),
         "candidates": candidates(state, rivals, n_fixed),

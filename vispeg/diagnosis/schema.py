@@ -136,6 +136,15 @@ class NotExcited(Place):
     motion: str
 
 
+class Allowed(TypedDict):
+    """Of what a model leaves in held-out recordings, as read, the shares that errors which are allowed for take."""
+
+    model: str
+    sensor: float
+    path: float
+    form: float
+
+
 class ShowsFrom(Place):
     """An effect and `between` which values each of its parameters does not show; None where it does at no size."""
 
@@ -249,5 +258,6 @@ class DiagnosisRecord(Summary):
     views: NotRequired[Mapping[str, object]]
     not_excited: NotRequired[list[NotExcited]]
     shows_from: NotRequired[list[ShowsFrom]]
+    allowed: NotRequired[list[Allowed]]
     closed_loop: NotRequired[list[Replayed]]
     rooms: NotRequired[list[RoomRecord]]

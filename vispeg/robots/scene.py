@@ -190,7 +190,7 @@ def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]
         geom.condim, geom.priority = 3, 1
     slip = body.add_joint(name="peg_slip", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1), damping=50.0)
     slip.frictionloss = GRIP
-    slip.solref_friction, slip.solimp_friction = (0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # no creep below it
+    slip.solref_friction, slip.solimp_friction = (0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)  # see `physics.firm`
     return {"gripper": gripper, "peg": ("peg",)}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.recordings.cell import reaction
 from vispeg.robots.scene import Scene
-from vispeg.sim.physics import derive, exact
+from vispeg.sim.physics import derive, exact, firm
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
 from vispeg.sim.restart import RowFields
@@ -85,6 +85,8 @@ class Cell(Plant):
             self.batch.expand(name)[rows] = values
         if CONSTANT & set(fresh.values):
             derive(self.batch, fields)
+            if self.filtered:
+                self._firm()
         if self.dry is not None:
             self.dry[rows] = self.loss[rows][:, self.vadr]
         self.armature, self.damping = self._row_field("dof_armature"), self._row_field("dof_damping")
@@ -115,11 +117,16 @@ class Cell(Plant):
         super().start(q, dq, weight, inertia)
 
     def recorded(self) -> None:
-        """From now on contacts are found exactly and sensors filter: contact chatters in step with the controller, so
-        that a reading at a tick's end alone is a biased sample.
+        """From now on contacts are found exactly, a held part does not creep, and sensors filter: contact chatters in
+        step with the controller, so that a reading at a tick's end alone is a biased sample.
         """
         exact(self.batch)
+        self._firm()
         self.filtered = True
+
+    def _firm(self) -> None:
+        if self.slip is not None:
+            firm(self.batch, self.model, self.robot.slip)
 
     def felt(self) -> np.ndarray:
         """What the wrist's force sensor says of the last step, or of the mean of the last tick where it is `filtered`:

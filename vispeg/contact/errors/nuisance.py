@@ -30,8 +30,14 @@ from vispeg.sim.compiled import compiled
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1  # N over a recording; share of another channel; m, of a torque against a force
-PLACE, TURN = 2e-4, 4e-4  # m, rad: by how much a robot's forward kinematics may be off within a cell
+KINDS = ("sensor", "path", "form")
+READING, PATH, FORM = range(len(KINDS))
+# N over a recording, of a sensor that warms up; share of another channel, crosstalk that calibration leaves; m, of a
+# torque against a force
+DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1
+# m, rad: by how much a robot's forward kinematics may be off within a cell: twice what an arm repeats a pose to, see
+# `vispeg.contact.selection.repeats`, for no calibration makes an arm as true as it is repeatable
+PLACE, TURN = 2e-4, 4e-4
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
@@ -49,22 +55,37 @@ class Nuisance:
         basis: (n, k) orthonormal, over all blocks and channels of one item, or of several one after another.
         less: (k,) share of the residual along each that is taken off.
         columns: (n, j) that it was made of.
+        kinds: (j,) index of `KINDS` of each.
     """
 
     basis: np.ndarray
     less: np.ndarray
     columns: np.ndarray
+    kinds: np.ndarray
 
     @classmethod
-    def of(cls, columns: np.ndarray) -> Nuisance:
+    def of(cls, columns: np.ndarray, kinds: np.ndarray | None = None) -> Nuisance:
         """Of the columns (n, k) of A, each the whitened residual of one error of its usual size."""
         u, s, _ = np.linalg.svd(columns, full_matrices=False)
         u, s = u[:, s > LEAST], s[s > LEAST]
-        return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns)
+        kinds = np.zeros(columns.shape[1], int) if kinds is None else kinds
+        return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns, kinds)
 
     def of_rows(self, rows: np.ndarray) -> Nuisance:
         """That of some of the values, (n,) bool, where the others are not looked at."""
-        return Nuisance.of(np.where(rows[:, None], self.columns, 0.0))
+        return Nuisance.of(np.where(rows[:, None], self.columns, 0.0), self.kinds)
+
+    def taken(self, residual: np.ndarray) -> dict[str, float]:
+        """Of each kind of error the share of a squared residual, whitened block by block, that it takes where each
+        error is as large as is likeliest: with `x ~ N(0, I)` and `r = A x + n`, `x = A' (I + A A')^-1 r`.
+        """
+        flat, a = residual.ravel(), self.columns
+        likely = np.linalg.solve(np.eye(a.shape[1]) + a.T @ a, a.T @ flat)
+        out, square = {}, max(float(flat @ flat), 1e-300)
+        for k, name in enumerate(KINDS):
+            rest = flat - a[:, self.kinds == k] @ likely[self.kinds == k]
+            out[name] = max(0.0, 1.0 - float(rest @ rest) / square)
+        return out
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
         """Of the shape of a residual of `n` values that is whitened block by block."""
@@ -76,23 +97,24 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     """That of items of one robot and sensor, with their floors, in the order of the residual."""
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
-    separate, shared = [], []
+    separate, of_separate, shared, of_shared = [], [], [], []
     places = [_place(i) for i in items]
     errors = _smooth(places)
     for item, error in zip(items, errors, strict=True):
         read = _taken_up(item, [*_drifts(item), _late(item), *unsure(item)])
-        alone = [*_stuck(item), *_chatters(item), *_slipped(item), *bearing(item), *_turned(item)]
-        separate.append(_whitened(item, [*read, *alone]))
-        shared.append(
-            _whitened(item, [*_taken_up(item, _mixtures(item)), *_misplaced(item, error), _gives(item)])
-        )
+        path, form = _turned(item), [*_stuck(item), *_chatters(item), *_slipped(item), *bearing(item)]
+        separate.append(_whitened(item, [*read, *path, *form]))
+        of_separate.append(np.repeat([READING, PATH, FORM], [len(read), len(path), len(form)]))
+        read, path, form = _taken_up(item, _mixtures(item)), _misplaced(item, error), [_gives(item)]
+        shared.append(_whitened(item, [*read, *path, *form]))
+        of_shared.append(np.repeat([READING, PATH, FORM], [len(read), len(path), len(form)]))
     columns = np.concatenate(shared, axis=0)
     out = np.zeros((ends[-1], columns.shape[1] + sum(o.shape[1] for o in separate)))
     out[:, : columns.shape[1]], at = columns, columns.shape[1]
     for start, end, some in zip(ends[:-1], ends[1:], separate, strict=True):
         out[start:end, at : at + some.shape[1]] = some
         at += some.shape[1]
-    return Nuisance.of(out)
+    return Nuisance.of(out, np.concatenate([of_shared[0], *of_separate]))
 
 
 def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
@@ -53,6 +53,7 @@ class ContactSearch(Search):
     evidence: ContactEvidence
     few = 99
     runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
+    least: Mapping[tuple[str, str], Mapping[str, float]] = {}  # of each effect's parameters the size that shows
     n_fixed: int | None = None  # effects of a world that were given with it: all, until a search starts
 
     @cached_property

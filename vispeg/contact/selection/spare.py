@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.contact.selection.form import form
+from vispeg.contact.selection.profile import size_of
 from vispeg.contact.selection.repeats import allowing
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
@@ -68,16 +70,32 @@ def includes_none(placed: EffectInstance) -> bool:
     return bool(inside) and all(inside)
 
 
-def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
-    """Takes out an effect whose intervals include none; False where there is no such effect.
+def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[str, float]]) -> bool:
+    """Whether every magnitude that shows at some size (`vispeg.contact.selection.shows_from`) is under that size."""
+    kind, sizes = effect(placed.effect), least.get((placed.effect, placed.where), {})
+    under = []
+    for k in kind.magnitudes:
+        from_ = sizes.get(k, np.inf)
+        if np.isfinite(from_):
+            under.append(
+                abs(size_of(kind.name, k, placed)) < (np.log(from_) if kind.params[k].scale == "log" else from_)
+            )
+    return bool(under) and all(under)
 
-    An effect is accepted by what its best value removes, an interval goes by all that a value may be.
+
+def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
+    """Takes out an effect whose intervals include none, or that is smaller than what the recordings can show of it;
+    False where there is no such effect.
+
+    An effect is accepted by what its best value removes, an interval goes by all that a value may be; and a size that
+    would mostly be missed where it is there may as well be the form of something else.
     """
     some = state.world.effects[n_fixed:]
-    gone = next((e for e in reversed(some) if includes_none(e)), None)
+    gone = next((e for e in reversed(some) if includes_none(e) or too_small(e, search.least)), None)
     if gone is None:
         return False
-    search.say(f"{gone.label} may as well be none")
+    small = not includes_none(gone)
+    search.say(f"{gone.label} {'is smaller than these recordings can show' if small else 'may as well be none'}")
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
         (fit,) = search.reduced([world], n_fixed)  # as `spared` fitted it
@@ -88,6 +106,8 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     state.fit, state.cross = before.fit, before.cross
     near = ", allowing for how closely an arm repeats a pose" if effect(gone.effect).posed else ""
     why = f"the interval of {gone.label} includes none{near}"
+    if small:
+        why = f"{gone.label} is smaller than what these recordings can show of it"
     state.last = [replace(t, rejected=t.rejected or why) for _, trials in state.steps for t in trials]
     state.steps = []
     return True

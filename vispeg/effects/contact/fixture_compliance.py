@@ -28,7 +28,7 @@ class FixtureCompliance(Effect):
     )
     writes = springs.WRITES
     stage = "compliance"
-    sizes = {**dict.fromkeys("xyz", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (2e-4, 1e-3, 5e-3))}
+    sizes = {**dict.fromkeys("xyz", (1e-5, 4e-5, 1.2e-4)), **dict.fromkeys(("roll", "pitch"), (2e-4, 1e-3, 5e-3))}
     shown_by = ("press", "hard-press", "rock")
     told_from = {"contact_stiffness": "hard-press", "arm_compliance": "touch-datum"}
     needs = "two forces"

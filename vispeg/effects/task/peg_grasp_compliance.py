@@ -30,7 +30,7 @@ class PegGraspCompliance(Effect):
     )
     writes = springs.WRITES
     stage = "compliance"
-    sizes = {**dict.fromkeys("xy", (1e-5, 4e-5)), **dict.fromkeys(("roll", "pitch"), (5e-4, 3e-3, 1.5e-2))}
+    sizes = {**dict.fromkeys("xy", (1e-5, 4e-5, 1.2e-4)), **dict.fromkeys(("roll", "pitch"), (5e-4, 3e-3, 1.5e-2))}
     shown_by = ("insert", "rock", "slide")
     told_from = {"fixture_compliance": "insert-turned"}
     needs = "two forces"

@@ -1,0 +1,76 @@
+"""What errors of sensor, path and form may take of a residual, and that it hides nothing that is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pressed import recorded
+
+from vispeg.contact.errors.nuisance import FORM, KINDS, PATH, READING, Nuisance
+from vispeg.contact.record import allowed, told
+from vispeg.contact.run import evidence_of
+from vispeg.contact.selection.spare import too_small
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.worlds.world import World
+
+SOFT = EffectInstance.of("fixture_compliance", "fixture", z=1e-5)
+
+
+def test_a_contact_takes_up_what_a_sensor_misreads():
+    """In free air all of a wrong reading is left; against a surface next to nothing; along it, where it slides, all."""
+    item = evidence_of([recorded()]).items[0]
+    used = item.phase.valid & ~item.phase.resting
+    free, press = (np.median(item.response[item.phase.of(name) & used], axis=0) for name in ("free", "press"))
+    np.testing.assert_allclose(free, np.eye(6), atol=0.05)
+    assert abs(press[2, 2]) < 0.1
+    slide = item.response[item.phase.of("slide") & used]
+    assert np.median(slide[:, 2, 2]) < 0.3 and np.median(np.abs(slide[:, :2, :2]).sum(axis=(1, 2))) > 0.7
+
+
+def test_what_a_sensor_may_be_off_by_hides_no_compliance():
+    """10 um/N is 2 % of a press to the hold's springs, no more than crosstalk: what the path cannot be off by stays."""
+    evidence = evidence_of([recorded((SOFT,))])
+    worlds = [World(), World().add(SOFT)]
+    as_read = [evidence.as_read(w) for w in worlds]
+    left = [float(r @ r) for r in evidence.residuals(worlds)]
+    assert left[0] - left[1] > 0.07 * (as_read[0] - as_read[1]) > 0
+
+
+def test_each_kind_of_error_is_told_what_it_takes():
+    """Each of its own usual size: of what is one kind's alone that kind takes all but a noise variance."""
+    rng = stream(5, "allowed")
+    columns, kinds = 30.0 * rng.standard_normal((400, 6)), np.repeat([READING, PATH, FORM], 2)
+    errors = Nuisance.of(columns, kinds)
+    for kind in (READING, PATH, FORM):
+        residual = columns[:, kinds == kind] @ rng.standard_normal(2) + rng.standard_normal(400)
+        taken = errors.taken(residual)
+        assert taken[KINDS[kind]] > 0.95 and all(v < 0.05 for k, v in taken.items() if k != KINDS[kind])
+    assert max(errors.taken(rng.standard_normal(400)).values()) < 0.05
+
+
+def test_a_verdict_says_what_an_allowance_takes():
+    evidence = evidence_of([recorded((SOFT,))])
+    (row,) = allowed(evidence, {"given": World()})
+    assert row["model"] == "given" and all(0 <= row[kind] <= 1 for kind in KINDS)
+    verdict = Verdict("adequate", "nothing lowers it")
+    most = {"model": "given", "sensor": 0.1, "path": 0.8, "form": 0.0}
+    assert "takes 80 %" in told(verdict, [most]).reason and "0.2 mm" in told(verdict, [most]).reason
+    assert told(verdict, [{**most, "path": 0.2}]) == verdict
+
+
+@pytest.mark.parametrize(
+    ("values", "small"), [({"z": 1e-5}, True), ({"z": 3e-5}, False), ({"z": 1e-5, "x": 5e-5}, False)]
+)
+def test_an_effect_under_the_size_that_shows_is_too_small(values, small):
+    least = {("fixture_compliance", "fixture"): {"x": 4e-5, "z": 2e-5, "roll": np.inf}}
+    assert too_small(EffectInstance.of("fixture_compliance", "fixture", **values), least) is small
+    assert not too_small(EffectInstance.of("hole_tilt", "fixture", roll=1e-3), least), "of what size shows nobody knows"
+
+
+def test_a_factor_shows_from_so_many_times_and_a_share_from_so_much():
+    least = {("object_mass", "peg"): {"scale": 1.5}, ("contact_friction", "peg"): {"scale": 0.5}}
+    for name, sizes in (("object_mass", (1.3, 0.7, 1.6, 0.6)), ("contact_friction", (1.3, 0.7, 1.6, 0.4))):
+        told_ = [too_small(EffectInstance.of(name, "peg", scale=scale), least) for scale in sizes]
+        assert told_ == [True, True, False, False]
