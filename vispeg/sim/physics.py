@@ -13,7 +13,7 @@ from vispeg.sim.placement import Active
 from vispeg.sim.state import DriveState, Fields
 
 OVERLAP = 1e-8  # m
-# of the regularization of a held part's friction: 0.4 um/s under 25 N, 7 um in a press of 18 s. At a thousandth MuJoCo's
+# of the regularization of a held part's friction: 0.4 um/s under 25 N, 7 um in a press of 18 s. At a thousandth the
 # solver no longer finds the force where it comes near what the friction holds
 FIRM = 0.02
 GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
