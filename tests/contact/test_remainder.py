@@ -107,10 +107,10 @@ def test_only_fitted_poses_have_intervals_that_allow_for_the_arm():
 
 def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():
     named = Verdict("identified", "named")
-    within, beyond = Rest("press", False, 1.2, 2.0, 80), Rest("hole", True, 3.0, 2.0, 80)
+    within, beyond = Rest("press", False, 1.2, 2.0, 80), Rest("hole", True, 3.0, 2.0, 80)  # mean squares: 1.73^2
     assert judged(named, [within]) is named
     unexplained = judged(named, [within, beyond])
-    assert unexplained.verdict == "unexplained" and "in hole a residual 3.0" in unexplained.reason
+    assert unexplained.verdict == "unexplained" and "in hole an error of 1.73 ×" in unexplained.reason
 
 
 def test_what_slides_drags_by_its_friction():
