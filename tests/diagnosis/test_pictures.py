@@ -36,20 +36,26 @@ SCENE = scene_of(CELL)
 
 
 @lru_cache
-def path(seed: int):
-    motion = look_motion("look", SCENE, 100.0, 16.0)
+def path(seed: int, name: str = "look"):
+    motion = look_motion(name, SCENE, 100.0, 16.0)
     forth = motion.q_cmd if seed % 2 else motion.q_cmd[::-1]
     return CubicSpline(motion.time, forth)
 
 
-def pictured(seed: int, *effects: EffectInstance, frames: int = 10) -> Recording:
-    """A recording of joints that read `effects` too, and of pictures in one of the looks of S."""
+def pictured(
+    seed: int, *effects: EffectInstance, frames: int = 10, motion: str = "look", errs: float = 0.0
+) -> Recording:
+    """A recording of joints that read `effects` too, and of pictures in one of the looks of S.
+
+    `errs` rad is by how much each joint is off what it reads (1 sigma), anew every 0.4 s.
+    """
     cameras = cameras_of([WRIST], SCENE, (200, 150))
-    curve = path(seed)
+    curve = path(seed, motion)
     stamps = np.linspace(1.0, 15.0, frames)
     world = CELL.add(*effects, *look_of(f"S/{seed}", SCENE))
-    shots = photograph(SCENE, cameras, world, curve, stamps, seed)
-    time = np.arange(0.0, 16.0, 0.01)
+    time, knots = np.arange(0.0, 16.0, 0.01), np.arange(0.0, 16.4, 0.4)
+    off = CubicSpline(knots, errs * np.random.default_rng(seed).normal(size=(len(knots), len(SCENE.joints))))
+    shots = photograph(SCENE, cameras, world, lambda t: curve(t) + off(t), stamps, seed)
     q = curve(time)
     for e in effects:
         if e.effect == "encoder_offset":
@@ -130,6 +136,16 @@ def test_a_fixture_that_was_moved_between_the_recordings_is_said_to_be():
         fitted, held_out = (pictured(seed, *e) for seed, e in zip((3, 4), some, strict=True))
         record = diagnose(CELL, [fitted], [held_out]).record
         assert record["verdict"] == "unexplained" and "mm elsewhere" in record["reason"], record["reason"]
+
+
+@pytest.mark.slow
+def test_a_short_rolling_shutter_is_no_error_of_the_arm_and_lies_in_its_interval():
+    hidden = EffectInstance.of("rolling_shutter", WRIST, readout=0.015)
+    found = diagnose(CELL, *([pictured(s, hidden, motion="look-fast", errs=1.25e-4)] for s in (3, 4)))
+    (placed,) = found.world.effects
+    readout = placed.params["readout"]
+    assert placed.effect == "rolling_shutter" and readout.low < 0.015 < readout.high < 0.02
+    assert found.record["views"]["robot_rad"] < 3e-4
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def diagnose_pictures(
     search, n_fixed = BorderSearch(*borders, say, progress), len(world.effects)
     say("fitting what moves the borders")
     state = search.run(world)
-    if any(e.effect not in FREED for e in state.world.effects[n_fixed:]):
+    if any(e.effect not in (*FREED, *borders[0].freed) for e in state.world.effects[n_fixed:]):
         borders = border_evidence(scene, mine, theirs, state.world, recall=progress.recall)
         search, state = _seen_anew(search, state, borders, n_fixed)
     evidence, judged = search.evidence, search.judged

@@ -23,7 +23,7 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
-FREED = (*CAMERA, "encoder_offset")
+FREED, ROLLING = (*CAMERA, "encoder_offset"), ("rolling_shutter",)
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
 STEPS = 4
@@ -31,9 +31,14 @@ ASTRAY = 0.25  # share of borders without an edge within half a pixel, from whic
 SPARSE = 12  # frames of the coarse stage
 
 
-def free_world(world: World, scene_joints: Sequence[str], cameras: Sequence[str]) -> tuple[World, list[int]]:
-    """The world with every effect that moves a picture, those it lacks at null; and the indices that are free."""
-    places = [(name, camera) for camera in cameras for name in CAMERA]
+def free_world(
+    world: World, scene_joints: Sequence[str], cameras: Sequence[str], also: Sequence[str] = ()
+) -> tuple[World, list[int]]:
+    """The world with every effect that moves a picture, those it lacks at null; and the indices that are free.
+
+    `also` are further effects of cameras.
+    """
+    places = [(name, camera) for camera in cameras for name in (*CAMERA, *also)]
     places += [("encoder_offset", joint) for joint in scene_joints]
     have = {(e.effect, e.where) for e in world.effects}
     world = world.add(*(EffectInstance.of(name, where) for name, where in places if (name, where) not in have))
@@ -54,13 +59,30 @@ def align(
     """The world whose borders lie on the edges, and the points found there; `recall` may know the former."""
 
     def work_out() -> list:
-        return [
-            [e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in _aligned(predictor, sights, world)
-        ]
+        return _plain(_aligned(predictor, sights, world))
 
     kept = recall(["align", [[s.name, s.camera.name, len(s)] for s in sights], world.values], work_out)
     settled = replace(world, effects=tuple(EffectInstance.of(name, where, **values) for name, where, values in kept))
     return settled, [gather(predictor, s, settled, WINDOWS[-1]) for s in sights]
+
+
+def rolled(
+    predictor: Predictor, sights: Sequence[Sight], settled: World, recall: Recall = unremembered
+) -> tuple[World, list[Points]]:
+    """As `align`, from a world that was aligned: with each camera's read-out time free, too."""
+
+    def work_out() -> list:
+        cameras = list(dict.fromkeys(s.camera.name for s in sights))
+        start, free = free_world(settled, predictor.scene.joints, cameras, ROLLING)
+        return _plain(_settled(predictor, sights, start, free, WINDOWS[-1:])[0].effects)
+
+    kept = recall(["roll", [[s.name, s.camera.name, len(s)] for s in sights], settled.values], work_out)
+    world = replace(settled, effects=tuple(EffectInstance.of(name, where, **values) for name, where, values in kept))
+    return world, [gather(predictor, s, world, WINDOWS[-1]) for s in sights]
+
+
+def _plain(effects: Sequence[EffectInstance]) -> list:
+    return [[e.effect, e.where, {k: v.value for k, v in e.params.items()}] for e in effects]
 
 
 def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[EffectInstance, ...]:

@@ -72,14 +72,22 @@ class BorderEvidence(Evidence):
         items: sights with their points.
         settled: the world that the points were aligned with, at which errors are linearised.
         robot: standard deviation of each joint's angle in each frame, rad; estimated where None.
+        freed: effects that the alignment freed beside the usual ones.
     """
 
     least_gain, most_effects = 0.02, 6
     held: frozenset[tuple[str, str]] = frozenset()  # parameters that a fit leaves: none
     floor_from = "scatter about the freest model, and what a look shifts edges by"
 
-    def __init__(self, geometry: Geometry, items: Sequence[Item], settled: World, robot: float | None = None):
-        self.geometry, self.items, self.settled = geometry, list(items), settled
+    def __init__(
+        self,
+        geometry: Geometry,
+        items: Sequence[Item],
+        settled: World,
+        robot: float | None = None,
+        freed: tuple[str, ...] = (),
+    ):
+        self.geometry, self.items, self.settled, self.freed = geometry, list(items), settled, freed
         self.recordings = []
         self.notes: list[str] = []
         self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
@@ -187,7 +195,7 @@ class BorderEvidence(Evidence):
         for item in self.items:
             rows = item.points.frame % step == first
             items.append(replace(item, points=item.points.only(rows), trust=item.trust[rows]))
-        return BorderEvidence(self.geometry, items, self.settled, self.robot)
+        return BorderEvidence(self.geometry, items, self.settled, self.robot, self.freed)
 
     def error(self, world: World) -> float:
         """RMS misplacement in px over trusted points, less what the robot's most likely errors make of it."""

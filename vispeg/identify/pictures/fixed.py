@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def slopes(evidence: BorderEvidence) -> list[np.ndarray]:
     """Per item, derivatives (n, k) of the weighted misplacement to the free model's parameters, in typical sizes."""
     cameras = list(dict.fromkeys(i.sight.camera.name for i in evidence.items))
-    world, free = free_world(evidence.settled, evidence.geometry.scene.joints, cameras)
+    world, free = free_world(evidence.settled, evidence.geometry.scene.joints, cameras, evidence.freed)
     space = Space(world, free)
     u = np.clip(space.start, *space.bounds)
     here, columns = evidence.misplaced(space.at(u)), []
