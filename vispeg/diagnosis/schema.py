@@ -158,6 +158,7 @@ class Summary(TypedDict):
     reason: str
     effects: list[FoundEffect]
     ladder: list[Rung]
+    of: NotRequired[str]
     noise_floor: NoiseFloor
     recordings: Recordings
 

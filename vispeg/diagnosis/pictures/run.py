@@ -106,8 +106,9 @@ def diagnose_pictures(
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
     ladder, floor = _ladder(evidence, judged, world, state), _floor(evidence, judged)
+    of = "borders"
     if not n_added and (found := [s for s in sensed if s.added]):
-        ladder, floor = found[0].ladder()
+        (ladder, floor), of = found[0].ladder(), found[0].kind
     excitations = [*border_excitations(search, state.world), *(x for s in sensed for x in s.excitations)]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
@@ -115,6 +116,7 @@ def diagnose_pictures(
         "reason": verdict.reason + _joints_said(evidence.robot, fitted),
         "effects": effects(final, n_fixed, rivals, fitted_world),
         "ladder": ladder,
+        "of": of,
         "noise_floor": floor,
         "where_it_fails": [],
         "residual_peaks": [],

@@ -109,6 +109,7 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "effects": listed,
         "ladder": lead["ladder"],
         "noise_floor": lead["noise_floor"],
+        **({"of": lead["of"]} if "of" in lead else {}),
         "unexplained": rest[0]["unexplained"] if rest else None,
         "next_experiment": next((r["next_experiment"] for r in records if r["next_experiment"]), None),
         "candidates": [c for r in records for c in r["candidates"]],

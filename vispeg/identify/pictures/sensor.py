@@ -76,7 +76,7 @@ class SensorEvidence(Evidence):
     """
 
     least_gain, most_effects = 0.03, 4
-    floor_from = "scatter between frames"
+    floor_from = "scatter between frames, and what a calibration repeats to"
     settled = World()
     least_change, changes_in = 1.0, "times what is ordinary"
 

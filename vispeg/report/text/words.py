@@ -69,7 +69,8 @@ def error_name(values: Mapping[str, Any]) -> str:
     """What the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
     if values.get("judged") == "fitted":
         return "Error on the fitted recordings"
-    return "Model error" if values.get("format") == "vispeg-compare/1" else "Held-out error"
+    of = f" of {values['of']}" if values.get("of") else ""
+    return "Model error" if values.get("format") == "vispeg-compare/1" else f"Held-out error{of}"
 
 
 def fall(values: Mapping[str, Any]) -> str:
