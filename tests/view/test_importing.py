@@ -1,8 +1,12 @@
 """A log becomes the recording that the command would write, with the units that the user confirmed."""
 
+import time
+
 import numpy as np
 import pytest
+from logged import STYLES, TAU, TIME, Q, numbered, write_table
 
+from vispeg.api.recording.guess import propose
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
@@ -33,14 +37,21 @@ def test_the_recording_is_the_command_s_and_has_the_measured_angles(rigs, log, t
     made.look(log, robot, columns)
     look = last(heard, "look")
     assert look.rate_hz == 200 and look.samples == 600 and not look.doubts
-    made.write(log, robot, columns, tmp_path / "rec")
+    made.write(log, robot, columns, tmp_path / "rec", False)
     again = ["convert", log, "--robot", robot, "--map", tmp_path / "rec-map.yaml", "--out", tmp_path / "other"]
     assert main([str(word) for word in [*again, "--table", "parquet"]]) == 0
     one, other, source = load(tmp_path / "rec"), load(tmp_path / "other"), load(rigs / "rig-a")
     assert np.array_equal(one.q, other.q) and np.array_equal(one.time, other.time)
     assert np.allclose(one.q, source.q, atol=1e-8)
     with pytest.raises(UserError, match="exists already"):
-        made.write(log, robot, columns, tmp_path / "rec")
+        made.write(log, robot, columns, tmp_path / "rec", False)
+    columns["time"]["unit"] = "s"
+    made.write(log, robot, columns, tmp_path / "rec", True)  # what it wrote itself it replaces, map and all
+    assert load(tmp_path / "rec").time[-1] == pytest.approx(1000 * one.time[-1])
+    assert "unit: s" in (tmp_path / "rec-map.yaml").read_text()
+    (tmp_path / "rec" / "mine.txt").touch()
+    with pytest.raises(UserError, match=r"mine\.txt"):
+        made.write(log, robot, columns, tmp_path / "rec", True)
 
 
 def test_a_unit_that_cannot_be_true_is_doubted(rigs, log, elbow):
@@ -51,3 +62,84 @@ def test_a_unit_that_cannot_be_true_is_doubted(rigs, log, elbow):
     columns[f"q.{elbow}"] = {"column": "elbow_pos", "unit": "deg"}
     made.look(log, str(rigs / "arm.xml"), columns)
     assert any("2e+05 samples a second" in text for text in last(heard, "look").doubts)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """The page Import of a server that nobody looks at, and what it wrote."""
+    viser = pytest.importorskip("viser", reason="the extra 'view' is not installed")
+    from vispeg.view.gate import free_port
+    from vispeg.view.import_page import ImportPage
+    from vispeg.view.place import Place
+
+    server = viser.ViserServer(host="127.0.0.1", port=free_port(None), verbose=False)
+    written = []
+    made = ImportPage(Place(server, tmp_path_factory.mktemp("out"), 1), [], "iiwa14", written.append)
+    yield made, written
+    made.close()
+    server.stop()
+
+
+def settled(page):
+    """Waits until the page's worker has nothing to do; what went wrong is an error here."""
+    for _ in range(2400):
+        if not page.job.busy:
+            assert not page.job.trouble.visible, page.job.trouble.content
+            return
+        time.sleep(0.05)
+    raise TimeoutError
+
+
+def wrote(page, written):
+    """Presses the button, and waits until a recording is written."""
+    before = len(written)
+    page._write()
+    while len(written) == before:
+        settled(page)
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.filterwarnings("ignore:.*torque_sensor")
+def test_the_page_and_the_command_propose_and_write_the_same(page, style, tmp_path, capsys):
+    """Of every log: the same map, and with it, unchanged, the same bytes."""
+    made, written = page
+    german = (";", ",") if style == "german" else ()
+    file = write_table(tmp_path / "log.csv", STYLES[style][0], *german)
+    made.take(file)
+    settled(made)
+    assert made.columns() == propose(file, "iiwa14").record
+    assert "--" not in made.table.content + made.doubts.content + made.guide.content  # no flag of a command
+    made.name.value = tmp_path.name
+    wrote(made, written)
+    words = ["convert", str(file), "--robot", "iiwa14", "--guess", "--yes", "--table", "parquet"]
+    assert main([*words, "--out", str(tmp_path / "rig")]) == 0
+    for name in ("samples.parquet", "recording.yaml"):
+        assert (written[-1] / name).read_bytes() == (tmp_path / "rig" / name).read_bytes(), name
+
+
+def test_what_the_page_states_is_in_the_recording_and_can_be_compared(page, tmp_path, capsys):
+    """A sensor and a controller that no name tells: without them nothing compares, and the page says what to state."""
+    made, written = page
+    columns = numbered("pos_{} [deg]", np.degrees(Q), 1) | numbered("torque_{} [Nm]", TAU, 1)
+    file = write_table(
+        tmp_path / "own.csv", {"t_ms": 1e3 * TIME} | columns | numbered("goal_{} [deg]", np.degrees(Q), 1)
+    )
+    made.take(file)
+    settled(made)
+    assert "Torque is" in made.guide.content
+    made.sensor.value, made.mode.value = "from the motor current", "holds angles (q_cmd)"
+    made.kp.value, made.kd.value = "600", "1, 2, 3, 4, 5, 6, 7"
+    made._again()
+    settled(made)
+    wrote(made, written)
+    rec = load(written[-1])
+    assert rec.torque_sensor == "motor" and rec.control.mode == "position" and rec.control.rate_hz == 500
+    assert list(rec.control.kp) == [600] * 7 and list(rec.control.kd) == [1, 2, 3, 4, 5, 6, 7]
+    assert str(made.write.label) == "Confirm and replace own"  # said before it is pressed
+    made.kd.value = "1, 2"
+    made._write()
+    assert "one number, or 7" in made.job.trouble.content
+    made.kd.value = "2"
+    wrote(made, written)
+    assert list(load(written[-1]).control.kd) == [2] * 7

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +45,25 @@ def window(target: str) -> str:
 def note(text: str) -> str:
     """A paragraph."""
     return _page("note", text=text)
+
+
+def next_step(title: str, text: str, steps: tuple[str, ...] = (), at: int = 0) -> str:
+    """What there is to do next, under the steps of the way: `at` is the one (0, 1, ..) that is being done."""
+    return _page("next", title=title, text=text, steps=steps, at=at)
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """Names without the words that all of them begin and end with, as far as they still differ and say something.
+
+    `panda_joint1`, `panda_joint2` become `joint1`, `joint2`; `shoulder_pan_joint`, `elbow_joint` lose `joint`.
+    """
+    words = [re.split(r"([_\-./ ]+)", name) for name in names]  # words at even places, what parts them between
+    if len(set(names)) < 2:
+        return list(names)
+    for end in (0, -1):
+        while min(len(w) for w in words) > 2 and len({w[end] for w in words}) == 1:
+            words = [w[2:] if end == 0 else w[:-2] for w in words]
+    return ["".join(w) for w in words]
 
 
 def error(text: str) -> str:

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.core.files import write_bytes_atomic
 from vispeg.core.provenance import command_line
+from vispeg.recordings.importers.rosbag import Topics
 from vispeg.view import html
-from vispeg.view.importing import Importer, Look, Proposed
+from vispeg.view.around import TABLES, named
+from vispeg.view.drop import Drop
+from vispeg.view.importing import WHERE, Importer, Look, Proposed, map_file
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
@@ -20,9 +22,12 @@ KINDS = (("s", "ms", "us", "ns"), ("rad", "mrad", "deg", "mdeg", "turn"), ("rad/
 KINDS += (("m", "mm"), ("N m", "Nm", "mNm", "N cm", "kg cm", "N"))
 SI = {"q": "rad", "q_cmd": "rad", "dq": "rad/s", "dq_cmd": "rad/s", "tau": "N m", "tau_cmd": "N m"}
 COLOURS = ("#1f6fb4", "#d9541e", "#2a9d60", "#a2456b", "#b0892b", "#5b4bb7", "#0a7a75", "#7a5230")
-SENSORS = ("not used", "measured at the joint", "from the motor current")
-STATED: dict[str, str] = dict(zip(SENSORS, ("none", "joint", "motor"), strict=True))
+STATED = {words: value for value, words in WHERE.items()}
 OTHERS = "table", "joints", "recording"  # keys of a map that are no columns
+UNKNOWN, NONE = "not known", "none"
+MODES = {UNKNOWN: "unknown", "holds angles (q_cmd)": "position", "applies torques (tau_cmd)": "torque"}
+GRAVITY = {"by the model": "model", "not at all": "none"}
+NEXT = "Drop a log, or choose one that is there. Its columns and units are proposed, with the reason for each."
 
 
 class ImportPage(Page):
@@ -31,32 +36,44 @@ class ImportPage(Page):
     Args:
         place: where it stands.
         logs: files to begin with.
-        robot: whose log it is.
+        model: whose log it is, as `vispeg diagnose` takes a model.
         written: called with the folder of each written recording.
     """
 
     title = "Import"
 
-    def __init__(self, place: Place, logs: Sequence[Path], robot: str, written: Callable[[Path], None]):
+    def __init__(self, place: Place, logs: Sequence[Path], model: str, written: Callable[[Path], None]):
         self.place, gui, self.written = place, place.gui, written
         self.proposed: Proposed | None = None
         self.seen: Look | None = None
         self.units: dict[str, Any] = {}
+        self.there: dict[str, Path] = {}
+        self.filling = False
         self.root = gui.add_folder(None)
         with self.root:
+            self.guide = gui.add_html(html.next_step("A log becomes a recording", NEXT))
             with gui.add_folder("Log"):
-                self.upload = gui.add_upload_button("Drop a log (CSV, Parquet, NPZ, bag)")
-                self.log = gui.add_text("Log", str(logs[0]) if logs else "", hint="a file, or a ROS 2 bag's folder")
-                self.robot = gui.add_text("Robot", robot, hint="a robot's name, or a path to an MJCF or URDF")
+                self.drop = Drop(place, "Drop a log (CSV, Parquet, NPZ, bag)", TABLES, self.take, self._failed)
+                self.here = gui.add_dropdown("Found here", (NONE,))
+                self.log = gui.add_text("Path", str(logs[0]) if logs else "", hint="a file, or a ROS 2 bag's folder")
+                self.model = gui.add_text("Model", model, hint="a robot's name, a model file, an MJCF or a URDF")
                 self.propose = gui.add_button("Propose what the columns are", color="teal")
             self.job = Job(place, self.receive, self.idle)
             with gui.add_folder("Units"):
                 self.chosen = gui.add_folder(None)
-                self.sensor = gui.add_dropdown("Torque is", SENSORS, initial_value=SENSORS[0], visible=False)
+                self.topic = gui.add_dropdown("Measured on", (NONE,), visible=False)
+                self.command = gui.add_dropdown("Commands on", (NONE,), visible=False)
+                self.sensor = gui.add_dropdown("Torque is", tuple(STATED), initial_value=WHERE["none"], visible=False)
                 self.doubts = gui.add_html(html.note("Units come with the proposal."))
+            self.controller = gui.add_folder("Controller", visible=False)
+            with self.controller:
+                self.mode = gui.add_dropdown("It", tuple(MODES), initial_value=UNKNOWN)
+                self.kp = gui.add_text("Stiffness", "", hint="N m/rad: one number, or one a joint, with commas")
+                self.kd = gui.add_text("Damping", "", hint="N m s/rad: one number, or one a joint, with commas")
+                self.gravity = gui.add_dropdown("Gravity made up", tuple(GRAVITY))
             with gui.add_folder("Recording"):
                 self.name = gui.add_text("Name", "rig-1")
-                self.write = gui.add_button("Confirm and write the recording")
+                self.write = gui.add_button("Confirm and write the recording", color="teal")
                 self.done = gui.add_html("")
             with gui.add_folder("The same as a command"):
                 self.commands = gui.add_html("")
@@ -68,41 +85,49 @@ class ImportPage(Page):
         self.left.dock_left()
         self.left.set_width(370)
         self.plot: Any = None
-        self.upload.on_upload(lambda _: self._dropped())
-        self.propose.on_click(lambda _: self.begin())
-        self.sensor.on_update(lambda _: self._again())
-        self.signal.on_update(lambda _: self._plotted())
-        self.write.on_click(lambda _: self._write())
+        self._wire()
+        self._moded()
         self.idle(True)
         if logs:
             self.begin()
+
+    def take(self, log: Path, model: str | None = None) -> None:
+        """Proposes a map for a log that was dropped or chosen."""
+        self.log.value = str(log)
+        if model is not None:
+            self.model.value = model
+        self.begin()
 
     def begin(self) -> None:
         """Proposes a map for the log that is named."""
         path = Path(str(self.log.value))
         self.proposed = self.seen = None
-        stem = path.name.partition(".")[0] or "rig-1"
-        self.name.value = stem
+        self.name.value = path.name.partition(".")[0] or "rig-1"
         if self.job.start is None:
             self.job.begin(Importer, ())
-        self.job.ask("propose", path, str(self.robot.value))
+        self.job.ask("propose", path, str(self.model.value))
 
     def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "proposed":
             self.proposed = value
-            self._unit_choices(value)
+            self._offered(value)
             self.table.content = html.columns(value)
             self._commands()
         elif name == "look":
             self.seen = value
             self.doubts.content = html.doubts(value)
+            self.guide.content = html.next_step("A log becomes a recording", self._next())
+            self._commands()
+            self.sensor.visible = "tau" in value.signals
+            self.controller.visible = bool({"q_cmd", "tau_cmd"} & set(value.signals))
             signals = tuple(value.signals)
             if tuple(self.signal.options) != signals:
                 self.signal.options = signals
             self._plotted()
         elif name == "write done":
             self.done.content = html.note(f"{value} is written")
+            self._named()
             self.written(Path(value))
 
     def idle(self, idle: bool) -> None:
@@ -111,25 +136,53 @@ class ImportPage(Page):
         self.write.disabled = not idle or self.seen is None
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen."""
+        """Whether the page is seen; what lies under the working folder is offered anew."""
         self.root.visible = self.left.visible = visible
+        if visible:
+            self.there = named(self.place.around().of("log"), Path.cwd())
+            self.here.options = (NONE, *self.there)
+            self.here.visible = bool(self.there)
 
     def close(self) -> None:
         """Ends the worker."""
         self.job.end()
 
-    def _dropped(self) -> None:
-        dropped = self.upload.value
-        path = self.place.out / "logs" / Path(dropped.name).name
-        try:
-            write_bytes_atomic(path, dropped.content, overwrite=path.is_file() and path.read_bytes() == dropped.content)
-        except UserError as error:
-            self.job.fail(str(error))
-            return
-        self.log.value = str(path)
-        self.begin()
+    def columns(self) -> dict[str, Any]:
+        """The proposed map, with what was chosen on the page in place of what was proposed."""
+        columns: dict[str, Any] = dict(self.proposed.data) if self.proposed is not None else {}
+        for target, value in columns.items():
+            signal = target.partition(".")[0]
+            if target not in OTHERS and signal in self.units:
+                columns[target] = {**value, "unit": str(self.units[signal].value)}
+        recording = dict(columns.get("recording", {}))
+        sensor = STATED[str(self.sensor.value)]
+        if sensor != recording.get("torque_sensor", "none"):
+            recording["torque_sensor"] = sensor
+        if (control := self._control()) is not None:
+            recording["control"] = control
+        return columns | ({"recording": recording} if recording else {})
 
-    def _unit_choices(self, proposed: Proposed) -> None:
+    def _wire(self) -> None:
+        self.here.on_update(lambda _: self._chosen())
+        self.propose.on_click(lambda _: self.begin())
+        for choice in (self.sensor, self.topic, self.command):
+            choice.on_update(lambda _: self._again())
+        self.mode.on_update(lambda _: self._moded())
+        self.name.on_update(lambda _: self._named())
+        self.signal.on_update(lambda _: self._plotted())
+        self.write.on_click(lambda _: self._write())
+
+    def _failed(self, text: str) -> None:
+        self.job.fail(text)
+
+    def _chosen(self) -> None:
+        path = self.there.get(str(self.here.value))
+        if path is not None:
+            self.take(path)
+
+    def _offered(self, proposed: Proposed) -> None:
+        """Shows the choices that a proposal leaves, as it proposes them."""
+        self.filling = True
         for old in self.units.values():
             old.remove()
         self.units = {}
@@ -139,26 +192,94 @@ class ImportPage(Page):
                 choice = self.place.gui.add_dropdown(signal, kinds, initial_value=unit)
                 choice.on_update(lambda _: self._again())
                 self.units[signal] = choice
-        self.sensor.visible = "tau" in proposed.units
+        self.sensor.value = WHERE[str(dict(proposed.data.get("recording", {})).get("torque_sensor", "none"))]
+        self.topic.options = proposed.topics or (NONE,)
+        self.command.options = (NONE, *proposed.topics)
+        self.topic.visible = self.command.visible = len(proposed.topics) > 1
+        self.mode.value = UNKNOWN
+        self.filling = False
+        self._named()
 
-    def _columns(self) -> dict[str, Any]:
-        """The proposed map with the units that are chosen."""
-        columns: dict[str, Any] = dict(self.proposed.data) if self.proposed is not None else {}
-        for target, value in columns.items():
-            signal = target.partition(".")[0]
-            if target not in OTHERS and signal in self.units:
-                columns[target] = {**value, "unit": str(self.units[signal].value)}
-        if self.sensor.visible:
-            columns["recording"] = {**columns.get("recording", {}), "torque_sensor": STATED[str(self.sensor.value)]}
-        return columns
+    def _topics(self) -> Topics | None:
+        if self.proposed is None or not self.proposed.topics:
+            return None
+        command = str(self.command.value)
+        return Topics(str(self.topic.value), None if command == NONE else command)
+
+    def _next(self) -> str:
+        """What there is to do, in a sentence."""
+        look = self.seen
+        if look is None:
+            return NEXT
+        if look.doubts:
+            return "Something cannot be true: put the units right."
+        if "tau" in look.signals and STATED[str(self.sensor.value)] == "none" and self._mode() == "unknown":
+            return "State what `Torque is`: without it, or the controller, nothing can be compared. Then confirm."
+        return "Look at the plot and the units, then confirm: the page Diagnose opens with the recording."
+
+    def _mode(self) -> str:
+        return MODES[str(self.mode.value)]
+
+    def _moded(self) -> None:
+        held = self._mode() == "position"
+        self.kp.visible = self.kd.visible = held
+        self.gravity.visible = self._mode() != "unknown"
+        if self.seen is not None:
+            self.guide.content = html.next_step("A log becomes a recording", self._next())
+
+    def _control(self) -> dict[str, Any] | None:
+        """What was stated of the controller. Raises UserError: gains that are no numbers."""
+        if self._mode() == "unknown" or self.seen is None or not self.controller.visible:
+            return None
+        out: dict[str, Any] = {"mode": self._mode(), "rate_hz": self.seen.rate_hz}
+        out["gravity_compensation"] = GRAVITY[str(self.gravity.value)]
+        if self._mode() == "position":
+            out |= {"kp": self._gains(self.kp, "Stiffness"), "kd": self._gains(self.kd, "Damping")}
+        return out
+
+    def _gains(self, field: Any, name: str) -> list[float]:
+        assert self.seen is not None
+        words, joints = str(field.value).replace(",", " ").split(), len(self.seen.joints)
+        try:
+            numbers = [float(word) for word in words]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (1, joints) or not all(np.isfinite(n) and n >= 0 for n in numbers):
+            raise UserError("no gains", key=name, expected=f"one number, or {joints} with commas", got=str(field.value))
+        return numbers * (joints if len(numbers) == 1 else 1)
 
     def _again(self) -> None:
-        self.job.ask("look", Path(str(self.log.value)), str(self.robot.value), self._columns())
+        if self.filling or self.proposed is None:
+            return
+        try:
+            self.job.ask("look", Path(str(self.log.value)), str(self.model.value), self.columns(), self._topics())
+        except UserError as error:
+            self.job.fail(str(error))
+
+    def _out(self) -> Path:
+        return self.place.out / "recordings" / (Path(str(self.name.value)).name or "rig-1")
+
+    def _replaces(self) -> bool:
+        return self._out().exists() or map_file(self._out()).exists()
+
+    def _named(self) -> None:
+        """Says before it is pressed whether the button replaces a recording."""
+        new, old = "Confirm and write the recording", f"Confirm and replace {self._out().name}"
+        self.write.label = old if self._replaces() else new
+        self._commands()
 
     def _write(self) -> None:
-        out = self.place.out / "recordings" / Path(str(self.name.value)).name
         self._commands()
-        self.job.ask("write", Path(str(self.log.value)), str(self.robot.value), self._columns(), out)
+        words = str(self.write.label)
+        self._named()
+        if str(self.write.label) != words:  # it came to stand there meanwhile: the button says so now
+            return
+        try:
+            columns, source = self.columns(), Path(str(self.log.value))
+        except UserError as error:
+            self.job.fail(str(error))
+            return
+        self.job.ask("write", source, str(self.model.value), columns, self._out(), self._replaces(), self._topics())
 
     def _plotted(self) -> None:
         look = self.seen
@@ -169,7 +290,7 @@ class ImportPage(Page):
         values = look.signals[self.signal.value].astype(float)
         names = look.joints if values.shape[1] == len(look.joints) else [f"{i + 1}" for i in range(values.shape[1])]
         pen = {"width": 1.2, "points": {"show": False}}
-        series = [{"label": n, "stroke": COLOURS[i % len(COLOURS)], **pen} for i, n in enumerate(names)]
+        series = [{"label": n, "stroke": COLOURS[i % len(COLOURS)], **pen} for i, n in enumerate(html.distinct(names))]
         finite = np.isfinite(values).all(axis=1)
         unit = SI.get(str(self.signal.value), "")
         with self.plots:
@@ -183,7 +304,18 @@ class ImportPage(Page):
             )
 
     def _commands(self) -> None:
-        out = self.place.out / "recordings" / Path(str(self.name.value)).name
-        words = ["convert", str(self.log.value), "--robot", str(self.robot.value)]
-        words += ["--map", f"{out}-map.yaml"] if self.proposed is not None and self.proposed.data else []
-        self.commands.content = html.commands([command_line(["vispeg", *words, "--out", str(out)])])
+        if self.proposed is None:
+            self.commands.content = ""
+            return
+        try:
+            mapped = bool(self.columns())
+        except UserError:
+            return  # still being typed
+        words = ["convert", str(self.log.value), "--robot", self.proposed.robot]
+        words += ["--map", str(map_file(self._out()))] if mapped else []
+        topics = self._topics()
+        words += ["--topic", str(topics.joints)] if topics is not None else []
+        words += ["--command-topic", topics.command] if topics is not None and topics.command is not None else []
+        words += ["--insist"] if self.seen is not None and self.seen.doubts else []
+        words += ["--out", str(self._out())] + (["--overwrite"] if self._replaces() else [])
+        self.commands.content = html.commands([command_line(["vispeg", *words])])

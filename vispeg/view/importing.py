@@ -10,22 +10,23 @@ from typing import Any
 import numpy as np
 import yaml
 
-from vispeg.api.recording.convert import placed
+from vispeg.api.inputs import read_model
+from vispeg.api.recording.convert import convert, placed
 from vispeg.api.recording.guess import propose
 from vispeg.core.errors import UserError
 from vispeg.core.files import refuse, write_text_atomic
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.columns import SIGNALS
-from vispeg.recordings.importers.guess.words import advice, data
-from vispeg.recordings.importers.mapping import FACTORS, ColumnMap, map_from, read_map
+from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.mapping import FACTORS, map_from
 from vispeg.recordings.importers.plausible import doubts
-from vispeg.recordings.importers.source import is_table, read_source
-from vispeg.recordings.recording import Recording
-from vispeg.recordings.write import write
+from vispeg.recordings.importers.rosbag import Topics, joint_topics
+from vispeg.recordings.importers.source import is_bag, is_table, read_source
 from vispeg.robots.model import load
 from vispeg.sim.units import needs_of
 
 MOST = 2000  # samples of the look
+WHERE = {"none": "not used", "joint": "measured at the joint", "motor": "from the motor current"}
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,18 @@ class Proposed:
     Attributes:
         lines: (target, column, unit, reason) of each column; none for a file that names its signals itself.
         units: signal -> its unit, of those whose unit can be chosen.
-        data: the map as plain data, as a map file holds it.
-        remarks: what a person should look at, and what would buy more.
+        data: the map as plain data, as a map file holds it and `vispeg convert --guess` proposes it.
+        remarks: what a person should look at.
+        topics: of joint states in a bag; the first one is read unless another is chosen.
+        robot: the name or file that the joints are looked up in.
     """
 
     lines: tuple[tuple[str, str, str, str], ...]
     units: Mapping[str, str]
     data: Mapping[str, Any]
     remarks: tuple[str, ...]
+    topics: tuple[str, ...] = ()
+    robot: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,53 +63,97 @@ class Look:
 
 
 class Importer:
-    """What the page's worker holds; `tell` is called with "proposed" (Proposed) and "look" (Look)."""
+    """What the page's worker holds; `tell` is called with "say" (a sentence), "proposed" (Proposed), "look" (Look)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell
 
-    def propose(self, source: Path, robot: str) -> None:
+    def propose(self, source: Path, model: str) -> None:
         """Proposes a map, and looks at what it makes of the log.
 
         Raises:
-            UserError: no such file or robot, or no column that can be the time or the angles.
+            UserError: no such file or model, or no column that can be the time or the angles.
         """
         if not source.exists():
             raise UserError("does not exist", file=source)
         self.tell("say", f"reading {source.name}")
-        proposed = Proposed((), {}, {}, ())
+        robot = robot_of(model)
+        proposed = Proposed((), {}, {}, (), robot=robot)
         if is_table(source):
-            proposal = propose(source, robot).proposal
+            guessed = propose(source, robot)
+            proposal = guessed.proposal
             lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
             units = {target.partition(".")[0]: unit for target, _, unit, _ in lines if unit in FACTORS}
-            remarks = (*proposal.doubts, *advice(proposal))
-            proposed = Proposed(lines, units, data(proposal), remarks)
+            proposed = Proposed(lines, units, guessed.record, _remarks(proposal), robot=robot)
+        elif is_bag(source):
+            proposed = Proposed((), {}, {}, (), joint_topics(source), robot)
         self.tell("proposed", proposed)
-        self.look(source, robot, dict(proposed.data))
+        self.look(source, model, dict(proposed.data), Topics(proposed.topics[0]) if proposed.topics else None)
 
-    def look(self, source: Path, robot: str, columns: dict[str, object]) -> None:
-        """Reads the log with a map and tells what comes out."""
-        model = load(robot)
-        rec = _read(source, robot, map_from(columns, source, model.joints))
+    def look(self, source: Path, model: str, columns: dict[str, object], topics: Topics | None = None) -> None:
+        """Reads the log with a map, and of a bag the topics, and tells what comes out."""
+        robot = robot_of(model)
+        arm = load(robot)
+        rec = read_source(source, placed(robot), arm.joints, map_from(columns, source, arm.joints), topics=topics)
         every = slice(None, None, max(1, -(-len(rec.time) // MOST)))
         there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in there.items() if value.ndim == 2}
         degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
-        said = doubts(rec, Limits.of(model, rec.joints), degrees, needs_of(model, rec))
+        said = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(arm, rec))
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
-    def write(self, source: Path, robot: str, columns: dict[str, object], out: Path) -> str:
-        """Writes the map beside the folder, and the folder as `vispeg convert --map` would; returns its path."""
-        model = load(robot)
-        refuse(out, False)
-        file = out.with_name(f"{out.name}-map.yaml") if columns else None
-        if file is not None:
-            write_text_atomic(file, yaml.safe_dump(columns, sort_keys=False, allow_unicode=True), overwrite=True)
-        rec = _read(source, robot, read_map(file, model.joints))
-        write(rec, out, False, "parquet", inputs=(source,))
+    def write(
+        self,
+        source: Path,
+        model: str,
+        columns: dict[str, object],
+        out: Path,
+        replace: bool,
+        topics: Topics | None = None,
+    ) -> str:
+        """Writes the recording as `vispeg convert --map` would, and the map beside it; returns the recording's path.
+
+        Raises:
+            UserError: either is there already and not to be replaced, or holds what this program did not write.
+        """
+        robot = robot_of(model)
+        refuse(out, replace, holds="recording")
+        file = map_file(out)
+        if columns and file.exists() and not replace:
+            raise UserError("is there already", file=file, expected="another name for the recording")
+        mapping = map_from(columns, source, load(robot).joints)
+        convert(source, robot, out, mapping=mapping, topics=topics, insist=True, table="parquet", overwrite=replace)
+        if columns:
+            text = yaml.safe_dump(columns, sort_keys=False, allow_unicode=True)
+            write_text_atomic(file, text, overwrite=replace)
         return str(out)
 
 
-def _read(source: Path, robot: str, mapping: ColumnMap) -> Recording:
-    return read_source(source, placed(robot), load(robot).joints, mapping)
+def robot_of(model: str) -> str:
+    """The robot of a model, a world or a robot: the name or file that a log's joints are looked up in."""
+    return str(read_model(model).robot)
+
+
+def map_file(out: Path) -> Path:
+    """Where the map of a recording's folder is kept."""
+    return out.with_name(f"{out.name}-map.yaml")
+
+
+def _remarks(proposal: Proposal) -> tuple[str, ...]:
+    """What a person should look at, with the page's own controls for what to do."""
+    signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
+    out = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+    driven = "q_cmd" in signals or "tau_cmd" in signals
+    if "tau" in signals and sensor == "none":
+        more = "" if driven else "; without it nothing can be compared"
+        out.append(f"No name says where torque was measured: state it in `Torque is`{more}.")
+    elif "tau" in signals:
+        out.append(
+            f"Torque is taken as `{WHERE[sensor]}`, from its name: change it in `Torque is` where that is wrong."
+        )
+    if driven:
+        out.append("State the controller to compare delays, gear play, elasticity and encoder errors as well.")
+    elif "tau" not in signals:
+        out.append("The log has angles alone, so no model can be compared with it: log torques or commands as well.")
+    return tuple(out)

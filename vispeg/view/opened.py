@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.opening import holds_dataset
+from vispeg.formats.guard import is_file
 from vispeg.learn.shipped import names
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.robots.model import available
 from vispeg.task.world_file import is_world
+from vispeg.view.around import HEADS, kind_of
 from vispeg.view.run_folder import newest
-
-TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
 
 EXPECTED = "a recording, a folder of some, a log, a model, a world, a policy, a dataset, or a training run"
 
@@ -64,23 +63,20 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
     model, world, policy, dataset, run = "iiwa14", "", "", "", ""
     for text in sources:
         path = Path(text)
+        kind = kind_of(path)
         if not path.exists() and text in names():
             policy = text
         elif not path.exists() and text in (*available(), OPEN_CELL):
             model = text
-        elif not path.is_dir() and _is_world(text):
+        elif kind == "world" or not path.is_dir() and _is_world(text):
             world = text
         elif not path.exists():
-            raise UserError(
-                "is not there",
-                file=text,
-                expected=EXPECTED,
-            )
-        elif (path / "policy.json").is_file():
+            raise UserError("is not there", file=text, expected=EXPECTED)
+        elif kind == "policy":
             policy = text
-        elif (path / "recording.yaml").is_file():
+        elif kind == "recording":
             recordings.append(path)
-        elif holds_dataset(path):
+        elif kind == "dataset":
             dataset = text
         elif path.is_dir() and (inside := _recordings(path)):
             recordings += inside
@@ -88,10 +84,10 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
             run = text
         elif path.is_dir() and (path / "model.yaml").is_file():
             model = str(path / "model.yaml")
-        elif path.suffix.lower() in (".yaml", ".yml", ".xml", ".urdf", ".mjcf"):
-            model = str(path)
-        elif path.suffix.lower() in TABLES or path.is_dir() and (path / "metadata.yaml").is_file():
+        elif kind == "log":
             logs.append(path)
+        elif kind == "model" or is_file(path) and path.suffix.lower() in HEADS:  # one without a head is refused by name
+            model = str(path)
         else:
             raise UserError("cannot be shown", file=text, expected=EXPECTED)
     return Opened(tuple(dict.fromkeys(recordings)), chosen or model, tuple(logs), world, policy, dataset, run)

@@ -113,6 +113,12 @@ def import_rosbag(
     return replace(rec, frames=album.frames(rec, stated | dict(cameras or {})))
 
 
+def joint_topics(source: Path) -> tuple[str, ...]:
+    """The topics of joint states in a bag. Raises UserError: not a bag that can be read."""
+    with open_bag(source) as reader:
+        return tuple(topics_of(reader, JOINTS))
+
+
 def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:
     candidates = [topic for topic in topics_of(reader, kind) if topic != not_this]
     if len(candidates) != 1:

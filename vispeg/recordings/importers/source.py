@@ -21,6 +21,11 @@ def is_table(source: Path) -> bool:
     return source.name.lower().endswith(TABLES)
 
 
+def is_bag(source: Path) -> bool:
+    """Whether a log is a ROS bag: a file of one, or the folder of a ROS 2 bag."""
+    return source.name.lower().endswith(BAGS) or (source / "metadata.yaml").is_file()
+
+
 def read_source(
     source: Path,
     robot: str,
@@ -53,7 +58,7 @@ def read_source(
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
     header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
     name, topics = source.name.lower(), topics or Topics()
-    if name.endswith(BAGS) or (source / "metadata.yaml").is_file():
+    if is_bag(source):
         from vispeg.recordings.importers.rosbag import import_rosbag
 
         return import_rosbag(source, robot, joints, mapping, topics, scratch, cameras, **header)

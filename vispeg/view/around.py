@@ -1,0 +1,124 @@
+"""What there is to open: under the working folder, and with the package."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from vispeg.core.assets import assets
+from vispeg.core.errors import UserError
+from vispeg.datasets.opening import holds_dataset
+from vispeg.formats.guard import is_file, opened
+from vispeg.view.run_folder import is_run
+
+Kind = Literal["recording", "log", "model", "world", "policy", "dataset", "run"]
+TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
+HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # ending -> words in a file's first lines that say what it is
+    ".urdf": ((b"<robot", "model"),),
+    ".xml": ((b"<mujoco", "model"),),
+    ".mjcf": ((b"<mujoco", "model"),),
+    ".yaml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
+    ".yml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
+}
+HEAD = 4096  # bytes in which they stand
+DEEPEST = 4  # folders below the working one: what this program writes lies two or three deep
+MOST = 4000  # folders and files that are looked at, about a second on a slow disk
+PASSED_OVER = {"node_modules", "site-packages", "__pycache__", "venv", "env", "build", "dist"}
+
+
+@dataclass
+class Around:
+    """Places by kind, in the order of their names.
+
+    Attributes:
+        places: kind -> paths.
+        more: whether there was more than could be looked at.
+    """
+
+    places: dict[Kind, list[Path]] = field(default_factory=dict)
+    more: bool = False
+
+    def of(self, kind: Kind) -> list[Path]:
+        """Those of a kind."""
+        return self.places.get(kind, [])
+
+
+def kind_of(path: Path) -> Kind | None:
+    """What a file or folder is, by its content; a folder that only holds such things is none of them."""
+    if path.is_dir():
+        return _kind_of_folder(path)
+    if not is_file(path):
+        return None
+    ending = path.suffix.lower()
+    if ending not in HEADS:
+        return "log" if ending in TABLES else None
+    try:
+        with opened(path) as file:
+            head = file.read(HEAD)
+    except UserError:
+        return None
+    return next((kind for word, kind in HEADS[ending] if word in head), None)
+
+
+def _kind_of_folder(path: Path) -> Kind | None:
+    if is_file(path / "policy.json"):
+        return "policy"
+    if is_file(path / "recording.yaml"):
+        return "recording"
+    if is_file(path / "metadata.yaml"):
+        return "log"  # a ROS 2 bag
+    try:
+        if holds_dataset(path):
+            return "dataset"
+        return "run" if is_run(path) else None
+    except OSError:
+        return None
+
+
+def around(folder: Path) -> Around:
+    """Everything of a known kind under a folder; hidden folders and those of other programs are passed over."""
+    out, left, level = Around(), MOST, [folder]
+    for _ in range(DEEPEST + 1):
+        below: list[Path] = []
+        for path in level:
+            for child in _children(path):
+                left -= 1
+                if left < 0:
+                    out.more = True
+                    return out
+                kind = kind_of(child)
+                if kind is not None:
+                    out.places.setdefault(kind, []).append(child)
+                elif child.is_dir() and not child.is_symlink():
+                    below.append(child)
+                if kind == "run":  # its checkpoints are policies
+                    below.append(child)
+        level = below
+    return out
+
+
+def _children(folder: Path) -> Iterator[Path]:
+    try:
+        names = sorted(os.listdir(folder))
+    except OSError:
+        return
+    for name in names:
+        if not name.startswith((".", "_")) and name not in PASSED_OVER:
+            yield folder / name
+
+
+def shipped_recordings() -> list[Path]:
+    """The bundled recordings, of an arm with two effects hidden in it."""
+    return sorted(p for p in (assets() / "recordings").iterdir() if (p / "recording.yaml").is_file())
+
+
+def named(paths: Iterable[Path], folder: Path) -> dict[str, Path]:
+    """How each path is offered: as it is written from a folder, if it lies in it."""
+    out = {}
+    for path in paths:
+        inside = path.is_relative_to(folder)
+        out[str(path.relative_to(folder) if inside else path)] = path
+    return out
