@@ -93,7 +93,7 @@ def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
     film.choose("Beside it", worlds[1])
     film.press(page.get_by_role("button", name="Play the episode"))
     page.wait_for_selector("[data-episode] h2 >> nth=1", timeout=WAIT)
-    page.wait_for_selector("text=nothing is running >> visible=true", timeout=WAIT)
+    page.get_by_role("button", name="Stop").locator("visible=true").wait_for(state="hidden", timeout=WAIT)
     film.press(page.get_by_role("button", name="Play", exact=True).locator("visible=true"))
     page.wait_for_timeout(5000)
     said = " | ".join(" ".join(t.split()) for t in page.locator("[data-episode]").inner_text().split("\n\n"))

@@ -49,26 +49,34 @@ class App:
         place = Place(self.server, out, threads)
         place.look(ARM)
         titles = [kind.title for kind in (ImportPage, StudyPage, WorldPage, PolicyPage, DataPage, RunPage)]
+        titles = [kind.title for kind in (StudyPage, ImportPage, WorldPage, PolicyPage, DataPage, RunPage)]
         self.chooser = gui.add_button_group("Page", titles)
         self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
-        self.colours = Colours(self.server, dark)
-        self.study = StudyPage(place, opened.model, list(opened.recordings))
+        self.study = StudyPage(place, opened.model, list(opened.recordings), self._dropped)
+        self.logs = ImportPage(place, opened.logs, opened.model, self._recorded)
         self.policies = PolicyPage(place, opened.policy, opened.world)
         self.pages: list[Page] = [
-            ImportPage(place, opened.logs, opened.model, self._recorded),
             self.study,
+            self.logs,
             WorldPage(place, opened.world),
             self.policies,
             DataPage(place, opened.dataset),
             RunPage(place, opened.run, self._play),
         ]
+        self.colours = Colours(self.server, dark)
         self.show(opened.page)
 
     def show(self, title: str) -> None:
-        """Turns to a page."""
+        """Turns to a page; where it draws nothing of its own, the arm stands in the middle."""
         self.server.gui.set_panel_label(f"vispeg · {title}")
         for page in self.pages:
             page.show(page.title == title)
+        self.study.traces.stand(all(page.title != title or not page.draws for page in self.pages))
+
+    def _dropped(self, log: Path, model: str) -> None:
+        """A log was dropped beside a model: it becomes a recording first."""
+        self.show(self.logs.title)
+        self.logs.take(log, model)
 
     def _recorded(self, folder: Path) -> None:
         """A log has become a recording: the page of diagnoses offers it."""

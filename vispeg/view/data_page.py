@@ -8,6 +8,7 @@ from typing import Any
 from vispeg.core.provenance import command_line
 from vispeg.report.dataset.drawn import drawn
 from vispeg.view import html
+from vispeg.view.choice import Choice
 from vispeg.view.frames import Frame, Frames, Holding
 from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
@@ -30,28 +31,30 @@ class DataPage(Page):
         self.waits = False
         self.root = gui.add_folder(None)
         with self.root:
+            self.guide = gui.add_html("")
             with gui.add_folder("Dataset"):
-                self.folder = gui.add_text(
-                    "Folder", dataset, hint="LeRobot's layout, BOP's, or plain PNG and CSV files"
-                )
-                self.start = gui.add_button("Open the dataset", color="teal")
+                self.folder = Choice(place, "Dataset", "dataset", {}, dataset, lambda _: self.open())
+                self.make = gui.add_button("Render a small one: 8 frames of the world S", color="teal")
             self.job = Job(place, self.receive, self.idle)
-            with gui.add_folder("Frame"):
+            self.steps = gui.add_folder("Frame", visible=False)
+            with self.steps:
                 self.number = gui.add_slider("Frame", 0, 1, 1, 0)
                 self.episode = gui.add_slider("Episode", 0, 1, 1, 0)
                 self.back = gui.add_button("One frame back")
                 self.on = gui.add_button("One frame on")
-            self.facts = gui.add_html(html.note("Open a dataset to look at its frames."))
-            with gui.add_folder("The same as a command"):
+            self.facts = gui.add_html("")
+            self.same = gui.add_folder("The same as a command", visible=False)
+            with self.same:
                 self.commands = gui.add_html("")
-        self.left = gui.add_panel()
+        self.left = gui.add_panel(visible=False)
+        self.visible = False
         with self.left.add_tab("Pictures"):
             self.gallery = Gallery(place)
         with self.left.add_tab("All draws"):
             self.draws = gui.add_html(html.note("How drawn values spread over the episodes comes here."))
         self.left.dock_left()
         self.left.set_width(370)
-        self.start.on_click(lambda _: self.open())
+        self.make.on_click(lambda _: self._make())
         self.number.on_update(lambda _: self.look())
         self.episode.on_update(lambda _: self._to_episode())
         self.back.on_click(lambda _: self._by(-1))
@@ -62,8 +65,9 @@ class DataPage(Page):
     def open(self) -> None:
         """Opens the dataset that is named."""
         self.holding = None
+        self._guided()
         self.job.begin(Frames, ())
-        self.job.ask("open", str(self.folder.value))
+        self.job.ask("open", self.folder.value)
 
     def look(self) -> None:
         """Shows the frame of the slider; while one is being read, the last one asked for waits."""
@@ -79,6 +83,9 @@ class DataPage(Page):
             self._opened(value)
         elif name == "frame":
             self._show(value)
+        elif name == "render done":
+            self.place.seen.clear()
+            self.folder.value = str(value)
 
     def idle(self, idle: bool) -> None:
         """What was asked for meanwhile is read now."""
@@ -88,12 +95,32 @@ class DataPage(Page):
             self.look()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen."""
-        self.root.visible = self.left.visible = visible
+        """Whether the page is seen; what lies under the working folder is offered anew."""
+        self.visible = self.root.visible = visible
+        if visible:
+            self.folder.refresh()
+        self._guided()
 
     def close(self) -> None:
         """Ends the worker."""
         self.job.end()
+
+    def _guided(self) -> None:
+        """Says what there is to do, and shows the controls of what is open."""
+        there = self.holding is not None
+        self.steps.visible = self.same.visible = there
+        self.left.visible = there and self.visible
+        self.make.visible = not there and not self.folder.found()
+        none = "There is no dataset under this folder. Render a small one, or name the path of one."
+        some = "Choose a dataset: LeRobot's layout, BOP's, or plain PNG and CSV files."
+        open_now = "Step through frames and episodes; `All draws` shows what varied."
+        text = open_now if there else some if self.folder.found() else none
+        self.guide.content = html.next_step("Frames, and what was drawn for them", text)
+
+    def _make(self) -> None:
+        if self.job.start is None:
+            self.job.begin(Frames, ())
+        self.job.ask("render", self.place.out / "dataset")
 
     def _opened(self, holding: Holding) -> None:
         self.number.max, self.episode.max = max(1, holding.frames - 1), max(1, len(holding.starts) - 1)
@@ -102,11 +129,12 @@ class DataPage(Page):
         out = str(self.place.out / "dataset-page")
         self.commands.content = html.commands(
             [
-                command_line(["vispeg", "dataset", "show", str(self.folder.value), "--out", out]),
-                command_line(["vispeg", "dataset", "check", str(self.folder.value)]),
+                command_line(["vispeg", "dataset", "show", self.folder.value, "--out", out]),
+                command_line(["vispeg", "dataset", "check", self.folder.value]),
             ]
         )
         self.holding = holding
+        self._guided()
 
     def _show(self, frame: Frame) -> None:
         assert self.holding is not None

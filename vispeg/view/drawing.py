@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from vispeg.report.live.shapes import colour_of, shape_of, visible
+from vispeg.report.live.shapes import colour_of, shape_of, skeleton, visible
 
 if TYPE_CHECKING:
     import viser
 
 G = mujoco.mjtGeom
+BARE = (150, 158, 168), (21, 101, 179)  # of links without shapes, in turn
 
 
 @dataclass(frozen=True)
@@ -47,26 +48,28 @@ class Drawing:
         self.model, self.data = model, mujoco.MjData(model)
         self.root = scene.add_frame(root, show_axes=False)
         self.frames: dict[int, Any] = {}
+        self.scene, self.name = scene, root
         for g in visible(model):
-            body, name = int(model.geom_bodyid[g]), model.geom(g).name
             shape = shape_of(model, g)
             if shape is None:
                 continue
-            if body not in self.frames:
-                self.frames[body] = scene.add_frame(f"{root}/body{body}", show_axes=False)
-            override = (colours or {}).get(name)
+            override = (colours or {}).get(model.geom(g).name)
             colour = look.colour or np.round(255 * np.asarray(override or colour_of(model, g))).astype(int)
-            scene.add_mesh_simple(
-                f"{root}/body{body}/geom{g}",
-                *shape,
-                color=colour,
-                opacity=look.opacity,
-                flat_shading=model.geom_type[g] in (G.mjGEOM_BOX, G.mjGEOM_MESH) and len(shape[1]) < 200,
-                side="double",
-                position=model.geom_pos[g],
-                wxyz=model.geom_quat[g],
-            )
+            flat = model.geom_type[g] in (G.mjGEOM_BOX, G.mjGEOM_MESH) and len(shape[1]) < 200
+            at = {"position": model.geom_pos[g], "wxyz": model.geom_quat[g]}
+            self._add(int(model.geom_bodyid[g]), f"geom{g}", shape, colour, look, flat_shading=flat, **at)
+        for k, (body, vertices, faces) in enumerate(skeleton(model)):
+            self._add(body, f"link{k}", (vertices, faces), look.colour or BARE[k % 2], look)
         self.pose(model.qpos0)
+
+    def _add(
+        self, body: int, name: str, shape: tuple[np.ndarray, np.ndarray], colour: Any, look: Look, **at: Any
+    ) -> None:
+        """Adds triangles to a body's frame."""
+        if body not in self.frames:
+            self.frames[body] = self.scene.add_frame(f"{self.name}/body{body}", show_axes=False)
+        way = f"{self.name}/body{body}/{name}"
+        self.scene.add_mesh_simple(way, *shape, color=colour, opacity=look.opacity, side="double", **at)
 
     def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
         """Moves it to the configuration (nq,), with bodies placed in their parents as a Snapshot says."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vispeg.api.datasets import render_dataset
 from vispeg.core.errors import UserError
 from vispeg.datasets.episodes import OWN
 from vispeg.datasets.formats.stored import Stored
@@ -74,6 +76,12 @@ class Frames:
         lists = tuple(starts), tuple(data.cameras), tuple(data.parts), fps, tuple(worlds)
         self.tell("dataset", Holding(data.folder.resolve().name, len(data), *lists))
         self.frame(0)
+
+    def render(self, out: Path) -> str:
+        """Renders a dataset small enough to wait for; returns its folder. Raises UserError: it is there already."""
+        self.tell("say", "rendering 8 frames")
+        render_dataset(out, "S", frames=8, looks=4, size=96, workers=0)
+        return str(out)
 
     def frame(self, number: int) -> None:
         """Tells a frame. Raises UserError: it cannot be read."""

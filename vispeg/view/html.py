@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vispeg.view.run_folder import Run
 
 
+WIDEST = 14  # letters of a row's name beside the map
 AXES = {k: v for k, v in LABELS.items() if k != "frequency"} | {"contact": "phase of contact", "part": "part"}
 
 
@@ -49,7 +50,8 @@ def note(text: str) -> str:
 
 def next_step(title: str, text: str, steps: tuple[str, ...] = (), at: int = 0) -> str:
     """What there is to do next, under the steps of the way: `at` is the one (0, 1, ..) that is being done."""
-    return _page("next", title=title, text=text, steps=steps, at=at)
+    parts = text.split("`")  # every other one is the name of something on the page
+    return _page("next", title=title, parts=parts, steps=steps, at=at)
 
 
 def distinct(names: Sequence[str]) -> list[str]:
@@ -100,14 +102,15 @@ def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
     """The map of one axis as buttons; a press types `COLUMN, TRACK TIME` into the field whose label is for `target`."""
     field = standing.maps[axis]
     top = max(float(np.nanmax(field.first, initial=3.0)), 3.0)
-    rows = []
+    rows, short = [], distinct(standing.columns)
     for j, column in enumerate(standing.columns):
         cells = [_cell(standing, field, j, i, top, column) for i in range(field.now.shape[1])]
-        rows.append((column, cells))
+        rows.append((column, short[j], cells))
     edges = [plain(0.0 if abs(e) < 1e-9 else e, 2) for e in field.edges]
     ends = field.labels or (edges[0], edges[len(edges) // 2], edges[-1])
     words = {"shows": standing.shows, "label": AXES[axis], "chosen": chosen, "target": target}
-    return _page("heat", rows=rows, ends=ends, each=bool(field.labels), **words)
+    wide = min(max(map(len, short)), WIDEST)
+    return _page("heat", rows=rows, ends=ends, each=bool(field.labels), wide=wide, **words)
 
 
 def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: str) -> dict[str, str] | None:

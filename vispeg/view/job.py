@@ -26,7 +26,7 @@ class Job:
         self.start: Callable[[Callable[..., None]], Worker] | None = None
         self.said: list[str] = []
         gui = place.gui
-        self.line = gui.add_html(html.note("nothing is running"))
+        self.line = gui.add_html("", visible=False)
         self.bar = gui.add_progress_bar(100.0, animated=True, visible=False)
         self.button = gui.add_button("Stop", icon=None, color="gray", visible=False)
         self.button.on_click(lambda _: self.stop())
@@ -107,6 +107,7 @@ class Job:
         self.bar.visible = self.button.visible = busy
         if busy:
             self.trouble.visible = False
-        else:
-            self.line.content = html.note("nothing is running")
+            if not self.line.visible:
+                self.line.content = html.note("beginning")
+        self.line.visible = busy
         self.idle(not busy)

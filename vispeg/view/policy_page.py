@@ -14,13 +14,16 @@ from vispeg.core.provenance import command_line
 from vispeg.evaluation.films.moments import Moment
 from vispeg.robots.furniture import COLOURS
 from vispeg.view import html
+from vispeg.view.choice import Choice
 from vispeg.view.drawing import Drawing
 from vispeg.view.episode import Episodes
 from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
-from vispeg.view.place import CELL, Page, Place
+from vispeg.view.place import ARM, CELL, Page, Place
 
 OWN, NONE, EXPERT = "the policy's own", "none", "expert"
+NEXT = "Choose a policy and press `Play the episode`: the scripted expert needs no training."
+AGAIN = "Play it, or step by step. Choose a second world beside it: the same seed, in both."
 APART = 1.6  # m between the two cells
 
 
@@ -31,6 +34,10 @@ class Side:
     world: str = ""
     cell: Drawing | None = None
     steps: list[Moment] = field(default_factory=list)
+
+
+def none(_: str) -> None:
+    """What is chosen is played when its button is pressed."""
 
 
 class PolicyPage(Page):
@@ -47,30 +54,30 @@ class PolicyPage(Page):
     def __init__(self, place: Place, policy: str = "", world: str = ""):
         self.place, gui = place, place.gui
         self.sides, self.playing, self.visible = (Side(), Side()), False, False
-        names = [p.name for p in policies()]
-        names = [policy, *names] if policy and policy not in names else names
-        world_names = [w.name for w in worlds()]
-        world_names = [world, *world_names] if world and world not in world_names else world_names
+        names = {p.name: p.name for p in policies()} | {EXPERT: EXPERT}
+        built_in = {w.name: w.name for w in worlds()}
         self.root = gui.add_folder(None)
         with self.root:
+            self.guide = gui.add_html(html.next_step("A policy at work", NEXT))
             with gui.add_folder("Episode"):
-                self.policy = gui.add_dropdown("Policy", (*names, EXPERT), initial_value=policy or EXPERT)
-                self.world = gui.add_dropdown("World", (OWN, *world_names), initial_value=world or OWN)
-                self.beside = gui.add_dropdown("Beside it", (NONE, *world_names), initial_value=NONE)
+                self.policy = Choice(place, "Policy", "policy", names, policy or EXPERT, none)
+                self.world = Choice(place, "World", "world", {OWN: OWN, **built_in}, world or OWN, none, path=False)
+                self.beside = Choice(place, "Beside it", "world", {NONE: NONE, **built_in}, NONE, none, path=False)
                 self.seed = gui.add_number("Seed", 0, min=0, step=1)
                 self.start = gui.add_button("Play the episode", color="teal")
             self.job = Job(place, self.receive, self.idle)
-            with gui.add_folder("Step by step"):
+            self.steps = gui.add_folder("Step by step", visible=False)
+            with self.steps:
                 self.slider = gui.add_slider("Step", 0, 1, 1, 0)
                 self.play = gui.add_button("Play")
                 self.back = gui.add_button("One step back")
                 self.on = gui.add_button("One step on")
-            self.words = gui.add_html(html.note("Choose a policy and a world."))
-            with gui.add_folder("The same as a command"):
+            self.words = gui.add_html("")
+            self.same = gui.add_folder("The same as a command", visible=False)
+            with self.same:
                 self.commands = gui.add_html("")
-        self.left = gui.add_panel()
+        self.left = gui.add_panel(visible=False)
         with self.left.add_tab("What the policy sees"):
-            self.note = gui.add_html(html.note("Pictures of policies that see appear here; forces below."))
             self.gallery = Gallery(place)
             self.plots = gui.add_folder(None)
         self.left.dock_left()
@@ -86,8 +93,6 @@ class PolicyPage(Page):
 
     def choose(self, policy: str) -> None:
         """Offers a policy's folder, and plays it in the world that it was trained in."""
-        if policy not in self.policy.options:
-            self.policy.options = (policy, *self.policy.options)
         self.policy.value, self.world.value = policy, OWN
         self.begin()
 
@@ -96,13 +101,17 @@ class PolicyPage(Page):
         self.playing = False
         for side in self.sides:
             self._clear(side)
-        world = "" if self.world.value == OWN else str(self.world.value)
-        where = (world,) if self.beside.value == NONE else (world, str(self.beside.value))
+        self.draws = False
+        if self.visible:
+            self.place.stage.rest(True)
+        world = "" if self.world.value == OWN else self.world.value
+        where = (world,) if self.beside.value == NONE else (world, self.beside.value)
         seed = int(self.seed.value)
         self._commands(where, seed)
+        self.same.visible = True
         if self.job.start is None:
             self.job.begin(Episodes, ())
-        self.job.ask("play", str(self.policy.value), where, seed)
+        self.job.ask("play", self.policy.value, where, seed)
 
     def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
@@ -111,6 +120,9 @@ class PolicyPage(Page):
             side = self.sides[k]
             side.world = world
             colours = {g: c for g, c in COLOURS.items()}
+            self.draws = True
+            if self.visible:
+                self.place.stage.rest(False)
             side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(colours))
             side.cell.root.position = (0.0, -APART * k, 0.0)
             side.cell.show(self.visible)
@@ -122,6 +134,9 @@ class PolicyPage(Page):
             if k == 0 or len(side.steps) == 1:
                 self.slider.value = len(side.steps) - 1
                 self.draw()
+            if not self.steps.visible:
+                self.steps.visible, self.left.visible = True, self.visible
+                self.guide.content = html.next_step("A policy at work", AGAIN)
         elif name == "play done":
             self._forces()
             self.slider.value = 0
@@ -150,13 +165,16 @@ class PolicyPage(Page):
     def show(self, visible: bool) -> None:
         """Whether the page is seen."""
         self.visible = visible
-        self.root.visible = self.left.visible = visible
+        self.root.visible = visible
+        self.left.visible = visible and self.steps.visible
         self.playing = self.playing and visible
         for side in self.sides:
             if side.cell is not None:
                 side.cell.show(visible)
         if visible:
-            self.place.look(CELL)
+            for choice in (self.policy, self.world, self.beside):
+                choice.refresh()
+            self.place.look(CELL if self.draws else ARM)
 
     def close(self) -> None:
         """Ends the worker."""
@@ -217,7 +235,7 @@ class PolicyPage(Page):
                 words = ["evaluate", EXPERT, *(to or ["--world", "nominal"]), "--episodes", "1", "--seed", str(seed)]
                 lines.append([*words, "--out", str(self.place.out / "evaluated")])
             else:
-                lines.append(["play", str(self.policy.value), *to, "--episodes", "1", "--seed", str(seed)])
+                lines.append(["play", self.policy.value, *to, "--episodes", "1", "--seed", str(seed)])
         self.commands.content = html.commands([command_line(["vispeg", *line]) for line in lines])
 
 

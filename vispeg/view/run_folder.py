@@ -41,12 +41,17 @@ def is_run(path: Path) -> bool:
     return any((path / name).is_file() for name in (TABLE, BEGUN))
 
 
-def newest(path: Path) -> Path | None:
-    """The run in a folder: itself, or of those one or two levels below it the one that wrote last; None without any."""
+def runs_in(path: Path) -> list[Path]:
+    """The runs in a folder: itself, or those one or two levels below it, the one that wrote last first."""
     if is_run(path):
-        return path
+        return [path]
     runs = [p for pattern in ("*", "*/*") for p in path.glob(pattern) if p.is_dir() and is_run(p)]
-    return max(runs, key=lambda p: max(f.stat().st_mtime for f in p.iterdir()), default=None)
+    return sorted(runs, key=lambda p: -max(f.stat().st_mtime for f in p.iterdir()))
+
+
+def newest(path: Path) -> Path | None:
+    """The run in a folder that wrote last; None without any."""
+    return next(iter(runs_in(path)), None)
 
 
 def read(folder: Path) -> Run:

@@ -1,7 +1,10 @@
-"""The page of training runs: curves while they grow, the films that a run has made, and its policies to be played."""
+"""The page of training runs: curves while they grow, several runs in one, a run's films, and its policies to play."""
 
 from __future__ import annotations
 
+import itertools
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -10,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import there
 from vispeg.core.provenance import command_line
 from vispeg.view import html
+from vispeg.view.choice import Choice
 from vispeg.view.place import Page, Place
-from vispeg.view.run_folder import CHECKPOINTS, Run, film, newest, read
+from vispeg.view.run_folder import CHECKPOINTS, Run, film, newest, read, runs_in
 
 EVERY = 1.0  # s between looks at the folder
-CURVES = {  # title -> columns of progress.csv, each with its colour
+CURVES = {  # title -> columns of progress.csv, each with its colour; of several runs the first column alone
     "success (share of episodes)": {"success": "#0a7a75", "train_success": "#d9541e"},
     "return of an episode": {"reward": "#1f6fb4"},
     "critic's loss": {"critic_loss": "#a2456b"},
@@ -24,14 +29,16 @@ CURVES = {  # title -> columns of progress.csv, each with its colour
     "peak force (N)": {"peak_force": "#7a5230"},
     "steps of an episode": {"episode_steps": "#2a9d60"},
 }
+COLOURS = ("#0a7a75", "#d9541e", "#1f6fb4", "#a2456b", "#b0892b", "#5b4bb7", "#2a9d60", "#7a5230")  # of runs
+FIRST = "peg-state --recipe distill --teacher expert --distill-steps 1000 --distill-updates 500".split()
 
 
 class RunPage(Page):
-    """Follows a run.
+    """Follows runs.
 
     Args:
         place: where it stands.
-        run: its folder, or one that holds runs; "" for none yet.
+        run: a run's folder, or one that holds runs; "" for none yet.
         play: shows a policy's folder on the page of policies.
     """
 
@@ -41,78 +48,174 @@ class RunPage(Page):
         self.place, gui, self.play = place, place.gui, play
         self.plots: dict[str, Any] = {}
         self.latest: Run | None = None
-        self.visible, self.ended = False, threading.Event()
+        self.others: dict[Path, tuple[Any, Run | None]] = {}  # a box for each, and what it wrote where that is ticked
+        self.trainer: subprocess.Popen | None = None
+        self.visible, self.ended, self.lock = False, threading.Event(), threading.RLock()
         self.root = gui.add_folder(None)
         with self.root:
+            self.guide = gui.add_html("")
             with gui.add_folder("Run"):
-                self.folder = gui.add_text("Folder", run, hint="of a run; where it holds several, the newest")
-                self.start = gui.add_button("Follow the run", color="teal")
-            self.now = gui.add_html(html.note("Choose the folder of a training run."))
+                self.folder = Choice(place, "Run", "run", {}, run, lambda _: self.follow())
+                self.make = gui.add_button("Train a first policy: about half a minute", color="teal")
+                self.stop = gui.add_button("Stop the training", color="gray", visible=False)
+            self.beside = gui.add_folder("Other runs in the same curves", visible=False)
+            self.now = gui.add_html("")
             self.trouble = gui.add_html("", visible=False)
-            with gui.add_folder("Policies of this run"):
+            self.policies = gui.add_folder("Policies of this run", visible=False)
+            with self.policies:
                 self.checkpoint = gui.add_dropdown("Checkpoint", ("none",))
                 self.begin = gui.add_button("Play this checkpoint", disabled=True)
-            with gui.add_folder("Films of this run"):
+            self.films = gui.add_folder("Films of this run", visible=False)
+            with self.films:
                 self.film = gui.add_dropdown("Film", ("none",))
                 self.screen = gui.add_html(html.note("A run films its best policy when it ends."))
-            with gui.add_folder("The same as a command"):
+            self.same = gui.add_folder("The same as a command", visible=False)
+            with self.same:
                 self.commands = gui.add_html("")
-        self.left = gui.add_panel()
+        self.left = gui.add_panel(visible=False)
         with self.left.add_tab("Curves"):
             self.curves = gui.add_folder(None)
         self.left.dock_left()
         self.left.set_width(370)
-        self.start.on_click(lambda _: self.follow())
         self.begin.on_click(lambda _: self._play())
         self.film.on_update(lambda _: self._screened())
+        self.make.on_click(lambda _: self._train())
+        self.stop.on_click(lambda _: self._stop())
         if run:
             self.follow()
+        self._guided()
         threading.Thread(target=self._watch, daemon=True).start()
 
     def follow(self) -> None:
-        """Reads the run that is named, and draws what is new."""
+        """Reads the run that is chosen and those ticked beside it, and draws what is new."""
+        with self.lock:
+            self._follow()
+
+    def show(self, visible: bool) -> None:
+        """Whether the page is seen; what lies under the working folder is offered anew."""
+        self.visible = self.root.visible = visible
+        if visible:
+            self.folder.refresh()
+            self._boxes()
+        self._guided()
+
+    def close(self) -> None:
+        """Looks no more, and ends what it trains."""
+        self.ended.set()
+        self._stop()
+
+    def _follow(self) -> None:
+        if not self.folder.value:
+            return
         try:
-            named = Path(str(self.folder.value)).expanduser()
+            named = Path(self.folder.value).expanduser()
             run = read(newest(named) or named)
+            others = {path: read(path) if box.value else None for path, (box, _) in self.others.items()}
         except UserError as error:
             self.trouble.content, self.trouble.visible = html.error(str(error)), True
             return
         self.trouble.visible = False
         before, self.latest = self.latest, run
-        if before is None or _size(before) != _size(run) or before.folder != run.folder:
+        old = [before, *(held for _, held in self.others.values())]
+        self.others = {path: (box, others[path]) for path, (box, _) in self.others.items()}
+        if before is None or before.folder != run.folder:
+            self._boxes()
+        if [_size(r) for r in old] != [_size(r) for r in (run, *others.values())]:
             with self.place.server.atomic():
                 self.now.content = html.run(run)
-                self._drawn(run)
+                self._drawn([run, *(held for held in others.values() if held is not None)])
         self._offered(run)
+        self._guided()
 
-    def show(self, visible: bool) -> None:
-        """Whether the page is seen."""
-        self.visible = visible
-        self.root.visible = self.left.visible = visible
+    def _guided(self) -> None:
+        """Says what there is to do, and shows the controls of what is followed."""
+        run, training = self.latest is not None, self.trainer is not None and self.trainer.poll() is None
+        for folder in (self.policies, self.films, self.same):
+            folder.visible = run
+        self.beside.visible = run and bool(self.others)
+        self.left.visible = run and self.visible
+        none = not run and not self.folder.found()
+        self.make.visible, self.stop.visible = none and there("torch") and not training, training
+        if run:
+            text = "Curves grow while it trains. Tick other runs to see them in the same curves; play a checkpoint."
+        elif training:
+            text = "The first policy is being trained; its curves come with the first evaluation."
+        elif none:
+            text = "There is no training run under this folder. Train a first policy, or name the path of a run."
+        else:
+            text = "Choose a run: the one that wrote last comes first of a folder of several."
+        self.guide.content = html.next_step("How training goes", text)
 
-    def close(self) -> None:
-        """Looks no more."""
-        self.ended.set()
+    def _boxes(self) -> None:
+        """A box for each other run that is there."""
+        if self.latest is None:
+            return
+        paths = [Path(value) for value in self.folder.found()]
+        runs = list(dict.fromkeys(run.resolve() for path in paths for run in runs_in(path)))
+        runs = [run for run in runs if run != self.latest.folder.resolve()]
+        if runs == list(self.others):
+            return
+        for box, _ in self.others.values():
+            box.remove()
+        self.others = {}
+        names = html.distinct([run.relative_to(Path.cwd()).as_posix() if run.is_relative_to(Path.cwd()) else str(run)
+                               for run in runs])  # fmt: skip
+        with self.beside:
+            for run, name in zip(runs, names, strict=True):
+                box = self.place.gui.add_checkbox(name, False, hint=str(run))
+                box.on_update(lambda _: self.follow())
+                self.others[run] = box, None
 
     def _watch(self) -> None:
         while not self.ended.wait(EVERY):
+            if self.visible and self.trainer is not None:
+                self._trained()
             if self.latest is not None and self.visible:
                 self.follow()
 
-    def _drawn(self, run: Run) -> None:
-        steps = run.curves.get("steps", np.zeros(0))
+    def _train(self) -> None:
+        """Trains a policy in a process of its own, as the command does, into the folder of results."""
+        out = self.place.out / "runs" / "first"
+        words = ["-m", "vispeg", "train", *FIRST, "--out", str(out), "--quiet"]
+        self.trainer = subprocess.Popen([sys.executable, *words], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        self._guided()
+
+    def _trained(self) -> None:
+        out = self.place.out / "runs" / "first"
+        assert self.trainer is not None and self.trainer.stderr is not None
+        if self.trainer.poll() not in (None, 0):
+            lines = self.trainer.stderr.read().decode(errors="replace").strip().splitlines()
+            self.trouble.content, self.trouble.visible = html.error(lines[-1] if lines else "it was stopped"), True
+            self.trainer = None
+        elif self.latest is None and newest(out) is not None:
+            self.place.seen.clear()
+            self.folder.value = str(out)
+        self._guided()
+
+    def _stop(self) -> None:
+        if self.trainer is not None and self.trainer.poll() is None:
+            self.trainer.terminate()
+            self.trainer.wait()
+
+    def _drawn(self, runs: list[Run]) -> None:
+        names = html.distinct([str(run.folder) for run in runs])
         for title, columns in CURVES.items():
-            there = {n: c for n, c in columns.items() if np.isfinite(run.curves.get(n, np.zeros(0))).sum() > 0}
             if title in self.plots:
                 self.plots.pop(title).remove()
-            rows = np.any([np.isfinite(run.curves[n]) for n in there], axis=0) if there else np.zeros(0, bool)
-            if rows.sum() < 1:
+            if len(runs) == 1:
+                lines = [(n.replace("_", " "), c, *_line(runs[0], n)) for n, c in columns.items()]
+            else:
+                first, pens = next(iter(columns)), itertools.cycle(COLOURS)
+                lines = [(n, next(pens), *_line(r, first)) for r, n in zip(runs, names, strict=True)]
+            lines = [line for line in lines if len(line[2])]
+            if not lines:
                 continue
-            pen = {"width": 1.6, "points": {"show": bool(rows.sum() < 30)}}
-            series = [{"label": n.replace("_", " "), "stroke": c, **pen} for n, c in there.items()]
+            steps = np.unique(np.concatenate([line[2] for line in lines]))
+            pen = {"width": 1.6, "points": {"show": bool(max(len(line[2]) for line in lines) < 30)}}
+            series = [{"label": name, "stroke": colour, **pen} for name, colour, _, _ in lines]
             with self.curves:
                 self.plots[title] = self.place.gui.add_uplot(
-                    (steps[rows], *(np.nan_to_num(run.curves[n][rows]) for n in there)),
+                    (steps, *(np.interp(steps, x, y, right=np.nan, left=np.nan) for _, _, x, y in lines)),
                     ({"label": "steps"}, *series),
                     title=title,
                     scales={"x": {"time": False}},
@@ -150,5 +253,14 @@ class RunPage(Page):
             self.play(str(self.latest.folder / CHECKPOINTS / str(self.checkpoint.value)))
 
 
-def _size(run: Run) -> tuple[int, str]:
-    return len(run.curves.get("steps", ())), run.failures
+def _line(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Steps and values (n,) of a column, where it has some."""
+    steps = run.curves.get("steps", np.zeros(0))
+    values = run.curves.get(column, np.full(len(steps), np.nan))
+    there = np.isfinite(values) & np.isfinite(steps)
+    order = np.argsort(steps[there], kind="stable")
+    return steps[there][order], values[there][order]
+
+
+def _size(run: Run | None) -> tuple[str, int, str]:
+    return ("", 0, "") if run is None else (str(run.folder), len(run.curves.get("steps", ())), run.failures)

@@ -75,9 +75,9 @@ class Draws:
         finally:
             env.close()
 
-    def save(self, file: Path, text: str) -> str:
-        """Writes a world file; returns its path. Raises UserError: it is there already."""
-        write_text_atomic(file, text, overwrite=False)
+    def save(self, file: Path, text: str, replace: bool = False) -> str:
+        """Writes a world file; returns its path. Raises UserError: it is there already, and not to be replaced."""
+        write_text_atomic(file, text, overwrite=replace)
         return str(load_world(file).path)
 
 

@@ -13,14 +13,16 @@ from vispeg.core.provenance import command_line
 from vispeg.report.text import effect_words
 from vispeg.task.world_file import FORMAT, load_world
 from vispeg.view import html
+from vispeg.view.choice import Choice
 from vispeg.view.drawing import Drawing
 from vispeg.view.gallery import Gallery
 from vispeg.view.job import Job
-from vispeg.view.place import Page, Place
+from vispeg.view.place import CELL, Page, Place
 from vispeg.view.world_draw import Drawn, Draws, Range
 from vispeg.worlds.distribution import LogUniform, Uniform
 from vispeg.worlds.entry import entry_dict
 
+NEXT = "Draw other seeds, or move the ends of a range: the cell is drawn again. Then keep the world as a file."
 STEPS = 200  # of a slider
 
 
@@ -40,12 +42,12 @@ class WorldPage(Page):
         self.folders: list[Any] = []
         self.cell: Drawing | None = None
         self.visible, self.opened, self.again = False, "", False
-        world_names = [w.name for w in worlds()]
-        world_names = [world, *world_names] if world and world not in world_names else world_names
+        built_in = {w.name: w.name for w in worlds()}
         self.root = gui.add_folder(None)
         with self.root:
+            gui.add_html(html.next_step("A world, and what it draws", NEXT))
             with gui.add_folder("World"):
-                self.world = gui.add_dropdown("World", world_names, initial_value=world or "randomized")
+                self.world = Choice(place, "World", "world", built_in, world or "randomized", lambda _: self.open())
                 self.seed = gui.add_number("Seed", 0, min=0, step=1)
                 self.other = gui.add_button("Draw another seed", color="teal")
             self.job = Job(place, self.receive, self.idle)
@@ -63,14 +65,14 @@ class WorldPage(Page):
                 self.drawn = gui.add_html("")
         self.left.dock_left()
         self.left.set_width(370)
-        self.world.on_update(lambda _: self.open())
         self.seed.on_update(lambda _: self.draw())
         self.other.on_click(lambda _: self._next())
         self.save.on_click(lambda _: self._save())
+        self.name.on_update(lambda _: self._named())
 
     def open(self) -> None:
         """Shows the ranges of the world that is chosen, and draws it."""
-        self.opened = str(self.world.value)
+        self.opened = self.world.value
         if self.job.start is None:
             self.job.begin(Draws, ())
         self.job.ask("open", self.opened)
@@ -94,6 +96,7 @@ class WorldPage(Page):
             self._show(value)
         elif name == "save done":
             self.done.content = html.note(f"{value} is written")
+            self._named()
 
     def idle(self, idle: bool) -> None:
         """What was moved meanwhile is drawn now."""
@@ -106,6 +109,10 @@ class WorldPage(Page):
         self.root.visible = self.left.visible = visible
         if self.cell is not None:
             self.cell.show(visible)
+        if visible:
+            self.place.look(CELL)
+            self.world.refresh()
+            self._named()
         if visible and not self.opened:
             self.open()
 
@@ -170,6 +177,9 @@ class WorldPage(Page):
     def _show(self, drawn: Drawn) -> None:
         if self.cell is not None:
             self.cell.remove()
+        self.draws = True
+        if self.visible:
+            self.place.stage.rest(False)
         self.cell = Drawing(self.place.server.scene, "/world", drawn.model)
         self.cell.pose(drawn.qpos, drawn.bodies)
         self.cell.show(self.visible)
@@ -180,9 +190,17 @@ class WorldPage(Page):
         self.seed.value = int(self.seed.value) + 1
         self.draw()
 
+    def _named(self) -> None:
+        """Says before it is pressed whether the button replaces a file."""
+        target = self._target()
+        self.save.label = f"Replace {target.name}" if target.exists() else "Write the world file"
+
     def _save(self) -> None:
         self._commands()
-        self.job.ask("save", self._target(), self.text())
+        words = str(self.save.label)
+        self._named()
+        if str(self.save.label) == words:  # else it came to stand there meanwhile: the button says so now
+            self.job.ask("save", self._target(), self.text(), self._target().exists())
 
     def _target(self) -> Path:
         return self.place.out / "worlds" / f"{Path(str(self.name.value) or 'mine').name}.yaml"

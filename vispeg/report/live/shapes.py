@@ -20,6 +20,52 @@ def visible(model: mujoco.MjModel) -> list[int]:
     return [int(g) for g in np.flatnonzero(drawn & ~(collides & dressed[model.geom_bodyid]))]
 
 
+def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """Capsules in place of moving links without shapes, from joint to joint: body, vertices (V, 3) m, faces (F, 3).
+
+    A link is a body with all that is fixed to it. One at the end of a chain reaches to its centre of mass and as far
+    again. A capsule is in its body's axes.
+    """
+    from trimesh import creation
+    from trimesh.transformations import rotation_matrix
+
+    dressed = {int(model.body_weldid[model.geom_bodyid[g]]) for g in visible(model)}
+    bare = [b for b in range(1, model.nbody) if model.body_weldid[b] == b and b not in dressed]
+    if not bare:
+        return []
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    ends: dict[int, list[np.ndarray]] = {b: [] for b in bare}
+    for b in range(1, model.nbody):
+        parent = int(model.body_weldid[model.body_parentid[b]])
+        if model.body_weldid[b] == b and parent in ends:
+            ends[parent].append(data.xpos[b].copy())
+    for b in bare:
+        if not ends[b]:
+            members = np.flatnonzero(model.body_weldid == b)
+            mass = model.body_mass[members]
+            centre = data.xipos[members]
+            middle = np.average(centre, axis=0, weights=mass) if mass.sum() > 0 else data.xpos[b]
+            ends[b] = [2 * middle - data.xpos[b]]
+    lengths = {b: [float(np.linalg.norm(end - data.xpos[b])) for end in ends[b]] for b in bare}
+    reach = sum(max(some) for some in lengths.values())
+    radius = max(0.035 * reach, 0.005)  # of an arm of 1 m the thickness of a wrist
+    out = []
+    for b in bare:
+        axes = data.xmat[b].reshape(3, 3)
+        for end, length in zip(ends[b], lengths[b], strict=True):
+            made = creation.capsule(height=length, radius=radius, count=(16, 16))
+            made.apply_translation((0.0, 0.0, length / 2))  # from the origin along z
+            if length > 1e-9:
+                to = axes.T @ (end - data.xpos[b]) / length
+                axis = np.cross((0.0, 0.0, 1.0), to)
+                axis = axis if np.linalg.norm(axis) > 1e-9 else np.array([1.0, 0.0, 0.0])
+                made.apply_transform(rotation_matrix(float(np.arccos(np.clip(to[2], -1, 1))), axis))
+            out.append((b, np.asarray(made.vertices, np.float32), np.asarray(made.faces, np.uint32)))
+    return out
+
+
 def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
     """Colour (3,) of a geom, 0 to 1: its own, or its material's."""
     material = int(model.geom_matid[g])

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from vispeg.core.files import write_bytes_atomic
+from vispeg.api.inputs import read_model
+from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
+from vispeg.recordings.cell import OPEN_CELL
+from vispeg.robots.model import available
+from vispeg.robots.scene import Scene
+from vispeg.sim.compiled import compiled
+from vispeg.task.belief import robot_of_world
 from vispeg.view import html
+from vispeg.view.around import HEADS, TABLES, kind_of, named, shipped_recordings
 from vispeg.view.diagnose.pictures import Pictures
 from vispeg.view.diagnose.standing import Candidate, Standing, Tried
 from vispeg.view.diagnose.study import Study
 from vispeg.view.diagnose.traces import Traces
+from vispeg.view.drop import Drop
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
-ROLES = ("fit", "judge on", "leave out")
-MODEL = "a model file, a robot's name, or a path to an MJCF or URDF"
+ROLES = ("fit", "judge on", "leave out", "remove")
+CHOOSE = "choose"
+WAY = ("Model and logs", "Where it fails", "What is missing", "Add it", "Take it away")
 LINES = 6  # of the log that are shown
 
 
@@ -28,40 +39,56 @@ class StudyPage(Page):
         place: where it stands.
         model: as `vispeg diagnose` takes it.
         recordings: folders; the last one is judged on where there are several.
+        log: called with a log that was dropped here, and the model: it becomes a recording first.
     """
 
     title = "Diagnose"
 
-    def __init__(self, place: Place, model: str, recordings: list[Path]):
-        self.place, gui = place, place.gui
+    def __init__(self, place: Place, model: str, recordings: list[Path], log: Callable[[Path, str], None]):
+        self.place, gui, self.log_dropped = place, place.gui, log
         self.standing: Standing | None = None
         self.candidates: list[Any] = []
         self.tried: list[Tried] = []
         self.roles: dict[Path, Any] = {}
+        self.models: dict[str, str] = {}
+        self.there: dict[str, list[Path]] = {}
+        self.drawn, self.written_to, self.window = 0, None, None
         self.root = gui.add_folder(None)
         with self.root:
+            self.guide = gui.add_html("")
             with gui.add_folder("Model and recordings") as self.inputs:
-                self.model = gui.add_text("Model", model, hint=MODEL)
-                self.upload = gui.add_upload_button("Drop a model file (.yaml)", mime_type=".yaml,.yml")
+                kinds = (*HEADS, *TABLES)
+                self.drop = Drop(place, "Drop a model (YAML, MJCF, URDF) or a log", kinds, self.take, self._failed)
+                self.model = gui.add_dropdown("Model", (model,), initial_value=model)
                 self.chosen = gui.add_folder(None)
+                self.here = gui.add_dropdown("Add recording", (CHOOSE,))
+                self.example = gui.add_button("Use the example: an arm with two hidden effects", color="blue")
                 self.compare = gui.add_button("Compare model and recordings", color="teal")
-            self.ladder = gui.add_html(html.note("Choose a model and recordings, then compare them."))
+            self.ladder = gui.add_html("")
             self.job = Job(place, self.receive, self.idle)
-            with gui.add_folder("What is missing"):
-                self.screen = gui.add_button("Score the candidates", hint="how much of the error each could explain")
-                self.run = gui.add_button("Let the search go on by itself")
-                self.undo = gui.add_button("Take the last step back")
+            self.missing = gui.add_folder("What is missing", visible=False)
+            with self.missing:
                 self.list = gui.add_folder(None)
-            with gui.add_folder("What was tried", expand_by_default=True):
+                self.run = gui.add_button("Let the search go on by itself", color="teal")
+                self.undo = gui.add_button("Take the last step back", color="gray")
+                self.screen = gui.add_button(
+                    "Score the candidates", hint="how much of the error each could explain", color="gray"
+                )
+            self.history = gui.add_folder("What was tried", visible=False)
+            with self.history:
                 self.log = gui.add_html("")
                 self.anyway = gui.add_button("Add what was refused all the same", visible=False)
-            with gui.add_folder("Results"):
-                self.save = gui.add_button("Write the model (model.yaml)")
-                self.report = gui.add_button("Write the whole diagnosis with its report")
+            self.results = gui.add_folder("Take it away", visible=False)
+            with self.results:
+                self.save = gui.add_button("Take the model (model.yaml)", color="teal")
+                self.report = gui.add_button("Work out the next motion and the report")
+                self.motion = gui.add_button("Take the next motion (samples.csv)", visible=False, color="teal")
+                self.page = gui.add_button("Take the report (report.html)", visible=False)
                 self.written = gui.add_html("")
-            with gui.add_folder("The same as a command"):
+            self.same = gui.add_folder("The same as a command", visible=False)
+            with self.same:
                 self.commands = gui.add_html("")
-        self.left = gui.add_panel()
+        self.left = gui.add_panel(visible=False)
         with self.left.add_tab("Where it fails"):
             self.axis = gui.add_dropdown("Over", tuple(html.AXES))
             self.heat = gui.add_html(html.note("The map comes with the comparison."))
@@ -70,30 +97,50 @@ class StudyPage(Page):
             self.pictures = Pictures(place, self._see)
         self.left.dock_left()
         self.left.set_width(370)
+        self.visible = False
         self._wire()
+        place.stage.rest = self.traces.stand
+        self._offered(model)
         for path in recordings:
             self.add(path)
         self.idle(True)
+        self._stood()
         if recordings:
             self.open()
 
+    def take(self, path: Path) -> None:
+        """Takes a model or a log that was dropped."""
+        kind = kind_of(path)
+        if kind == "log":
+            self.log_dropped(path, self.chosen_model)
+        elif kind == "model":
+            self._offered(str(path))
+        else:
+            words = "a model file, an MJCF (<mujoco>), a URDF (<robot>), or a log (CSV, Parquet, NPZ, bag)"
+            self.job.fail(str(UserError("is neither a model nor a log", file=path.name, expected=words)))
+
     def add(self, path: Path) -> None:
-        """Offers a recording; so far the last one was judged on, now this one is."""
-        for other in self.roles.values():
-            other.value = ROLES[0] if other.value == ROLES[1] else other.value
-        with self.chosen:
-            self.roles[path] = self.place.gui.add_dropdown(path.name, ROLES, initial_value=ROLES[1])
-        if len(self.roles) == 1:
-            self.roles[path].value = ROLES[0]
+        """Offers a recording; so far the last one was judged on, now this one is. One that is there is read anew."""
+        if path not in self.roles:
+            for other in self.roles.values():
+                other.value = ROLES[0] if other.value == ROLES[1] else other.value
+            with self.chosen:
+                choice = self.place.gui.add_dropdown(path.name, ROLES, initial_value=ROLES[1], hint=str(path))
+                choice.on_update(lambda _, path=path: self._role(path))
+                self.roles[path] = choice
+            if len(self.roles) == 1:
+                self.roles[path].value = ROLES[0]
+        self._listed()
+        self._guided()
 
     def open(self) -> None:
         """Compares the model with the recordings, then scores candidates."""
         fitted, held_out = self._sides()
         if not fitted and not held_out:
-            self.job.fail("no recording: drop one on the page Import, or start with `vispeg view RECORDING ..`")
+            self._guided()
             return
         self.tried, self.standing = [], None
-        args = (str(self.model.value), fitted, held_out, self.place.out, self.place.threads)
+        args = (self.chosen_model, fitted, held_out, self.place.out, self.place.threads)
         self._candidates([])
         self._logged()
         asked = ("show", "screen") if fitted and held_out else ("show",)
@@ -102,6 +149,7 @@ class StudyPage(Page):
     def receive(self, name: str, value: Any) -> None:
         """What the worker tells."""
         if name == "model":
+            self.drawn += 1
             self.traces.draws(*value)
         elif name == "standing":
             self._stand(value)
@@ -111,8 +159,11 @@ class StudyPage(Page):
             self.tried.append(value)
         elif name == "pictured":
             self.pictures.show(value)
-        elif name == "save done" or name == "report done":
+        elif name == "save done":
             self.written.content = html.note(f"{value} is written")
+            self._download(Path(value))
+        elif name == "report done":
+            self._reported(Path(value))
         elif name in ("fit done", "undo done") and not (self.standing and self.standing.enough):
             if not self.tried or not self.tried[-1].refused or name == "undo done":
                 self.job.ask("screen")
@@ -128,11 +179,16 @@ class StudyPage(Page):
         self.undo.disabled = not able or self.standing is None or len(self.standing.ladder) < 2
         refused = bool(able and self.tried and self.tried[-1].refused)
         self.anyway.visible = refused and bool(self.last)
+        self._guided()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen."""
-        self.root.visible = self.left.visible = visible
+        """Whether the page is seen; what lies under the working folder is offered anew. The arm is the app's to show."""
+        self.visible = self.root.visible = visible
+        self.left.visible = visible and self.standing is not None
         self.traces.show(visible)
+        if visible:
+            self._offered(self.chosen_model)
+            self._listed()
 
     def close(self) -> None:
         """Ends the worker."""
@@ -140,17 +196,139 @@ class StudyPage(Page):
 
     last = ""  # the candidate that was fitted last, by hand
 
+    @property
+    def chosen_model(self) -> str:
+        """The model as `vispeg diagnose` takes it."""
+        return self.models.get(str(self.model.value), str(self.model.value))
+
     def _wire(self) -> None:
         self.compare.on_click(lambda _: self.open())
+        self.example.on_click(lambda _: self._example())
+        self.here.on_update(lambda _: self._here())
+        self.model.on_update(lambda _: self._other_model())
         self.screen.on_click(lambda _: self.job.ask("screen"))
         self.run.on_click(lambda _: self._run())
         self.undo.on_click(lambda _: self.job.ask("undo"))
         self.anyway.on_click(lambda _: self.job.ask("fit", self.last, True))
-        self.save.on_click(lambda _: self.job.ask("save", self._file(), False))
-        self.report.on_click(lambda _: self.job.ask("report"))
+        self.save.on_click(lambda event: self._taken(event, "save", self._file(), False))
+        self.report.on_click(lambda event: self._taken(event, "report"))
+        self.motion.on_click(lambda event: self._download(self._result("next_experiment/samples.csv"), event.client))
+        self.page.on_click(lambda event: self._download(self._result("report.html"), event.client))
         self.axis.on_update(lambda _: self._map())
         self.go.on_update(lambda _: self._go())
-        self.upload.on_upload(lambda _: self._model())
+
+    def _failed(self, text: str) -> None:
+        self.job.fail(text)
+
+    def _offered(self, model: str) -> None:
+        """Offers the models that are there, and chooses one; a model that was not drawn is drawn."""
+        found = named(self.place.around().of("model"), Path.cwd())
+        self.models = {label: str(path) for label, path in found.items()} | {n: n for n in (*available(), OPEN_CELL)}
+        label = next((label for label, value in self.models.items() if value == model), "")
+        if not label:
+            label = str(model)
+            self.models = {label: model} | self.models
+        if tuple(self.model.options) != tuple(self.models):
+            self.model.options = tuple(self.models)
+        if self.model.value != label:
+            self.model.value = label  # asks for it to be drawn
+        elif not self.drawn:
+            self._other_model()
+
+    def _other_model(self) -> None:
+        """Draws the model that is chosen; what was compared with another one is put aside."""
+        self.drawn += 1
+        threading.Thread(target=self._draw, args=(self.drawn, self.chosen_model), daemon=True).start()
+        if self.standing is not None:
+            self.job.end()
+            self.standing, self.tried = None, []
+            self._candidates([])
+            self._stood()
+        self._guided()
+
+    def _draw(self, number: int, model: str) -> None:
+        try:
+            body = robot_of_world(read_model(model))
+            made = compiled(body)
+        except UserError as error:
+            if number == self.drawn:
+                self.job.fail(str(error))
+            return
+        if number == self.drawn:  # nothing else has been drawn meanwhile
+            self.job.trouble.visible = False
+            self.traces.draws(made, isinstance(body, Scene))
+
+    def _listed(self) -> None:
+        """Offers the recordings under the working folder that are not in the list, each folder of several as one."""
+        paths = [
+            p for p in self.place.around().of("recording") if p not in self.roles and p.resolve() not in self.roles
+        ]
+        one = {label: [path] for label, path in named(paths, Path.cwd()).items()}
+        folders: dict[Path, list[Path]] = {}
+        for path in paths:
+            folders.setdefault(path.parent, []).append(path)
+        several = {p: some for p, some in folders.items() if len(some) > 1 and p != Path.cwd()}
+        names = named(several, Path.cwd())
+        self.there = {f"{label}/ (all {len(several[p])})": several[p] for label, p in names.items()} | one
+        if tuple(self.here.options) != (CHOOSE, *self.there):
+            self.here.options = (CHOOSE, *self.there)
+        self.here.value = CHOOSE
+        self.here.visible = bool(self.there)
+        self.example.visible = not self.roles
+
+    def _here(self) -> None:
+        for path in self.there.get(str(self.here.value), ()):
+            self.add(path)
+
+    def _example(self) -> None:
+        """The bundled recordings with the arm that they are of."""
+        self._offered("iiwa14")
+        for path in shipped_recordings():
+            self.add(path)
+        self.open()
+
+    def _role(self, path: Path) -> None:
+        if self.roles[path].value != ROLES[3]:
+            return
+        judged = self._sides()[1]
+        self.roles.pop(path).remove()
+        if not judged and len(self.roles) > 1:
+            last = next(reversed(self.roles))
+            self.roles[last].value = ROLES[1]
+        self._listed()
+        self._guided()
+
+    def _guided(self) -> None:
+        """Says what there is to do next."""
+        at, text = self._next()
+        self.guide.content = html.next_step("", text, WAY, at)
+        fitted, held_out = self._sides()
+        self.compare.disabled = not fitted and not held_out
+
+    def _next(self) -> tuple[int, str]:
+        standing, busy = self.standing, self.job.busy
+        fitted, held_out = self._sides()
+        if standing is None:
+            if busy:
+                return 1, "The model is being simulated along the recordings."
+            if not self.roles:
+                return 0, "Drop your model and your logs, or add recordings that are there. None yet? Use the example."
+            if not fitted or not held_out:
+                return 0, "Add a second recording: one is fitted, another judges. Or compare with this one alone."
+            return 0, "Press `Compare model and recordings`."
+        if not standing.judged:
+            return (
+                1,
+                "The map shows where the model fails. To find what is missing, add a second recording and compare.",
+            )
+        if standing.enough:
+            return 4, "The error is near the sensor noise: take the model away, and work out the next motion."
+        if busy:
+            fitting = "It is fitted, and judged on the recordings that were not."
+            return (3, fitting) if self.candidates else (2, "What could be missing is scored, in each joint and link.")
+        if self.candidates:
+            return 3, "Press the candidate that explains most. It is added if the held-out error falls enough."
+        return 4, "No candidate is left. Take the model away, and work out the next motion."
 
     def _run(self) -> None:
         self.last = ""
@@ -160,10 +338,43 @@ class StudyPage(Page):
         self.last = key
         self.job.ask("fit", key)
 
+    def _taken(self, event: Any, what: str, *args: Any) -> None:
+        self.window = event.client
+        self.job.ask(what, *args)
+
+    def _download(self, path: Path | None, window: Any = None) -> None:
+        """Hands a file that was written to the window that asked for it."""
+        window = window or self.window
+        if path is not None and window is not None:
+            window.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+
+    def _result(self, name: str) -> Path | None:
+        return None if self.written_to is None or not (self.written_to / name).is_file() else self.written_to / name
+
+    def _reported(self, folder: Path) -> None:
+        """Offers the report, and the next motion where one would tell more; says why."""
+        self.written_to = folder
+        record = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+        following = record.get("next_experiment") or {}
+        self.motion.visible = self._result("next_experiment/samples.csv") is not None
+        self.page.visible = self._result("report.html") is not None
+        text = f"{folder} is written. Verdict: {record['verdict']}. "
+        why = following.get("why")
+        motion = following.get("motion") or "none of the menu"
+        text += (
+            f"Next motion: {motion}; it {why}."
+            if why
+            else "No further motion is needed: nothing is left to tell apart."
+        )
+        self.written.content = html.note(text)
+
     def _stand(self, standing: Standing) -> None:
         if self.standing is not None and self.standing.effects != standing.effects:
             self._candidates([])  # of another model; new ones are being scored
         self.standing = standing
+        self.motion.visible = self.page.visible = False  # of another state
+        self.written.content = ""
+        self._stood()
         self.ladder.content = html.ladder(standing)
         self.traces.take(standing)
         self.pictures.take(standing)
@@ -173,6 +384,16 @@ class StudyPage(Page):
         self._map()
         self._picture()
         self._commands()
+
+    def _stood(self) -> None:
+        """Shows what there is once a model was compared, and hides it where none was."""
+        there = self.standing is not None
+        for folder in (self.missing, self.history, self.results, self.same):
+            folder.visible = there
+        self.left.visible = there and self.visible
+        if not there:
+            self.ladder.content = ""
+            self.traces.forget()
 
     def _map(self) -> None:
         if self.standing is None or self.axis.value not in self.standing.maps:
@@ -214,6 +435,7 @@ class StudyPage(Page):
                 button = self.place.gui.add_button(f"{candidate.words} · {share}", hint=hint, color="blue")
                 button.on_click(lambda _, key=candidate.key: self._fit(key))
                 self.candidates.append(button)
+        self._guided()
 
     def _logged(self) -> None:
         said = [text for text in self.job.said[-LINES:]]
@@ -229,21 +451,10 @@ class StudyPage(Page):
         names = (self.place.out / f"model{n}.yaml" for n in ("", *range(2, 1000)))
         return next(path for path in names if not path.exists())
 
-    def _model(self) -> None:
-        dropped = self.upload.value
-        path = self.place.out / "models" / Path(dropped.name).name
-        try:
-            write_bytes_atomic(path, dropped.content, overwrite=False)
-        except Exception as error:
-            self.job.fail(str(error))
-            return
-        self.model.value = str(path)
-        self.open()
-
     def _commands(self) -> None:
         fitted, held_out = self._sides()
         assert self.standing is not None
-        model = str(self.model.value)
+        model = self.chosen_model
         sides = [*_flags("--recording", fitted), *_flags("--validate", held_out)]
         against = _flags("--recording", held_out or fitted)
         lines = [["compare", model, *against, "--out", str(self.place.out / "compared")]]

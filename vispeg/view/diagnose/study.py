@@ -193,7 +193,7 @@ class Study:
         """Runs what is left of `vispeg diagnose` and writes its folder; returns its path."""
         out = self.part.with_suffix("")
         result = diagnose(*self.asked, threads=self.threads, part=self.part, say=lambda text: self.tell("say", text))
-        return str(result.save(out))
+        return str(result.save(out, overwrite=True))  # nobody else's: its name was free at the start
 
     def save(self, file: Path, overwrite: bool) -> str:
         """Writes the model with what was added; returns the path."""

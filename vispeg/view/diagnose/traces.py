@@ -26,10 +26,10 @@ class Traces:
     def __init__(self, place: Place):
         gui = place.gui
         self.place, self.standing, self.playing = place, None, False
-        self.visible, self.view = True, ARM
+        self.visible, self.view, self.standing_there = True, ARM, True
         self.arm: Drawing | None = None
         self.ghost: Drawing | None = None
-        self.at = 0, 0
+        self.lock = threading.Lock()  # a chosen model and the worker's may come at once
         self.ground = place.server.scene.add_grid("/floor", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
         self.column = gui.add_dropdown("Of", ("joint",))
         self.track = gui.add_dropdown("Recording", ("none",))
@@ -50,6 +50,8 @@ class Traces:
         """Shows another standing, at the same joint and moment where it has them."""
         self.standing = standing
         self.times.visible = _enlarged(standing)
+        if self.ghost is None and self.arm is not None and _enlarged(standing):
+            self.ghost = Drawing(self.place.server.scene, "/model", self.arm.model, Look(GHOST, 0.35))
         self.show(self.visible)
         names = tuple(f"{i + 1}: {t.name}" for i, t in enumerate(standing.tracks))
         if tuple(self.track.options) != names:
@@ -71,14 +73,26 @@ class Traces:
         self.pose()
 
     def show(self, visible: bool) -> None:
-        """Whether the arm can be seen."""
+        """Whether its page is seen, and with it what was compared."""
         if visible and not self.visible:
             self.place.look(self.view)
         self.visible, self.playing = visible, self.playing and visible
-        self.ground.visible = visible
-        if self.arm is not None and self.ghost is not None:
-            self.arm.show(visible)
+        if self.ghost is not None:
             self.ghost.show(visible and self.standing is not None and _enlarged(self.standing))
+
+    def stand(self, visible: bool) -> None:
+        """Whether the arm can be seen: on its own page, and in the middle of those that draw nothing."""
+        self.ground.visible = visible
+        if self.arm is not None:
+            self.arm.show(visible)
+        self.standing_there = visible
+
+    def forget(self) -> None:
+        """Nothing is compared any more; the arm stays."""
+        self.standing, self.playing = None, False
+        if self.ghost is not None:
+            self.ghost.remove()
+            self.ghost = None
 
     def draw(self) -> None:
         """Draws the traces anew."""
@@ -112,14 +126,14 @@ class Traces:
 
     def pose(self) -> None:
         """Poses the arm as measured at the slider's moment, and beside it with the model's error enlarged."""
-        if self.standing is None or self.arm is None or self.ghost is None:
+        if self.standing is None or self.arm is None:
             return
         track = self._track()
         k = int(np.argmin(np.abs(track.time - self.slider.value)))
         q = track.posture[k].astype(float)
         with self.place.server.atomic():
             self.arm.pose(self._full(self.arm, q))
-            if track.measured is not None and _enlarged(self.standing):
+            if track.measured is not None and self.ghost is not None and _enlarged(self.standing):
                 error = np.nan_to_num(track.now[k] - track.measured[k]).astype(float)
                 self.ghost.pose(self._full(self.ghost, q + float(self.times.value) * error))
 
@@ -132,16 +146,19 @@ class Traces:
 
     def draws(self, model: mujoco.MjModel, cell: bool) -> None:
         """Draws another arm, or a cell."""
+        with self.lock:
+            self._drawn(model, cell)
+
+    def _drawn(self, model: mujoco.MjModel, cell: bool) -> None:
         for drawing in (self.arm, self.ghost):
             if drawing is not None:
                 drawing.remove()
         scene = self.place.server.scene
         self.view = CELL if cell else ARM
         colours = {name: (c[0], c[1], c[2]) for name, c in COLOURS.items()} if cell else {}
-        self.arm = Drawing(scene, "/arm", model, colours=colours)
-        self.ghost = Drawing(scene, "/model", model, Look(GHOST, 0.35))
-        self.show(self.visible)
-        if self.visible:
+        self.ghost, self.arm = None, Drawing(scene, "/arm", model, colours=colours)
+        self.arm.show(self.standing_there)
+        if self.standing_there:
             self.place.look(self.view)
 
     @property

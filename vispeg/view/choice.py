@@ -1,0 +1,85 @@
+"""What there is of one kind, in a list to choose from, with a place for a path that is not in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from vispeg.view.around import Kind, named
+from vispeg.view.place import Place
+
+CHOOSE = "choose"
+
+
+class Choice:
+    """Added where the page's elements are being added.
+
+    Args:
+        place: of the page.
+        label: of the list.
+        kind: of what lies under the working folder.
+        names: that come with the package: how each is offered -> what it is.
+        first: what is chosen at the beginning; "" for nothing, which only then can be chosen.
+        chosen: called with the path or name that is chosen.
+        path: whether another path may be typed beside it.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        label: str,
+        kind: Kind,
+        names: Mapping[str, str],
+        first: str,
+        chosen: Callable[[str], None],
+        path: bool = True,
+    ):
+        self.place, self.kind, self.names, self.told = place, kind, dict(names), chosen
+        self.none = {} if first else {CHOOSE: ""}
+        self.more: dict[str, str] = {} if not first or first in self.names.values() else {first: first}
+        self.offers: dict[str, str] = {}
+        self.list: Any = place.gui.add_dropdown(label, (CHOOSE,))
+        self.typed: Any = place.gui.add_text("Or a path", "") if path else None
+        self.refresh()
+        if first:
+            self.list.value = next(offer for offer, value in self.offers.items() if value == first)
+        self.list.on_update(lambda _: self._chosen())
+        if self.typed is not None:
+            self.typed.on_update(lambda _: self._typed())
+
+    @property
+    def value(self) -> str:
+        """The name or path that is chosen; "" for none."""
+        return self.offers.get(str(self.list.value), "")
+
+    @value.setter
+    def value(self, value: str) -> None:
+        if value not in self.offers.values():
+            self.more[value] = value
+            self.refresh()
+        self.list.value = next(offer for offer, other in self.offers.items() if other == value)
+
+    def refresh(self) -> None:
+        """Offers what is there now; what is chosen stays."""
+        found = named(self.place.around().of(self.kind), Path.cwd())
+        self.offers = {**self.none, **self.more}
+        self.offers |= {offer: str(path) for offer, path in found.items()} | self.names
+        if tuple(self.list.options) != tuple(self.offers):
+            before = self.list.value
+            self.list.options = tuple(self.offers)
+            if before in self.offers and self.list.value != before:
+                self.list.value = before
+
+    def found(self) -> Sequence[str]:
+        """Everything that is offered."""
+        return [value for value in self.offers.values() if value]
+
+    def _chosen(self) -> None:
+        if self.value:
+            self.told(self.value)
+
+    def _typed(self) -> None:
+        path = str(self.typed.value)
+        if Path(path).expanduser().exists() and path not in ("", ".", "/"):
+            self.value = path
