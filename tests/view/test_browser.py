@@ -30,6 +30,10 @@ def test_a_stranger_reaches_a_named_effect_and_a_fallen_error(app, page_of, elbo
     assert "--effects coulomb_friction:shoulder" in page.content()
     assert page.locator("b", has_text="bow").count() == 0 and elbow in page.locator("th").all_inner_texts()
 
+    with page.expect_download() as taken:
+        page.get_by_role("button", name="Take the model").click()
+    assert "coulomb_friction" in taken.value.path().read_text()
+
     other = page_of(app, 400, 800)  # a second window finds it all again
     other.wait_for_selector("text=+ Coulomb friction at shoulder")
 
@@ -98,9 +102,8 @@ def test_a_log_is_dropped_and_becomes_a_recording(rigs, page_of, tmp_path):
     app = App(opened([str(rigs / "arm.xml")]), tmp_path / "out", threads=1)
     try:
         page = page_of(app)
-        page.get_by_text("Import", exact=True).click()
         with page.expect_file_chooser() as chooser:
-            page.get_by_role("button", name="Drop a log").click()
+            page.get_by_role("button", name="Drop a model").click()  # a log is taken there too
         chooser.value.set_files(tmp_path / "log.csv")
         page.wait_for_selector("[data-look]")
         assert "600 samples of 2 joints at 200 Hz" in page.locator("[data-look]").inner_text()

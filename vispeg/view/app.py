@@ -71,7 +71,7 @@ class App:
         self.server.gui.set_panel_label(f"vispeg · {title}")
         for page in self.pages:
             page.show(page.title == title)
-        self.study.traces.stand(all(page.title != title or not page.draws for page in self.pages))
+        self.study.traces.stand(all(page.title != title or not page.fills for page in self.pages))
 
     def _dropped(self, log: Path, model: str) -> None:
         """A log was dropped beside a model: it becomes a recording first."""

@@ -20,7 +20,7 @@ class Drop:
 
     Args:
         place: of the page.
-        label: of the button.
+        label, hint: of the button.
         kinds: endings that the browser offers, such as `.yaml`.
         receive: called with the path of each file that was dropped.
         fail: called with what went wrong.
@@ -30,12 +30,13 @@ class Drop:
         self,
         place: Place,
         label: str,
+        hint: str,
         kinds: tuple[str, ...],
         receive: Callable[[Path], None],
         fail: Callable[[str], None],
     ):
         self.folder, self.receive, self.fail = place.out / FOLDER, receive, fail
-        self.button: Any = place.gui.add_upload_button(label, mime_type=",".join(kinds), color="blue")
+        self.button: Any = place.gui.add_upload_button(label, hint=hint, mime_type=",".join(kinds), color="blue")
         self.button.on_upload(lambda _: self._dropped())
 
     def _dropped(self) -> None:

@@ -53,7 +53,7 @@ class ImportPage(Page):
         with self.root:
             self.guide = gui.add_html(html.next_step("A log becomes a recording", NEXT))
             with gui.add_folder("Log"):
-                self.drop = Drop(place, "Drop a log (CSV, Parquet, NPZ, bag)", TABLES, self.take, self._failed)
+                self.drop = Drop(place, "Drop a log", "CSV, Parquet, NPZ or bag", TABLES, self.take, self._failed)
                 self.here = gui.add_dropdown("Found here", (NONE,))
                 self.log = gui.add_text("Path", str(logs[0]) if logs else "", hint="a file, or a ROS 2 bag's folder")
                 self.model = gui.add_text("Model", model, hint="a robot's name, a model file, an MJCF or a URDF")

@@ -78,11 +78,11 @@ class Page(ABC):
 
     Attributes:
         title: of its button.
-        draws: whether it has something of its own in the middle now.
+        fills: whether it has something of its own in the middle now.
     """
 
     title: str
-    draws: bool = False
+    fills: bool = False
 
     @abstractmethod
     def show(self, visible: bool) -> None:

@@ -101,7 +101,7 @@ class PolicyPage(Page):
         self.playing = False
         for side in self.sides:
             self._clear(side)
-        self.draws = False
+        self.fills = False
         if self.visible:
             self.place.stage.rest(True)
         world = "" if self.world.value == OWN else self.world.value
@@ -120,7 +120,7 @@ class PolicyPage(Page):
             side = self.sides[k]
             side.world = world
             colours = {g: c for g, c in COLOURS.items()}
-            self.draws = True
+            self.fills = True
             if self.visible:
                 self.place.stage.rest(False)
             side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(colours))
@@ -174,7 +174,7 @@ class PolicyPage(Page):
         if visible:
             for choice in (self.policy, self.world, self.beside):
                 choice.refresh()
-            self.place.look(CELL if self.draws else ARM)
+            self.place.look(CELL if self.fills else ARM)
 
     def close(self) -> None:
         """Ends the worker."""

@@ -177,7 +177,7 @@ class WorldPage(Page):
     def _show(self, drawn: Drawn) -> None:
         if self.cell is not None:
             self.cell.remove()
-        self.draws = True
+        self.fills = True
         if self.visible:
             self.place.stage.rest(False)
         self.cell = Drawing(self.place.server.scene, "/world", drawn.model)

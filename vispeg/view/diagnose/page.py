@@ -58,7 +58,8 @@ class StudyPage(Page):
             self.guide = gui.add_html("")
             with gui.add_folder("Model and recordings") as self.inputs:
                 kinds = (*HEADS, *TABLES)
-                self.drop = Drop(place, "Drop a model (YAML, MJCF, URDF) or a log", kinds, self.take, self._failed)
+                hint = "a model: YAML, MJCF or URDF; a log: CSV, Parquet, NPZ or bag"
+                self.drop = Drop(place, "Drop a model or a log", hint, kinds, self.take, self._failed)
                 self.model = gui.add_dropdown("Model", (model,), initial_value=model)
                 self.chosen = gui.add_folder(None)
                 self.here = gui.add_dropdown("Add recording", (CHOOSE,))
@@ -182,7 +183,7 @@ class StudyPage(Page):
         self._guided()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew. The arm is the app's to show."""
+        """Whether the page is seen; what lies under the working folder is offered anew."""
         self.visible = self.root.visible = visible
         self.left.visible = visible and self.standing is not None
         self.traces.show(visible)

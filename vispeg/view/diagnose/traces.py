@@ -89,10 +89,11 @@ class Traces:
 
     def forget(self) -> None:
         """Nothing is compared any more; the arm stays."""
-        self.standing, self.playing = None, False
-        if self.ghost is not None:
-            self.ghost.remove()
-            self.ghost = None
+        with self.lock:
+            self.standing, self.playing = None, False
+            if self.ghost is not None:
+                self.ghost.remove()
+                self.ghost = None
 
     def draw(self) -> None:
         """Draws the traces anew."""
