@@ -74,6 +74,26 @@ def test_a_run_is_read_as_it_was_written(run):
     assert found.page == "Training" and found.run == str(run.parent)
 
 
+def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):
+    """Each at its own steps: where a run has none it has no line."""
+    other = shutil.copytree(run, run.parent / "s1")
+    (other / "progress.csv").write_text(f"{COLUMNS}\n150,1,10,1,-2,,\n300,2,20,0.25,-1,slip 2,0.5\n")
+    monkeypatch.chdir(run.parent)
+    page = served(run).pages[-1]
+    page.folder.value = str(run.parent)  # the newest of it leads
+    ((path, (box, _)),) = page.others.items()
+    title = "success (share of episodes)"
+    assert len(page.plots[title].data) == 2
+    box.value = True
+    steps, first, second = page.plots[title].data
+    assert steps.tolist() == [100, 150, 200, 300]
+    lines = {r.name: v for r, v in zip((page.latest.folder, path), (first, second), strict=True)}
+    assert np.array_equal(lines["s0"], [0, 0.25, 0.5, np.nan], equal_nan=True)
+    assert np.array_equal(lines["s1"], [np.nan, 1, 0.75, 0.25], equal_nan=True)
+    box.value = False
+    assert len(page.plots[title].data) == 2
+
+
 def test_curves_grow_while_a_run_trains_and_its_policy_plays(run, page_of, served):
     app = served(run.parent)
     page = page_of(app)
