@@ -20,7 +20,7 @@ class RobotConfig:
 
     Attributes:
         model: a robot's name, or a path to an MJCF or URDF, see `vispeg.robots.model.load`.
-        tool: the gripper at the flange, see `vispeg.robots.tools`.
+        tool: the gripper at the flange, see `vispeg.robots.tools`: a name, or the path of an MJCF.
         without: bodies of the file that are taken off with all they carry, such as a hand.
         flange: a site or body of the file that the flange is fixed to; the best-named one if empty.
         flange_pos, flange_quat: the flange in that frame: m, and w x y z. Its z axis points away from the arm.

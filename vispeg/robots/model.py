@@ -15,7 +15,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
-from vispeg.robots import iiwa14, menagerie, tools
+from vispeg.robots import gripper, iiwa14, menagerie, tools
 from vispeg.robots.arm import Limits, prepare
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.examples import write_mjcf, write_urdf
@@ -94,7 +94,9 @@ def load(
     path = _file(str(robot))
     stamp = path.stat().st_mtime_ns if path else 0  # an edited file is read again
     turn = float(tilt[0]), float(tilt[1])
-    return _load(str(robot), str(path) if path else "", stamp, key, turn, declared or RobotConfig())
+    return _load(
+        str(robot), str(path) if path else "", (stamp, gripper.stamp(key)), key, turn, declared or RobotConfig()
+    )
 
 
 def available() -> list[str]:
@@ -104,7 +106,7 @@ def available() -> list[str]:
 
 @lru_cache(maxsize=64)
 def _load(
-    robot: str, file: str, stamp: int, tool: str | None, tilt: tuple[float, float], declared: RobotConfig
+    robot: str, file: str, stamps: tuple[int, int], tool: str | None, tilt: tuple[float, float], declared: RobotConfig
 ) -> RobotModel:
     home: tuple[float, ...] = ()
     if file:

@@ -109,7 +109,7 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     _check_names(config.robot)
     config = user_cell.placed(config, block)
     arm = user_cell.arm_with(config, f"peg{round(config.diameter * 1000)}")
-    tip = tools.GRASP + tools.PEG_LENGTH
+    tip = user_cell.grasp(config) + tools.PEG_LENGTH
     if peg is not None:
         arm, tip = user_cell.hold(config, peg)
     spec = arm.spec()
@@ -175,7 +175,7 @@ def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
 
 def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
     """Colours gripper and peg, gives the peg its contact and the joint along which it can slip."""
-    gripper = ("gripper", "finger_left", "finger_right")
+    gripper = tuple(geom.name for geom in spec.body("tool").geoms if geom.group < 3)
     for name in gripper:
         spec.geom(name).material = "gripper"
         spec.geom(name).rgba = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default: the material's colour shows

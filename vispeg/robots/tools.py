@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.robots import gripper
 
 STEEL = 7850.0  # kg/m^3
 PEG_LENGTH, GRASP = 0.08, 0.105  # m: length of a peg, height of its top end above the flange
@@ -54,7 +55,8 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
     Args:
         spec: the arm, changed in place.
         flange: name of the flange site.
-        tool: None, "none", a name of `NAMES` (any `pegNN`, NN mm in diameter), or {mass_kg, com_m (3,) m,
+        tool: None, "none", a name of `NAMES` (any `pegNN`, NN mm in diameter), a gripper's MJCF file with or without
+            `+pegNN` (`vispeg.robots.gripper`), or {mass_kg, com_m (3,) m,
             inertia_kgm2 (3,) about the centre of mass along the flange axes, name (optional)}.
 
     Raises:
@@ -67,7 +69,7 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
         raise UserError("the robot already has a body named 'tool'", expected="a robot without a tool")
     body = site.parent.add_body(name="tool", pos=site.pos, quat=site.quat)
     if isinstance(tool, str):
-        _named(body, tool)
+        _named(spec, body, tool)
     else:
         mass, com, inertia = stated(tool)
         _set(body, mass, com, np.diag(inertia))
@@ -107,18 +109,36 @@ def _numbers(tool: Mapping[str, Any], key: str, size: int) -> np.ndarray:
     return value
 
 
-def _named(body: Any, name: str) -> None:
+def hold(tool: str) -> tuple[float, float]:
+    """Heights in the flange's frame of the upper end of what a gripper holds, and of its own outermost point, m."""
+    if (own := gripper.of(tool)) is not None:
+        return own[0].grasp, own[0].reach
+    return GRASP, GRIPPER[1] + FINGER_SIZE[2]
+
+
+def _named(spec: mujoco.MjSpec, body: Any, name: str) -> None:
+    if (own := gripper.of(name)) is not None:
+        shape, peg = own
+        shape.add(spec, body)
+        _set(body, shape.mass, shape.com, shape.inertia)
+        if peg:
+            _peg(body, int(peg[3:]) / 1000, shape.grasp)
+        return
     match = re.fullmatch(r"meg50(?:\+peg(\d+))?", name)
     diameter = int(match[1]) / 1000 if match and match[1] else None
     if match is None or (diameter is not None and not 0.005 <= diameter <= 0.08):
         raise UserError("unknown tool", key="tool", expected="a peg of 5 to 80 mm, if any", got=name, choices=NAMES)
     _solid(body, _gripper(0.5 * (diameter or 0.04)))
     if diameter is not None:
-        peg = body.add_body(name="peg")
-        mass = STEEL * math.pi * diameter**2 / 4 * PEG_LENGTH
-        steel = (0.62, 0.64, 0.67, 1.0)
-        _solid(peg, [Shape("peg", (diameter / 2, PEG_LENGTH), (0, 0, GRASP + PEG_LENGTH / 2), mass, steel)])
-        peg.add_site(name="peg_tip", pos=(0, 0, GRASP + PEG_LENGTH), group=4)
+        _peg(body, diameter, GRASP)
+
+
+def _peg(body: Any, diameter: float, grasp: float) -> None:
+    peg = body.add_body(name="peg")
+    mass = STEEL * math.pi * diameter**2 / 4 * PEG_LENGTH
+    steel = (0.62, 0.64, 0.67, 1.0)
+    _solid(peg, [Shape("peg", (diameter / 2, PEG_LENGTH), (0, 0, grasp + PEG_LENGTH / 2), mass, steel)])
+    peg.add_site(name="peg_tip", pos=(0, 0, grasp + PEG_LENGTH), group=4)
 
 
 def _gripper(grip: float) -> list[Shape]:

@@ -24,7 +24,6 @@ LEVELS = 24  # heights at which the outlines of peg and hole are compared
 FLIP = np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
 PEG_CONTACT = {"contype": 0, "conaffinity": 1}
 WIDTH = 0.005, 0.08  # m, of a peg
-LEAST = tools.FINGER_SIZE[2] + 0.02  # m, of a peg: what the fingers hold, and what stands out of them
 
 
 def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
@@ -36,7 +35,7 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
     """
     c = config
     if c.peg_mesh:
-        _holdable(user_shapes.size(c.peg_mesh, "peg_mesh", c.mesh_scale), c.peg_mesh)
+        _holdable(user_shapes.size(c.peg_mesh, "peg_mesh", c.mesh_scale), c)
     if c.hole_mesh:
         user_shapes.size(c.hole_mesh, "hole_mesh", c.mesh_scale)
     peg = read(c.peg_mesh, "peg_mesh", c.mesh_scale, c.mesh_concavity, tip=True) if c.peg_mesh else None
@@ -44,16 +43,32 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
     return peg, block
 
 
-def _holdable(extent: np.ndarray, file: str) -> None:
-    """Raises UserError for a peg of a size (3,) m that the gripper cannot hold."""
+def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
+    """Raises UserError for a peg of a size (3,) m that the gripper cannot hold or bring to the bottom."""
     low, high = WIDTH
+    at = {"file": config.peg_mesh, "key": "peg_mesh", "got": _mm(extent)}
     if not low <= extent[0] <= high:
-        expected = f"{1e3 * low:g} to {1e3 * high:g} mm along x"
-        raise UserError("no peg for this gripper", file=file, key="peg_mesh", expected=expected, got=_mm(extent))
-    if extent[2] < LEAST:
-        expected = f"{1e3 * LEAST:g} mm along z or more: the fingers hold the upper {1e3 * tools.FINGER_SIZE[2]:g} mm"
+        raise UserError("no peg for this gripper", expected=f"{1e3 * low:g} to {1e3 * high:g} mm along x", **at)
+    upper, outermost = tools.hold(config.robot.tool)
+    held, least = outermost - upper, outermost - upper + config.depth
+    if extent[2] < least - 1e-9:
+        expected = f"{1e3 * least:g} mm along z or more: the gripper hides the upper {1e3 * held:g} mm"
         expected += ", so a shorter part gets a handle on top of it in its file"
-        raise UserError("no peg for this gripper", file=file, key="peg_mesh", expected=expected, got=_mm(extent))
+        raise UserError("no peg for this gripper", expected=expected, **at)
+
+
+def grasp(config: SceneConfig) -> float:
+    """Height of the upper end of the peg above the flange, m. Raises UserError: the built-in peg is too short."""
+    upper, outermost = tools.hold(config.robot.tool)
+    if not config.peg_mesh and tools.PEG_LENGTH < outermost - upper + config.depth - 1e-9:
+        raise UserError(
+            "the gripper would touch the block before the peg is in",
+            file=config.robot.tool,
+            key="grasp",
+            expected=f"at most {1e3 * (tools.PEG_LENGTH - config.depth):g} mm above its outermost point",
+            got=f"{1e3 * (outermost - upper):.4g} mm",
+        )
+    return upper
 
 
 def _mm(extent: np.ndarray) -> str:
@@ -88,7 +103,7 @@ def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
     """The arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange, m."""
     width, length = float(peg.extent[0]), float(peg.extent[2])
     arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
-    tip = tools.GRASP + length
+    tip = grasp(config) + length
     spec = arm.spec()
     body = spec.body("peg")
     spec.delete(spec.geom("peg"))

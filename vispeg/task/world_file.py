@@ -142,7 +142,7 @@ def world_hash(
     settings |= {k: _digest(settings[k]) for k in config.files if settings.get(k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
-        settings["robot"]["model"] = robot
+        settings["robot"] |= {"model": robot, "tool": identity(config.robot.tool)}
     if (code := digest_of(config.name)) is not None:
         settings["name"] = [config.name, code]
     content = [robot, base.tool, fixed, entries, settings, views, dict(renderer or {})]

@@ -25,8 +25,7 @@ def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, A
         UserError: as `RobotConfig.of`.
     """
     if isinstance(stated, Mapping):
-        model = stated.get("model")
-        placed = {"model": _beside(model, file)} if isinstance(model, str) else {}
+        placed = {k: _beside(stated[k], file) for k in ("model", "tool") if isinstance(stated.get(k), str)}
         robot = RobotConfig.of({**base, **stated, **placed}, str(file))
     else:
         robot = RobotConfig.of(stated, str(file))
@@ -37,7 +36,7 @@ def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, A
 
 def _beside(model: str, file: Path) -> str:
     path = Path(model).expanduser()
-    return model if not is_path(model) else str(path if path.is_absolute() else file.parent / path)
+    return model if not is_path(model) else str(path if path.is_absolute() else (file.parent / path).absolute())
 
 
 def identity(model: str) -> str:

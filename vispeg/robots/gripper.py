@@ -1,0 +1,126 @@
+"""A gripper of a user's own from an MJCF file: its shapes and its inertia at the flange, its joints as they stand.
+
+Frame: the file's world is the flange's frame, z away from the arm. A site named `grasp` says where the upper end of
+what it holds is; its z axis, along the flange's, points out of the gripper.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.formats.guard import is_file
+from vispeg.robots.arm import compiled
+from vispeg.robots.mjcf import read_mjcf
+
+FILE = re.compile(r"(.+\.(?:xml|mjcf))(?:\+(peg\d+))?", re.IGNORECASE)  # what a tool's name is of a file
+GRASP = "grasp"
+STRAIGHT = 1e-4  # m and share: by how much the site may miss the flange's axis
+MESH = mujoco.mjtGeom.mjGEOM_MESH
+
+
+@dataclass(frozen=True, eq=False)
+class Gripper:
+    """A gripper as a rigid tool, in the flange's frame.
+
+    Attributes:
+        grasp: height of the upper end of what it holds, m.
+        reach: height of its outermost point, m.
+        mass, com, inertia: kg, (3,) m, (3, 3) kg m^2 about the centre of mass.
+        model, data: its shapes, joints taken out.
+    """
+
+    grasp: float
+    reach: float
+    mass: float
+    com: np.ndarray
+    inertia: np.ndarray
+    model: mujoco.MjModel
+    data: mujoco.MjData
+
+    def add(self, spec: mujoco.MjSpec, body: Any) -> None:
+        """Gives a body its shapes: those to be seen as gripper0, ...; they touch the scene but not the arm."""
+        m, quat = self.model, np.empty(4)
+        touches = (m.geom_contype | m.geom_conaffinity) != 0
+        shown = m.geom_group < 3
+        if (shown & ~touches).any():  # as of arms: where some are for the eye alone, those for contact are not seen
+            shown &= ~touches
+        for g in range(m.ngeom):
+            mujoco.mju_mat2Quat(quat, self.data.geom_xmat[g])
+            place = {"pos": self.data.geom_xpos[g].copy(), "quat": quat.copy(), "rgba": m.geom_rgba[g], "mass": 0.0}
+            contact = {"contype": 0, "conaffinity": int(touches[g]), "group": 0 if shown[g] else 3}
+            name, kind = f"gripper{g}" if shown[g] else "", int(m.geom_type[g])
+            if kind != MESH:
+                body.add_geom(name=name, type=kind, size=m.geom_size[g].copy(), **place, **contact)
+                continue
+            mesh = int(m.geom_dataid[g])
+            vertices = slice(m.mesh_vertadr[mesh], m.mesh_vertadr[mesh] + m.mesh_vertnum[mesh])
+            faces = slice(m.mesh_faceadr[mesh], m.mesh_faceadr[mesh] + m.mesh_facenum[mesh])
+            spec.add_mesh(
+                name=f"tool{g}",
+                uservert=m.mesh_vert[vertices].ravel().tolist(),
+                userface=m.mesh_face[faces].ravel().tolist(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            )
+            body.add_geom(name=name, type=MESH, meshname=f"tool{g}", **place, **contact)
+
+
+def of(tool: str) -> tuple[Gripper, str] | None:
+    """The gripper that a tool's name means, and the peg behind a `+`; None for one that is no file.
+
+    Raises:
+        UserError: no such file, no gripper, no site `grasp` on the flange's axis.
+    """
+    match = FILE.fullmatch(tool)
+    if match is None:
+        return None
+    if not is_file(match[1]):
+        raise UserError("no such gripper", file=match[1], key="robot.tool")
+    path = Path(match[1]).expanduser().resolve()
+    return _read(path, path.stat().st_mtime_ns), match[2] or ""
+
+
+def stamp(tool: object) -> int:
+    """When a tool's file was written; 0 for one that is no file."""
+    match = FILE.fullmatch(tool) if isinstance(tool, str) else None
+    return Path(match[1]).expanduser().stat().st_mtime_ns if match and is_file(match[1]) else 0
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, stamp: int) -> Gripper:
+    spec, _ = read_mjcf(path)
+    for group in (spec.tendons, spec.equalities, spec.pairs, spec.excludes, spec.lights, spec.cameras, spec.joints):
+        for element in list(group):
+            spec.delete(element)
+    if not any(site.name == GRASP for site in spec.sites):
+        expected = f"a site '{GRASP}' at the upper end of what is held, its z axis out of the gripper"
+        raise UserError("no place to hold at", file=path, expected=expected, got=[s.name for s in spec.sites])
+    model = compiled(spec, str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    site = model.site(GRASP).id
+    at, axis = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)[:, 2]
+    if np.hypot(*at[:2]) > STRAIGHT or axis[2] < 1 - STRAIGHT or at[2] <= 0:
+        expected = "on the z axis of the file, above 0, its z axis along it"
+        raise UserError("what it holds is not straight ahead", file=path, key=GRASP, expected=expected, got=at.round(5))
+    mass = float(model.body_mass.sum())
+    if not model.ngeom or mass <= 0:
+        raise UserError("no gripper", file=path, expected="shapes with a mass, or bodies with an <inertial>")
+    com = model.body_mass @ data.xipos / mass
+    inertia = np.zeros((3, 3))
+    for body in range(1, model.nbody):
+        turn, r = data.ximat[body].reshape(3, 3), data.xipos[body] - com
+        inertia += turn @ np.diag(model.body_inertia[body]) @ turn.T
+        inertia += model.body_mass[body] * (r @ r * np.eye(3) - np.outer(r, r))  # parallel axes
+    turns = data.geom_xmat.reshape(-1, 3, 3)
+    middle = data.geom_xpos[:, 2] + np.einsum("ni,ni->n", turns[:, 2], model.geom_aabb[:, :3])
+    reach = float((middle + (np.abs(turns[:, 2]) * model.geom_aabb[:, 3:]).sum(axis=1)).max())
+    return Gripper(float(at[2]), reach, mass, com, inertia, model, data)
