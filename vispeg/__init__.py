@@ -17,46 +17,67 @@ if TYPE_CHECKING:
     from vispeg.api.diagnose import diagnose
     from vispeg.api.environments import make, make_vec
     from vispeg.api.evaluate import evaluate
+    from vispeg.api.films import play
     from vispeg.api.fit import fit
     from vispeg.api.gap import gap
     from vispeg.api.inputs import load_recording
+    from vispeg.api.opened import load
     from vispeg.api.policies import load_policy
+    from vispeg.api.recording.check import check
+    from vispeg.api.recording.convert import convert
+    from vispeg.api.recording.record import record
+    from vispeg.api.train import train
+    from vispeg.core.errors import UserError
     from vispeg.task.world_file import load_world
     from vispeg.worlds.world import World
 
 __version__ = "0.1.0"
 __all__ = [
+    "UserError",
     "World",
     "calibrate",
+    "check",
     "compare",
+    "convert",
     "diagnose",
     "effects",
     "evaluate",
     "fit",
     "gap",
+    "load",
     "load_policy",
     "load_recording",
     "load_world",
     "make",
     "make_vec",
+    "play",
+    "record",
     "render_dataset",
+    "train",
 ]
 
 LIBRARY = ("vispeg.effects",)  # rooms that enrol effects, see vispeg.core.registry
 _PLACES = {
+    "UserError": "vispeg.core.errors",
     "World": "vispeg.worlds.world",
     "calibrate": "vispeg.api.calibrate",
+    "check": "vispeg.api.recording.check",
     "compare": "vispeg.api.compare",
+    "convert": "vispeg.api.recording.convert",
     "diagnose": "vispeg.api.diagnose",
     "evaluate": "vispeg.api.evaluate",
     "fit": "vispeg.api.fit",
     "gap": "vispeg.api.gap",
+    "load": "vispeg.api.opened",
     "load_policy": "vispeg.api.policies",
     "load_recording": "vispeg.api.inputs",
     "load_world": "vispeg.task.world_file",
     "make": "vispeg.api.environments",
     "make_vec": "vispeg.api.environments",
+    "play": "vispeg.api.films",
+    "record": "vispeg.api.recording.record",
     "render_dataset": "vispeg.api.datasets",
+    "train": "vispeg.api.train",
 }
 
 

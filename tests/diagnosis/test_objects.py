@@ -152,7 +152,7 @@ def test_a_recording_is_read_back_and_an_archive_gives_the_same(tmp_path):
     some = import_object(tmp_path / "all.npz", "cube", RATE, 1, 3)
     assert np.array_equal(some.rate, rec.rate[SAMPLES:]) and len(some.tosses) == 2
     for first, last in ((0, 4), (2, 2)):
-        with pytest.raises(UserError, match="--episodes"):
+        with pytest.raises(UserError, match="episodes"):
             import_object(tmp_path / "all.npz", "cube", RATE, first, last)
 
 

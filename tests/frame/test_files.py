@@ -44,7 +44,7 @@ def test_existing_content_is_kept_unless_overwrite(tmp_path):
     target.mkdir()
     with new_folder(target) as folder:  # empty: as good as none
         (folder / "one").touch()
-    with pytest.raises(UserError, match="not empty.*--overwrite"), new_folder(target):
+    with pytest.raises(UserError, match="not empty.*overwrite"), new_folder(target):
         pass
     with new_folder(target, overwrite=True) as folder:
         (folder / "two").touch()
@@ -113,7 +113,7 @@ def test_permissions_follow_the_users_umask(tmp_path):
 def test_text_and_bytes(tmp_path):
     path = tmp_path / "sub" / "model.yaml"
     assert write_text_atomic(path, "ä\n") == path and path.read_bytes() == "ä\n".encode()
-    with pytest.raises(UserError, match="--overwrite"):
+    with pytest.raises(UserError, match="overwrite"):
         write_text_atomic(path, "b")
     write_bytes_atomic(path, b"\x00", overwrite=True)
     assert path.read_bytes() == b"\x00"
@@ -238,7 +238,7 @@ def test_killed_in_the_act_of_replacing_the_old_result_comes_back(tmp_path):
     with new_folder(target) as folder:
         (folder / "x").write_text("old")
     os.replace(target, tmp_path / ".out.01234567.old")
-    with pytest.raises(UserError, match="--overwrite"), new_folder(target):
+    with pytest.raises(UserError, match="overwrite"), new_folder(target):
         pass
     assert (target / "x").read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["out"]
     (tmp_path / ".out.76543210.old").mkdir()  # killed before it had cleared up

@@ -217,5 +217,5 @@ def test_the_memory_of_a_ring_is_known_before_it_is_taken(monkeypatch, tmp_path)
     assert available(tmp_path) == 150_000  # of the group above, whose files' pages would go
     monkeypatch.setattr("vispeg.learn.experience.replay.available", lambda: available(tmp_path))
     assert "of 0.14 MiB that are free" in afford(40, space, action, "--replay", "replay")
-    with pytest.raises(UserError, match=r"--replay: replay of 400 entries: .* free; expected \d+ or less"):
+    with pytest.raises(UserError, match=r"replay: replay of 400 entries: .* free; expected \d+ or less"):
         afford(400, space, action, "--replay", "replay")

@@ -52,7 +52,7 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
 
 def test_a_guess_is_confirmed_or_nothing_is_written(tmp_path, monkeypatch, capsys):
     file = write_table(tmp_path / "log.csv", STYLES["plotjuggler"][0])
-    with pytest.raises(UserError, match="must be confirmed.*--yes.*--save-map"):
+    with pytest.raises(UserError, match="must be confirmed.*yes.*save_map"):
         Args(file, "iiwa14", tmp_path / "rig", guess=True).run()
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)

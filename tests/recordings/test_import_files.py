@@ -138,7 +138,7 @@ def test_what_cannot_be_converted(tmp_path):
         (tmp_path / "log.xlsx").touch()
         with pytest.raises(UserError, match=words):
             Args(tmp_path / source, "iiwa14", tmp_path / "out").run()
-    with pytest.raises(UserError, match="--topic is for bags"):
+    with pytest.raises(UserError, match="topic is for bags"):
         Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", topic="/a").run()
     assert not (tmp_path / "out").exists()
 
@@ -211,7 +211,7 @@ def test_a_unit_that_cannot_be_true_is_refused_and_can_be_insisted_on(tmp_path, 
     lines = [f"{c}: {{column: {c}, unit: {units[c.split('.')[0]]}}}" for c in columns if c.split(".")[0] in units]
     (tmp_path / "map.yaml").write_text("\n".join([*lines, "recording: {joints: [joint1, joint2]}"]))
     given = {"map": tmp_path / "map.yaml", "torque_sensor": "joint"}
-    with pytest.raises(UserError, match=f"a unit cannot be true: .*{words}.*--insist"):
+    with pytest.raises(UserError, match=f"a unit cannot be true: .*{words}.*insist"):
         Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", **given).run()
     assert not (tmp_path / "out").exists()
     assert Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", insist=True, **given).run() == 0

@@ -138,7 +138,7 @@ def test_joints_under_other_names(tmp_path):
 
 def test_a_topic_is_chosen_only_where_there_is_one(tmp_path):
     path = bag(tmp_path / "run", "db3", made(30))
-    with pytest.raises(UserError, match="several topics.*--topic.*/command, /joint_states"):
+    with pytest.raises(UserError, match="several topics.*topic.*/command, /joint_states"):
         import_rosbag(path, "iiwa14", JOINTS)
     assert import_rosbag(path, "iiwa14", JOINTS, topics=Topics(command="/command")).q_cmd is not None
     with pytest.raises(UserError, match="did you mean '/joint_states'"):

@@ -127,7 +127,7 @@ def test_a_curriculum_widens_that_setting(catch):
     assert Curriculum(course, 0.8).settings({"stack": 1}) == {"stack": 1, "play_mm": 2.0}
     with pytest.raises(UserError, match=r"widest first, above the 0\.5 mm"):
         stages((0.2,), (), config)
-    with pytest.raises(UserError, match="--curriculum: this task has no tolerance"):
+    with pytest.raises(UserError, match="curriculum: this task has no tolerance"):
         stages((2.0,), (), kind_of({"name": "catch:Bare"})())
     file = catch.parent / "config.yaml"
     TrainConfig("catch-state", stages=course).write(file)

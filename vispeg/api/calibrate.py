@@ -27,7 +27,7 @@ from vispeg.report.text.summary import Block
 from vispeg.report.write import write_json
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CalibrationResult(Result):
     """A calibrated camera; intervals are of 95 %.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,8 +36,11 @@ from vispeg.worlds.world import World
 
 UNSEEN = f"frames are compared with a cell, as {OPEN_CELL} is, or with a robot's file that shows more than its arm"
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class ComparisonResult(Result):
     """How far a model is off.
 
@@ -51,6 +54,7 @@ class ComparisonResult(Result):
     arrays: Mapping[str, np.ndarray] = field(repr=False)
     sources: tuple[str | Path, ...] = ()
     holds = "comparison"
+    tables = ("joints", "channels", "ladder")
 
     @property
     def error(self) -> float:
@@ -67,6 +71,21 @@ class ComparisonResult(Result):
     def summary(self) -> list[Block]:
         """The error in words and joint by joint."""
         return comparison_summary(self.record)
+
+    def plot(self, recording: int = 0) -> Figure:
+        """Draw measured values, the model's, and their difference of one recording, a row a joint; see `Result.plot`.
+
+        Args:
+            recording: its number.
+        """
+        from vispeg.report.drawings.figures import WIDE
+        from vispeg.report.evidence import evidence_of
+        from vispeg.report.sections.measured_vs_model import trace_figure
+
+        evidence = evidence_of(self.arrays)
+        if recording >= len(evidence.traces):
+            return super().plot()
+        return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
 
     def _write(self, folder: Path) -> None:
         write_comparison(folder, dict(self.record), dict(self.arrays))

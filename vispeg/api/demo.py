@@ -34,7 +34,7 @@ class Hidden(TypedDict):
     params: dict[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Demonstration(Result):
     """A diagnosis of bundled recordings, beside what was hidden in the robot that made them.
 

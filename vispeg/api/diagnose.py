@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,8 +32,11 @@ from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import finite, write_diagnosis
 from vispeg.worlds.world import World
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class DiagnosisResult(Result):
     """What a model lacks; every error is on the held-out recordings.
 
@@ -51,6 +55,7 @@ class DiagnosisResult(Result):
     sources: tuple[str | Path, ...] = ()
     _progress: Progress | None = field(default=None, repr=False)
     holds = "diagnosis"
+    tables = ("effects", "ladder")
 
     @property
     def verdict(self) -> str:
@@ -67,6 +72,15 @@ class DiagnosisResult(Result):
     def summary(self) -> list[Block]:
         """The verdict, the fall of the error, the effects with their intervals, and what to do next."""
         return diagnosis_summary(self.record)
+
+    def plot(self) -> Figure:
+        """Draw how the error falls from model to model, with the noise floor; see `Result.plot`."""
+        from vispeg.report.drawings.ladder import ladder_figure
+        from vispeg.report.evidence import Evidence
+        from vispeg.report.record import Record
+
+        figure = ladder_figure(Record("diagnosis", self.record, Evidence()))
+        return super().plot() if figure is None else figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
         """Writes diagnosis.json, evidence.npz, model.yaml, report.html and the next motion; see `Result.save`."""

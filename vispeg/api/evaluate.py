@@ -23,6 +23,7 @@ class EvaluationResult(Played):
     """Success of each policy with its interval, how long it takes, how hard it pushes, how it fails; see `Played`."""
 
     command = holds = "evaluate"
+    tables = ("success",)
 
     @property
     def summary(self) -> list[Block]:

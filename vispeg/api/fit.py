@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,8 +38,11 @@ from vispeg.worlds.world import World
 
 Watch = Callable[[int, Trace], None]
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class FitResult(Result):
     """Fitted effects.
 
@@ -58,11 +61,21 @@ class FitResult(Result):
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     _checkpoint: Checkpoint | None = field(default=None, repr=False)
     holds = "fit"
+    tables = ("effects",)
 
     @property
     def summary(self) -> list[Block]:
         """Errors before and after, values with intervals, and every doubt there is about them."""
         return fit_summary(self.record)
+
+    def plot(self) -> Figure:
+        """Draw how the error falls from model to model, with the noise floor; see `Result.plot`."""
+        from vispeg.report.drawings.ladder import ladder_figure
+        from vispeg.report.evidence import Evidence
+        from vispeg.report.record import Record
+
+        figure = ladder_figure(Record("fit", self.record, Evidence()))
+        return super().plot() if figure is None else figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
         """Writes fit.json, evidence.npz, model.yaml and report.html; see `Result.save`."""

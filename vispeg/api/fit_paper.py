@@ -26,7 +26,7 @@ from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PaperFit(Result):
     """Link masses, damping and gravity fitted to the flange's path.
 

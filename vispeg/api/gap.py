@@ -30,6 +30,7 @@ class GapResult(Played):
     """What each policy loses from the training world to the others, with intervals; see `Played`."""
 
     command = holds = "gap"
+    tables = ("success",)
 
     @property
     def summary(self) -> list[Block]:

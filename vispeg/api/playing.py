@@ -32,7 +32,7 @@ def silent(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[runner.W
     return nullcontext(lambda new, done, total: None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Played(Result):
     """Episodes and what they say.
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.report.text.summary import Block, html, print_summary
 from vispeg.report.text.tables import PIPED
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 
 class Result(ABC):
@@ -17,10 +22,12 @@ class Result(ABC):
 
     Attributes:
         holds: the kind of folder that `save` writes, see `vispeg.core.marker`.
+        tables: keys of `record` that hold its rows; `to_pandas` gives the first that is not empty.
         sources: files and folders that were read; `save` replaces none of them.
     """
 
     holds: ClassVar[str]
+    tables: ClassVar[tuple[str, ...]] = ()
     sources: Sequence[str | Path] = ()
 
     @property
@@ -41,6 +48,34 @@ class Result(ABC):
         with new_folder(out, overwrite=overwrite, holds=self.holds, inputs=self.sources) as folder:
             self._write(folder)
         return Path(out)
+
+    def plot(self) -> Figure:
+        """Return the main picture of the result's page as a matplotlib figure.
+
+        Raises:
+            UserError: the result has none; the page that `save` writes shows what there is.
+        """
+        raise UserError("this result has no single picture", expected="the page that save(folder) writes")
+
+    def to_pandas(self) -> DataFrame:
+        """Return the main table of `record` as a pandas.DataFrame, a row an entry; nested values are flattened.
+
+        Raises:
+            UserError: pandas is not installed, or this result has no table.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise UserError("a table needs pandas", expected="pip install pandas") from error
+        record = cast("Mapping[str, Any]", getattr(self, "record", {}))
+        name = next((name for name in self.tables if record.get(name)), None)
+        if name is None:
+            raise UserError("this result has no table", got=type(self).__name__)
+        return pandas.json_normalize([*record[name]])
+
+    def __repr__(self) -> str:
+        first = next((line for line in str(self).splitlines() if line.strip()), "")
+        return f"<{type(self).__name__}: {first.strip()}>"
 
     def _repr_html_(self) -> str:
         return html(self.summary)

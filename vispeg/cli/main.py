@@ -61,8 +61,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     went away.
     """
     warnings.showwarning = _note
-    with _terminable() as stopped:
-        code = _main([*(sys.argv[1:] if argv is None else argv)])
+    UserError.in_command = True
+    try:
+        with _terminable() as stopped:
+            code = _main([*(sys.argv[1:] if argv is None else argv)])
+    finally:
+        UserError.in_command = False
     return EXIT_TERMINATED if stopped and code == EXIT_INTERRUPT else code
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import ClassVar
 
 MANY = 30  # choices beyond which only the nearest are listed
 NEAREST = 5
+FLAG = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*)")
 
 
 class UserError(Exception):
@@ -22,7 +25,11 @@ class UserError(Exception):
         choices: the legal values; the one nearest to `got` is suggested, and of very many only a few near ones listed.
         see: how to get at all the choices, such as a command.
         meant: the choice to suggest where spelling does not tell it.
+
+    An option of a command is written `--hold-out`; from Python it is shown as the argument `hold_out`.
     """
+
+    in_command: ClassVar[bool] = False  # whether a command line is what the user typed; `vispeg.cli.main` sets it
 
     def __init__(
         self,
@@ -50,6 +57,17 @@ class UserError(Exception):
             text += f"; {_listed(str(got), self.choices)}"
             text += f"; {see}" if see else ""
         super().__init__(_printable(" ".join(text.split())))
+
+    def __str__(self) -> str:
+        text = str(self.args[0])
+        return text if self.in_command else _as_arguments(text)
+
+
+def _as_arguments(text: str) -> str:
+    """Name options as the arguments that they are in Python; commands in backticks stay as they are typed."""
+    parts = text.split("`")
+    parts[::2] = [FLAG.sub(lambda m: m[1].replace("-", "_"), part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def _listed(got: str, choices: tuple[str, ...]) -> str:

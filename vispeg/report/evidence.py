@@ -142,6 +142,11 @@ def load_evidence(path: Path) -> Evidence:
         return replace(_Reader(path, arrays).evidence(), rooms=each)
 
 
+def evidence_of(arrays: Mapping[str, np.ndarray]) -> Evidence:
+    """Return the evidence in arrays that are named as in `evidence.npz`."""
+    return _Reader(Path("evidence.npz"), dict(arrays)).evidence()
+
+
 class _Reader:
     """Checks shapes against each other while it picks the arrays apart."""
 

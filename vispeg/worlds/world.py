@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
 from vispeg.recordings.cell import CellBelief
 
 
@@ -26,9 +27,24 @@ class World:
     effects: tuple[EffectInstance, ...] = ()
     cell: CellBelief | None = None
 
-    def add(self, *effects: EffectInstance) -> World:
-        """This world with effects added; one at the same place replaces its predecessor."""
-        new = {(e.effect, e.where): e for e in (*self.effects, *effects)}
+    def add(self, *effects: EffectInstance | str, **values: float) -> World:
+        """Return this world with effects added; one at the same place replaces its predecessor.
+
+        Args:
+            effects: instances; or the name of one effect and its place, as in `add("payload", "flange", mass=1.2)`.
+            values: of that one effect; what is not stated is null.
+
+        Raises:
+            UserError: no such effect or parameter, or a name without a place.
+        """
+        placed = [e for e in effects if isinstance(e, EffectInstance)]
+        names = [e for e in effects if isinstance(e, str)]
+        if names and (placed or len(names) != 2) or values and not names:
+            expected = 'add("coulomb_friction", "joint4", torque=1.3), or instances of EffectInstance'
+            raise UserError("one effect by its name and its place", expected=expected, got=effects)
+        if names:
+            placed = [EffectInstance.of(*names, **values)]
+        new = {(e.effect, e.where): e for e in (*self.effects, *placed)}
         return replace(self, effects=tuple(new.values()))
 
     def without(self, effect: str, where: str) -> World:

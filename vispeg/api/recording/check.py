@@ -52,7 +52,7 @@ class Repeated(TypedDict):
     noise_q: list[float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Checks(Result):
     """What recordings are like.
 

@@ -13,7 +13,7 @@ from vispeg.recordings.write import write
 from vispeg.report.text.summary import Block, Line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SimulatedRecording(Result):
     """A recording of a simulated robot.
 

@@ -23,7 +23,7 @@ from vispeg.report.text.summary import Block, Line
 FORMAT = "vispeg-suite-compare/1"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VersionsResult(Result):
     """The health of every version, and what fell or rose from the last but one to the last.
 

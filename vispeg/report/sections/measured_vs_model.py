@@ -112,12 +112,13 @@ def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int 
     """Per joint: overlay on the left (or above), residual (measured - model) on the right (or below)."""
 
     def draw(shape: Shape) -> Figure:
-        return _figure(trace, joints, min(points, NARROW_POINTS) if shape.narrow else points, shape)
+        return trace_figure(trace, joints, min(points, NARROW_POINTS) if shape.narrow else points, shape)
 
     return chart(draw, name, trace_title(trace, joints))
 
 
-def _figure(trace: Trace, joints: tuple[str, ...], points: int, shape: Shape) -> Figure:
+def trace_figure(trace: Trace, joints: tuple[str, ...], points: int, shape: Shape) -> Figure:
+    """Draw measured values and both models on the left, their residuals on the right, a row a joint or axis."""
     n, columns = len(joints), 1 if shape.narrow else 2
     figure = new_figure(0.75 + 1.84 * n / columns, shape.width)
     grid = figure.subplots(2 * n // columns, columns, sharex=True, squeeze=False).reshape(n, 2)

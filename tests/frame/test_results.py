@@ -1,0 +1,67 @@
+"""A result in Python: opened again it is what was saved, short to print, a picture and a table; errors name arguments."""
+
+import numpy as np
+import pytest
+
+import vispeg
+from vispeg.core.assets import assets
+
+RIGS = assets() / "recordings"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Kind -> (result, folder it was saved in)."""
+    out = tmp_path_factory.mktemp("results")
+    world = vispeg.World("iiwa14").add("payload", "flange", mass=0.5)
+    rigs = [vispeg.load_recording(RIGS / name, seconds=3) for name in ("rig-a", "rig-c")]
+    made = {
+        "compare": vispeg.compare(world, rigs[0], threads=1),
+        "fit": vispeg.fit("iiwa14", rigs[0], ["coulomb_friction:joint4"], rigs[1], iterations=2, threads=1),
+        "evaluate": vispeg.evaluate("expert", episodes=2),
+    }
+    return {kind: (result, result.save(out / kind)) for kind, result in made.items()}
+
+
+@pytest.mark.parametrize("kind", ["compare", "fit", "evaluate"])
+def test_a_saved_result_is_opened_again(results, kind):
+    result, folder = results[kind]
+    again = vispeg.load(folder)
+    assert type(again) is type(result) and str(again) == str(result)
+    assert len(repr(result)) < 200 and repr(result).startswith(f"<{type(result).__name__}: ")
+    table = again.to_pandas()
+    assert len(table) and table.equals(result.to_pandas())
+    if kind == "fit":
+        assert [e.label for e in again.effects] == [e.label for e in result.effects] == ["coulomb_friction(joint4)"]
+
+
+def test_pictures_of_results(results):
+    figure = results["compare"][0].plot()
+    lines = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 10]
+    measured = results["compare"][0].arrays["0/measured"][:, 0]
+    assert any(np.isclose(np.nanmax(line.get_ydata()), measured.max(), atol=1e-3) for line in lines)
+    assert results["fit"][0].plot().axes
+    with pytest.raises(vispeg.UserError, match="save"):
+        results["evaluate"][0].plot()
+
+
+def test_a_world_takes_an_effect_by_its_name():
+    by_name = vispeg.World("iiwa14").add("coulomb_friction", "joint4", torque=1.3)
+    assert by_name.values == {"coulomb_friction(joint4)": {"torque": 1.3}}
+    for bad in (("coulomb_friction",), ("coulomb_friction", "joint4", "joint5")):
+        with pytest.raises(vispeg.UserError, match="name and its place"):
+            vispeg.World("iiwa14").add(*bad)
+    with pytest.raises(vispeg.UserError, match="coulomb_friction"):
+        vispeg.World("iiwa14").add("coulomb_frictoin", "joint4")
+
+
+def test_errors_name_arguments_in_python_and_options_in_commands(tmp_path, capsys):
+    from vispeg.cli.main import main
+
+    with pytest.raises(vispeg.UserError, match="^validate: .*hold_out 0.3") as error:
+        vispeg.diagnose("iiwa14", RIGS / "rig-a")
+    assert "--" not in str(error.value)
+    assert main(["diagnose", "iiwa14", "--recording", str(RIGS / "rig-a"), "--out", str(tmp_path / "d")]) == 2
+    assert "--validate: " in capsys.readouterr().err
+    with pytest.raises(vispeg.UserError, match="^validate"):
+        vispeg.diagnose("iiwa14", RIGS / "rig-a")

@@ -1,0 +1,51 @@
+"""`vispeg.load`: a result that was saved, as the function that made it gave it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from vispeg.api.compare import ComparisonResult
+from vispeg.api.diagnose import DiagnosisResult
+from vispeg.api.evaluate import EvaluationResult
+from vispeg.api.fit import FitResult
+from vispeg.api.gap import GapResult
+from vispeg.api.result import Result
+from vispeg.core.errors import UserError
+from vispeg.evaluation.records import read as read_episodes
+from vispeg.evaluation.runner import EPISODES
+from vispeg.formats.arrays import read_arrays
+from vispeg.formats.json_data import read_json
+from vispeg.worlds.model_file import load_model
+
+RECORDS = ("diagnosis", "compare", "fit", "evaluate", "gap")
+
+
+def load(folder: str | Path) -> Result:
+    """Open the folder of a diagnosis, a comparison, a fit, an evaluation or a gap.
+
+    Args:
+        folder: as `save` or the command of the same name wrote it.
+
+    Raises:
+        UserError: none of them is there, or a file of it is damaged.
+    """
+    place = Path(folder)
+    kind = next((name for name in RECORDS if (place / f"{name}.json").is_file()), None)
+    if kind is None:
+        raise UserError("no result", file=place, expected=f"a folder with one of {', '.join(RECORDS)} as .json")
+    record: dict[str, Any] = read_json(place / f"{kind}.json")
+    if kind in ("evaluate", "gap"):
+        made = EvaluationResult if kind == "evaluate" else GapResult
+        media = read_json(place / "media.json") if (place / "media.json").is_file() else []
+        return made(record, tuple(read_episodes(place / EPISODES)), tuple(media))
+    evidence = place / "evidence.npz"
+    arrays = read_arrays(evidence) if evidence.is_file() else {}  # results of contact alone may have none
+    if kind == "compare":
+        return ComparisonResult(record, arrays)
+    world = load_model(place / "model.yaml")
+    named = {(e["effect"], e["where"]) for e in record["effects"]}
+    effects = tuple(e for e in world.effects if (e.effect, e.where) in named)
+    if kind == "fit":
+        return FitResult(record, world, effects, arrays=arrays)
+    return DiagnosisResult(record, world, arrays, effects)  # type: ignore[arg-type]  # the record is the file's
