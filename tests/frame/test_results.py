@@ -1,4 +1,4 @@
-"""A result in Python: opened again it is what was saved, short to print, a picture and a table; errors name arguments."""
+"""A result in Python: opened again it is what was saved; short to print, drawn, tabulated; errors name arguments."""
 
 import numpy as np
 import pytest

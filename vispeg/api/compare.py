@@ -78,14 +78,15 @@ class ComparisonResult(Result):
         Args:
             recording: its number.
         """
-        from vispeg.report.drawings.figures import WIDE
+        from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.evidence import evidence_of
         from vispeg.report.sections.measured_vs_model import trace_figure
 
         evidence = evidence_of(self.arrays)
         if recording >= len(evidence.traces):
             return super().plot()
-        return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
+        with styled(WIDE):
+            return trace_figure(evidence.traces[recording], evidence.joints, 1500, WIDE)
 
     def _write(self, folder: Path) -> None:
         write_comparison(folder, dict(self.record), dict(self.arrays))

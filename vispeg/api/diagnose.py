@@ -75,11 +75,13 @@ class DiagnosisResult(Result):
 
     def plot(self) -> Figure:
         """Draw how the error falls from model to model, with the noise floor; see `Result.plot`."""
+        from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.drawings.ladder import ladder_figure
         from vispeg.report.evidence import Evidence
         from vispeg.report.record import Record
 
-        figure = ladder_figure(Record("diagnosis", self.record, Evidence()))
+        with styled(WIDE):
+            figure = ladder_figure(Record("diagnosis", self.record, Evidence()))
         return super().plot() if figure is None else figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
