@@ -19,11 +19,14 @@ from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import not_excited
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
+from vispeg.diagnosis.pictures.run import _joints_said
 from vispeg.diagnosis.pictures.spread import of_form, widened
 from vispeg.diagnosis.pictures.verdict import decide
 from vispeg.identify.fit import Fit
 from vispeg.identify.motions.look_motion import look_motion
+from vispeg.identify.pictures.evidence import ROBOT
 from vispeg.identify.pictures.nuisance import Whitener
+from vispeg.identify.pictures.posture import LOOSE
 from vispeg.identify.space import Space
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
@@ -146,6 +149,39 @@ def test_a_short_rolling_shutter_is_no_error_of_the_arm_and_lies_in_its_interval
     readout = placed.params["readout"]
     assert placed.effect == "rolling_shutter" and readout.low < 0.015 < readout.high < 0.02
     assert found.record["views"]["robot_rad"] < 3e-4
+
+
+def smeared(rec: Recording, px: float = 1.0) -> Recording:
+    """The pictures through grease on the middle of the lens: softer, paler, and displaced by `px` at most."""
+    import cv2
+
+    out = []
+    for frame in rec.frames:
+        height, width = frame.rgb.shape[:2]
+        v, u = np.mgrid[:height, :width].astype(np.float32)
+        drop = np.exp(-((u - 0.6 * width) ** 2 + (v - 0.5 * height) ** 2) / (0.22 * width) ** 2).astype(np.float32)
+        soft = 0.8 * cv2.GaussianBlur(frame.rgb, (0, 0), 1.5).astype(np.float32) + 35
+        image = frame.rgb * (1 - drop[..., None]) + drop[..., None] * soft
+        image = cv2.remap(image.astype(np.float32), u + px * drop, v + 0.5 * px * drop, cv2.INTER_LINEAR)
+        out.append(replace(frame, rgb_source=np.clip(np.rint(image), 0, 255).astype(np.uint8)))
+    return replace(rec, frames=replace(rec.frames, frames=tuple(out)))
+
+
+@pytest.mark.slow
+def test_a_smear_on_the_lens_is_no_error_of_the_joints():
+    record = diagnose(CELL, *([smeared(pictured(seed, frames=8))] for seed in (3, 4))).record
+    assert record["verdict"] == "unexplained", record["reason"]
+
+
+def test_what_the_joints_are_taken_to_be_off_by_is_said_beside_their_noise():
+    rec = Recording(
+        Path("x"), "iiwa14", SCENE.joints, 100.0, Control(), np.zeros(2), np.zeros((2, 7)), noise={"q": 2e-5}
+    )
+    assert _joints_said(1.0e-3, [rec]).endswith(
+        "1 mrad off in each frame (1 sigma), by the pictures alone: 50 times the encoders' stated noise"
+    )
+    assert "stated" not in _joints_said(1.0e-3, [replace(rec, noise={})]) and _joints_said(0.0, [rec]) == ""
+    assert max(ROBOT) == LOOSE  # no more than an arm errs that nobody calibrated
 
 
 @pytest.mark.slow
