@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +37,8 @@ from vispeg.evaluation.table import BLIND, Cell, Table
 
 FORMAT = "vispeg-gap/2"
 NO_BLIND = f"no blind control: add a {BLIND} policy"
+SHARED = "What policies lose, one against another, and how they fail share the 5 % alike."
+RULE = f"{statistics.RULE} {SHARED}"
 Key = tuple[str, ...]  # of a question: its kind, then policies, worlds, categories
 
 
@@ -76,7 +78,7 @@ def gap(
     targets, policies = order[1:], table.policies
     home = {p: [w for w in order if table.hashes[w] and table.hashes[w] in at] for p, at in (homes or {}).items()}
     asked = _Asked.of(table, order, [joint, *factors] if joint else [], scripted, seed)
-    decided = statistics.decide(asked.tests)
+    decided = statistics.decide(weighed(asked.tests))
     measures = _measures(asked, decided)
     said = [f"{row['policy']} in {row['world']}: {row['words']}" for row in measures]
     return {
@@ -100,7 +102,7 @@ def gap(
         "categories": _partings(asked, decided),
         "measures": measures,
         "notes": [*_notes(table, decided, order, scripted), *notes, *said],
-        "rule": statistics.RULE,
+        "rule": RULE,
     }
 
 
@@ -172,6 +174,21 @@ class _Asked:
             self.measured[policy, world] = compare_measures(first, second)
             for m in self.measured[policy, world]:
                 self.tests["measure", policy, world, m.name] = Hypothesis(m.p)
+
+
+def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesis | Difference]:
+    """Let the three questions of a page, what policies lose, one against another, and how they fail, share its 5 %.
+
+    They share alike, for pairs grow with the square of policies and would leave the losses next to nothing.
+    """
+    question = {"beyond": "gap", "measure": "failures"}
+    whole: Counter[str] = Counter()
+    for key, test in tests.items():
+        whole[question.get(key[0], key[0])] += test.weight * (test.p is not None)
+    return {
+        key: replace(test, weight=test.weight / whole[question.get(key[0], key[0])] if test.p is not None else 1.0)
+        for key, test in tests.items()
+    }
 
 
 def _beyond(y: Mapping[str, np.ndarray], reference: str, joint: str, factors: Sequence[str]) -> np.ndarray:
