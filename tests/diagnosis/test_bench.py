@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benches import HOME, write_bench, write_motion
 from resuming import resumed
+from typed_record import mistakes
 
 import vispeg
 from vispeg.api.compare import compare
@@ -19,6 +20,7 @@ from vispeg.api.inputs import read_model
 from vispeg.api.recording.check import check
 from vispeg.api.recording.record import record
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.schema import ComparisonRecord
 from vispeg.recordings.load import load as load_recording
 from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
@@ -90,7 +92,8 @@ def test_angles_and_pictures_alone_are_compared_and_checked(tmp_path):
     nominal, right = (compare(tmp_path / name, log).record for name in ("lab.xml", "found.yaml"))
     off = [r["pictures"]["cameras"][0]["border_median_px"] for r in (nominal, right)]
     assert off[0] > 1.0 and off[1] < 0.25
-    assert nominal["ladder"][0]["unit"] == "px RMS" and "joints" not in nominal
+    assert nominal["ladder"][0]["unit"] == "px RMS" and mistakes(ComparisonRecord, nominal) == []
+    assert "noise floor" not in str(compare(tmp_path / "lab.xml", log)), "nothing is known of it"
     checked = check([log]).record["recordings"][0]["cameras"][0]
     assert checked["mount"] == "flange" and checked["coverage"] > 0.3
     assert compare(tmp_path / "lab.xml", log).save(tmp_path / "compared").joinpath("report.html").is_file()

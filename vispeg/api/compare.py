@@ -58,14 +58,16 @@ class ComparisonResult(Result):
 
     @property
     def error(self) -> float:
-        """RMS error over all joints, rad; N m where the recordings are compared by torque; NaN where all diverged."""
+        """RMS error over all joints, rad; N m where compared by torque, px of borders where by pictures
+        alone; NaN where all diverged.
+        """
         error = self.record["ladder"][-1]["heldout_error"]
         return float("nan") if error is None else error
 
     @property
     def noise_floor(self) -> float:
-        """RMS of the sensor noise, in the unit of `error`."""
-        return self.record["noise_floor"]["value"]
+        """RMS of the sensor noise, in the unit of `error`; NaN where only pictures are compared, whose is not known."""
+        return self.record["noise_floor"]["value"] if "noise_floor" in self.record else float("nan")
 
     @property
     def summary(self) -> list[Block]:
@@ -153,7 +155,6 @@ def _seen_alone(inputs: Inputs) -> ComparisonRecord:
     return {
         "format": "vispeg-compare/1",
         "ladder": [rung],
-        "noise_floor": {"value": None, "unit": "px RMS", "from": ""},
         "recordings": {"fit": [], "validate": names},
         "notes": [note],
     }

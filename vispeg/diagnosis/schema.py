@@ -187,7 +187,7 @@ class ComparisonRecord(TypedDict):
 
     format: str
     ladder: list[Rung]
-    noise_floor: NoiseFloor
+    noise_floor: NotRequired[NoiseFloor]
     chi2: NotRequired[float]
     joints: NotRequired[list[JointError]]
     diverged: NotRequired[list[Lost]]

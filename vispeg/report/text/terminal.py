@@ -154,12 +154,13 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
     """The error in words, joint by joint, and where it arises."""
     out: list[Block] = [Line(said) for said in words.diverged(comparison)]
-    out += [Line(words.fall(comparison)), joints_table(comparison)]
+    joints = rows(comparison, "joints")
+    out += [Line(words.fall(comparison)), *([joints_table(comparison)] if joints else [])]
     worst = [
         f"{r.get('joint')}, {r.get('regime')} ({100 * r['share']:.0f} %)" for r in rows(comparison, "where_it_fails")
     ]
-    near = comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2
-    if near and all(float(row.get("times_floor") or 0.0) <= words.NEAR_FLOOR for row in rows(comparison, "joints")):
+    near = bool(joints) and comparison.get("chi2", 0.0) <= words.NEAR_FLOOR**2
+    if near and all(float(row.get("times_floor") or 0.0) <= words.NEAR_FLOOR for row in joints):
         whose = "the model of the arm" if camera_words.cameras(comparison) else "the model"
         out.append(Line(f"{whose} is at the noise floor everywhere"))
     elif worst:
