@@ -79,17 +79,38 @@ def left_over(
     return sorted(out, key=lambda x: -x.share)
 
 
-def standing(geometry: Geometry, some: Sequence[tuple[Sight, Points]], world: World) -> tuple[float, ...] | None:
-    """(3,) m by which the fixture stands beside its place in a world, in its own axes; None where too little shows it.
+def moved_most(
+    geometry: Geometry,
+    first: Sequence[tuple[Sight, Points]],
+    other: Sequence[tuple[Sight, Points]],
+    world: World,
+) -> tuple[str, float] | None:
+    """Which of the scene's standing things stands elsewhere in two groups of sights, and by how much, mm.
 
     Args:
-        geometry: of the cell.
-        some: sights with their border points, sought in a wide window.
+        geometry: of the scene.
+        first, other: sights with their border points, sought in a wide window.
         world: where everything stands.
+
+    Returns:
+        The thing that moved the most; None where too little shows any of them.
     """
-    fixture, columns, away = geometry.model.body(geometry.scene.fixture).id, [], []
+    model, apart = geometry.model, list[tuple[str, float]]()
+    for name in geometry.scene.things:
+        if model.body_weldid[model.body(name).id] == 0:
+            places = [_standing(geometry, some, world, model.body(name).id) for some in (first, other)]
+            if all(place is not None for place in places):
+                apart.append((name, 1e3 * float(np.linalg.norm(np.subtract(*places)))))  # type: ignore[arg-type]
+    return max(apart, key=lambda thing: thing[1], default=None)
+
+
+def _standing(
+    geometry: Geometry, some: Sequence[tuple[Sight, Points]], world: World, body: int
+) -> tuple[float, ...] | None:
+    """(3,) m by which a body stands beside its place, in its own axes; None where too little shows it."""
+    columns, away = [], []
     for sight, p in some:
-        p = p.only(np.flatnonzero((p.body == fixture) & np.isfinite(p.along)))
+        p = p.only(np.flatnonzero((p.body == body) & np.isfinite(p.along)))
         if len(p.frame):
             here = pixels(geometry, sight, world, p)
             moved = [pixels(geometry, sight, world, replace(p, local=p.local + SMALL * a)) - here for a in np.eye(3)]

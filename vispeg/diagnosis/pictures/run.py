@@ -14,7 +14,7 @@ from vispeg.diagnosis.pictures.excited import border_excitations, motion_between
 from vispeg.diagnosis.pictures.flatness import heights_left
 from vispeg.diagnosis.pictures.halves import compare_halves
 from vispeg.diagnosis.pictures.projection import confounded, projections
-from vispeg.diagnosis.pictures.remainder import left_over, standing
+from vispeg.diagnosis.pictures.remainder import left_over, moved_most
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
@@ -85,8 +85,7 @@ def diagnose_pictures(
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
         bent = heights_left(predictor.geometry, mine, theirs, state.world)
     remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
-    places = [standing(judged.geometry, some, state.world) for some in wide]
-    moved = None if None in places else 1e3 * float(np.linalg.norm(np.subtract(*places)))  # type: ignore[arg-type]
+    moved = moved_most(judged.geometry, *wide, state.world)
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
     n_added = len(state.world.effects) - n_fixed
     of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved)

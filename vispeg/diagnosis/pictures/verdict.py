@@ -16,7 +16,7 @@ from vispeg.identify.pictures.coarse import SHIFTS, TURNS
 from vispeg.identify.pictures.unknowns import FIXED
 
 MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
-MOVED = 3e3 * float(FIXED[0])  # mm, three standard deviations of where a fixture is known to stand
+MOVED = 3e3 * float(FIXED[0])  # mm, three standard deviations of where a thing is known to stand
 LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
 
 
@@ -29,7 +29,7 @@ def decide(
     remainder: Sequence[Left],
     halves: Halves | None,
     lost: float,
-    moved: float | None = None,
+    moved: tuple[str, float] | None = None,
 ) -> Verdict:
     """The verdict.
 
@@ -41,8 +41,8 @@ def decide(
         remainder: what the remainder depends on.
         halves: whether two halves of the views agree.
         lost: share of predicted borders that the held-out pictures have no edge at.
-        moved: mm by which the fixture stands elsewhere in the held-out recordings than in the fitted ones; None where
-            it cannot be seen in both.
+        moved: the thing that stands farthest elsewhere in the held-out recordings than in the fitted ones, and by how
+            much, mm; None where none can be seen in both.
     """
     convincing = [x for x in remainder if _convinces(x)]
     if convincing:
@@ -57,8 +57,8 @@ def decide(
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
         return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
-    if moved is not None and moved > MOVED:
-        text = f"the fixture stands {moved:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
+    if moved is not None and moved[1] > MOVED:
+        text = f"the {moved[0]} stands {moved[1]:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
         return _left(f"{text}: what stands in the cell was moved in between")
     if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
         text = f"borders lie {after:.2f} px from where they are predicted, {after / floor:.1f} times what a right model"
