@@ -213,8 +213,8 @@ def test_what_is_left_is_judged_against_the_floor_whatever_was_found():
     assert decide(0.6, 0.39, floor, 1, [], left, None, 0.1).verdict == "unexplained"
     assert decide(5.0, 0.39, floor, 1, [], left, None, 0.1).verdict == "identified"  # of an error forty times the floor
     assert decide(0.6, 0.16, floor, 1, [], left, None, 0.1).verdict == "identified"
-    between = decide(0.12, 0.12, floor, 0, [], left, None, 0.1, 5.2)
-    assert "the fixture stands 5.2 mm elsewhere in the held-out recordings" in between.reason
+    between = decide(0.12, 0.12, floor, 0, [], left, None, 0.1, ("parcel", 5.2))
+    assert "the parcel stands 5.2 mm elsewhere in the held-out recordings" in between.reason
 
 
 def test_whitening_is_the_inverse_root_of_the_covariance():
