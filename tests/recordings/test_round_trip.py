@@ -9,6 +9,7 @@ import pytest
 from made import recording
 
 from vispeg.core.errors import UserError
+from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.load import load
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.write import write
@@ -78,3 +79,12 @@ def test_a_failed_write_leaves_nothing(tmp_path):
     with pytest.raises(UserError, match="wrong shape"):
         write(recording(20, q=np.zeros((19, 2))), tmp_path / "r")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_not_known_of_a_controller_is_not_stated(tmp_path):
+    """A log of an unknown controller says neither how gravity was held nor that there was no tool."""
+    rec = recording(30, control=Control("unknown", 100.0), torque_sensor="joint", tau_cmd=None, q_cmd=None, dq_cmd=None)
+    write(rec, tmp_path / "rec")
+    head = read_yaml(tmp_path / "rec" / "recording.yaml")
+    assert "gravity_compensation" not in head["control"] and "tool" not in head
+    assert load(tmp_path / "rec").control == rec.control

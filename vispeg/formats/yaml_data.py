@@ -7,6 +7,7 @@ built. Dates stay text; aliases are written out.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -50,13 +51,21 @@ def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
     return data
 
 
+class _Words(yaml.SafeLoader):
+    """Know what a bare word means; `3e-5` is a number, as in YAML 1.2 (PyYAML follows 1.1, which wants `3.0e-5`)."""
+
+
+EXPONENT = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)[eE][-+]?\d+$")
+_Words.add_implicit_resolver(CORE + "float", EXPONENT, [*"-+.0123456789"])
+
+
 class _Builder:
     """Values from events; `room` is how many more there may be."""
 
     def __init__(self, text: str, file: str | Path):
         self.file, self.room, self.line = file, VALUES, 1
         self.events: Iterator[yaml.Event] = yaml.parse(text, Loader=PARSER)
-        self.words = yaml.SafeLoader("")  # knows what a bare word means
+        self.words = _Words("")
         self.anchors: dict[str, tuple[Any, int]] = {}  # the value and how many it stands for; 0: not yet complete
 
     def document(self) -> Any:

@@ -20,6 +20,7 @@ from gymnasium import spaces
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB
+from vispeg.formats.json_data import parse_json
 
 LARGEST = 2000 * MB  # of a part of the file, unpacked
 BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  # as gymnasium writes a Dict's parts
@@ -38,7 +39,7 @@ def opened(path: Path) -> Any:
             for part in ("data", "policy.pth"):
                 if archive.getinfo(part).file_size > LARGEST:
                     raise UserError("is too large", file=path, key=part)
-            data, weights = json.loads(archive.read("data")), archive.read("policy.pth")
+            data, weights = parse_json(archive.read("data"), path, "data", finite=False), archive.read("policy.pth")
         kind, kwargs = data["policy_class"], data["policy_kwargs"]
         module, name = str(kind["__module__"]), str(kind["__init__"]).split()[1].partition(".")[0]
         parts = BOX.findall(str(data["observation_space"]["spaces"]))

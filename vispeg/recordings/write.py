@@ -100,10 +100,11 @@ def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
         "joints": list(rec.joints),
         "rate_hz": float(rec.rate_hz),
         "control": _control(rec.control),
-        "tool": _plain(rec.tool) if rec.tool is not None else "none",
         "base": {"tilt_rad": [float(angle) for angle in rec.base_tilt]},
         "torque_sensor": rec.torque_sensor,
     }
+    if rec.tool is not None or rec.control.mode != "unknown":  # where nothing is known, nothing is stated
+        head["tool"] = _plain(rec.tool) if rec.tool is not None else "none"
     if rec.noise:
         head["noise"] = _plain(rec.noise)
     if rec.cell is not None:
@@ -132,7 +133,8 @@ def _robot(robot: str, folder: Path) -> str:
 
 def _control(control: Control) -> Mapping[str, object]:
     out: dict[str, object] = {"mode": control.mode, "rate_hz": float(control.rate_hz)}
-    out["gravity_compensation"] = control.gravity_compensation
+    if control.mode != "unknown" or control.gravity_compensation != "none":
+        out["gravity_compensation"] = control.gravity_compensation
     out |= {name: _plain(gains) for name in ("kp", "kd") if (gains := getattr(control, name)) is not None}
     if control.nullspace is not None:
         null = control.nullspace
