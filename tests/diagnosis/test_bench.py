@@ -128,6 +128,7 @@ def test_a_cell_has_the_models_robot(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # several diagnoses of pictures
 def test_a_cameras_error_is_named_and_fitted(tmp_path):
     first, other = (bare(tmp_path, recorded(tmp_path, n, p, fps=2.0)) for n, p in (("a", 0.3), ("b", 1.1)))
     found = vispeg.diagnose(tmp_path / "lab.xml", first, other)
@@ -140,6 +141,7 @@ def test_a_cameras_error_is_named_and_fitted(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # several diagnoses of pictures
 def test_a_killed_diagnosis_of_joints_and_pictures_goes_on(tmp_path):
     both = recorded(tmp_path, "a", 0.3), recorded(tmp_path, "b", 1.1)
     resumed(tmp_path / "lab.xml", both, tmp_path, "looking for what is left")

@@ -12,6 +12,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.params import Value
+from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.robots.model import RobotModel
@@ -136,8 +137,8 @@ def _places(world: World) -> RobotModel:
     if not isinstance(robot, Scene):
         return robot
     extra = [e.where for e in world.effects if effect(e.effect).family == "camera"]
-    standard = [camera.name for camera in standard_cameras(robot.tip, robot.target)]
-    return replace(robot, cameras=tuple(dict.fromkeys([*standard, *extra])))
+    known = standard_cameras(robot.tip, robot.target) if robot.goal else cameras_of(robot.nominal, (64, 64))
+    return replace(robot, cameras=tuple(dict.fromkeys([*(camera.name for camera in known), *extra])))
 
 
 def _shown(value: Value) -> str:

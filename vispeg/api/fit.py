@@ -31,6 +31,7 @@ from vispeg.report.fitted import fit_record, fit_summary
 from vispeg.report.live.arm import arm_arrays
 from vispeg.report.text.summary import Block
 from vispeg.report.write import finite, write_fit
+from vispeg.robots.scene import Scene
 from vispeg.task.belief import robot_of_world
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.words import parse
@@ -143,7 +144,7 @@ def fit(
         **windows(model, seconds, recordings, validate),
         reading=reading,
     )
-    world, free, unstated = _free(inputs.world, effects)
+    world, free, unstated = _free(inputs.world, effects, inputs.fitted)
     stamp = inputs.provenance(seed)
     key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
     checkpoint = None
@@ -191,13 +192,21 @@ def _by_pictures(world: World, free: Sequence[int], inputs: Inputs) -> bool:
     return world.cell is not None or seen or "joints" not in readable(world, inputs.fitted, inputs.held_out)
 
 
-def _free(world: World, effects: Sequence[str | EffectInstance]) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
-    """The world with the named effects in it, their places in its list, and of those the ones without a start value."""
+def _free(
+    world: World, effects: Sequence[str | EffectInstance], recordings: Sequence[Recording]
+) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
+    """The world with the named effects in it, their places in its list, and of those the ones without a start value.
+
+    Effects of cameras have their places at the recordings' cameras.
+    """
     if not effects:
         if not world.effects:
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")
         return world, tuple(range(len(world.effects))), ()
     robot, wanted, unstated = robot_of_world(world), {}, set()
+    cameras = dict.fromkeys(name for rec in recordings if rec.frames is not None for name in rec.frames.names)
+    if isinstance(robot, Scene) and cameras:
+        robot = replace(robot, cameras=tuple(cameras))
     present = {(e.effect, e.where) for e in world.effects}
     for named in effects:
         if isinstance(named, EffectInstance):
