@@ -152,7 +152,7 @@ def test_a_policy_in_the_world_of_its_training_is_at_home_there_and_not_refused(
     assert [p["home"] for p in values["policies"]] == [["randomized"], []]
     assert [g["home"] for g in values["gaps"]] == [True, False] and len(values["comparisons"]) == 2
     page = (tmp_path / "g/gap.html").read_text()
-    assert "world of training" not in page and "state-3mm-randomized (home)" not in page.split("randomized</h3>")[0]
+    assert "world of training" not in page and "(home)" not in page.split("randomized</h3>")[0]
     code, _, err = vispeg(
         "suite", "run", "state-3mm-randomized", "--train", "nominal", "--target", "randomized", "--out", "s"
     )

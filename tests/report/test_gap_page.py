@@ -98,7 +98,7 @@ def test_a_world_is_called_that_of_training_only_where_the_records_say_so():
     html = render(gap(both, worlds=list(WORLDS), homes=hashes))
     assert "training world" in html and "the world of training" in html and "(home)" not in html
     other = render(gap(both, worlds=list(WORLDS), homes={**hashes, "rgb": ["hash-V"]}))
-    assert "training world" not in other and "depth (home)" in other and "rgb (home)" in other
+    assert "training world" not in other and "depth<br>(home)" in other and "rgb<br>(home)" in other
 
 
 def test_training_seeds_are_spoken_of_where_there_are_several():

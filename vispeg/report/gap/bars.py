@@ -26,15 +26,15 @@ class Bar:
     text: str
     colour: str
     second: bool
+    home: bool = False
 
 
-def bar(name: str, number: int, e: Mapping[str, Any], style: Style) -> Bar:
-    """The bar of an estimate `e` (value, low, high, n)."""
+def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool = False) -> Bar:
+    """The bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
     value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
     text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
-    return Bar(
-        name, number, value, low, high, f"{value:.0f}\N{NO-BREAK SPACE}%", text, name_of(style.colour), style.second
-    )
+    percent = f"{value:.0f}\N{NO-BREAK SPACE}%"
+    return Bar(name, number, value, low, high, percent, text, name_of(style.colour), style.second, home)
 
 
 def policies(values: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -52,12 +52,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
     for world in (w["name"] for w in values["worlds"]):
         shared = worlds.home_of_all(world, order)  # then the caption says it
         rows = [
-            bar(
-                p["name"] + " (home)" * (not shared and world in (p["home"] or ())),
-                i,
-                rates[p["name"], world],
-                styles[p["name"]],
-            )
+            bar(p["name"], i, rates[p["name"], world], styles[p["name"]], not shared and world in (p["home"] or ()))
             for i, p in enumerate(order)
             if (p["name"], world) in rates
         ]
