@@ -109,7 +109,11 @@ def test_what_nobody_measured_of_a_payload_is_named_and_takes_part_in_widen(here
     [
         (["--out", "mu.txt"], "ends in .yaml"),
         (["--out", "slides.yaml"], "exists already"),
-        (["--out", "mu.yaml", "--where", "hand"], "has no effect in a model"),
+        (["--out", "mu.yaml", "--where", "hand"], "has no friction that an effect scales"),
+        (["--out", "mu.yaml", "--world", "nope"], "nope"),
+        (["--out", "mu.yaml", "--nominal", "-1"], "not a nominal value"),
+        (["--out", "mu.yaml", "--nominal", "0"], "not a nominal value"),
+        (["--out", "mu.yaml", "--policy", "nope"], "nope"),
         (["--out", "mu.yaml", "--conditions", "steel"], "NAME=TEXT"),
         (["--out", "mu.yaml", "--resolution", "angle_deg=x"], "not a size"),
     ],
@@ -119,8 +123,28 @@ def test_bad_arguments(here, argv, said, capsys):
     code = main(["measure", "friction", "slides.csv", "--resolution", "angle_deg=0.1", *argv])
     out = capsys.readouterr()
     assert said in " ".join((out.out + out.err).split())
-    assert code == (0 if said == "has no effect in a model" else 2)
+    assert code == 2 and not (here / "mu.yaml").exists()
     assert (here / "slides.yaml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["mass", "mass.csv", "--where", "nowhere"], "--where"),
+        (["mass", "mass.csv", "--where", "peg", "--nominal", "-0.1"], "--nominal"),
+        (["restitution", "mass.csv", "--where", "nowhere"], "--where: no such part"),
+        (["stiffness", "mass.csv", "--where", "nowhere"], "--where: no such part"),
+        (["com", "mass.csv", "--axes", "x", "x"], "--axes: not two axes"),
+        (["com", "mass.csv", "--world", "nope"], "nope"),
+        (["joint", "mass.csv", "--columns", "time"], "--columns: not a pair"),
+        (["joint", "mass.csv", "--world", "nope"], "nope"),
+    ],
+)
+def test_a_typo_in_an_option_is_refused_before_anything_is_read(here, argv, said, capsys):
+    assert main(["measure", *argv, "--out", "out.yaml"]) == 2
+    said_ = " ".join(capsys.readouterr().err.split())
+    assert said in said_ and "mass.csv" not in said_
+    assert not (here / "out.yaml").exists()
 
 
 def test_what_is_no_measurement_is_not_replaced(here, capsys):

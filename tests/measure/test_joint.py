@@ -1,16 +1,19 @@
 """A joint that is known, measured from noisy motions: closed forms, loops that were drawn, and MuJoCo as the judge."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
 from scipy import signal
 
+from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.measure import frequency, joint, steps
 from vispeg.measure.actuator import element, inertia, simulated
 from vispeg.measure.plan import plan, table
 from vispeg.measure.steps import Servo, step_answer
-from vispeg.measure.trace import Trace, from_table, sines, strokes
+from vispeg.measure.trace import Trace, from_table, refuse_no_servo, sines, strokes
 from vispeg.robots.model import load
 
 RATE = 500.0
@@ -242,3 +245,58 @@ def test_what_shows_nothing_is_said():
     t = np.arange(500) / RATE
     with pytest.raises(UserError, match="show nothing of a joint"):
         joint.measure([Trace("still", t, np.zeros(500), np.zeros(500))], rng())
+
+
+def wrong(change):
+    """A recording of steps with its columns changed: (time, q_cmd, q) -> the same."""
+    good = answered(parts()["steps-100mrad"])
+    rows = slice(0, 4500)
+    return Trace("log", *change(good.time[rows], good.q_cmd[rows], good.q[rows]))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t, u, q: (t, u, 1e-5 * rng().standard_normal(len(q))), "the angle does not follow its command"),
+        (lambda t, u, q: (t, u, 0.0 * q), "the angle does not follow its command"),
+        (lambda t, u, q: (t, u, -q), "is turned round against its command"),
+        (lambda t, u, q: (t, np.degrees(u), q), "likely degrees in q_cmd"),
+        (lambda t, u, q: (t, u, np.degrees(q)), "likely degrees in q"),
+        (lambda t, u, q: (t, q, u), "moves before its command.*swapped"),
+    ],
+)
+def test_what_no_servo_does_is_refused_in_one_line(change, said):
+    with pytest.raises(UserError, match=f"log: q: .*{said}") as refused:
+        joint.measure([wrong(change)], rng())
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["sines-large", "triangle", "ladder", "sweep"])
+def test_every_motion_tells_whether_the_columns_are_swapped(name):
+    t = np.arange(0, 30, 1 / RATE)
+    part = type(parts()["triangle"])("sweep", "", t, 0.05 * signal.chirp(t, 0.2, 30, 8.0))
+    trace = answered({**parts(), "sweep": part}[name])
+    refuse_no_servo([trace], "log")
+    with pytest.raises(UserError, match="before its command"):
+        refuse_no_servo([Trace("log", trace.time, trace.q, trace.q_cmd)], "log")
+
+
+@pytest.mark.parametrize(
+    ("factor", "seconds", "said"),
+    [
+        (1e3, 9, "time: too slow, or times of another unit; expected a row every 0.1 s"),
+        (1e6, 9, "time: too slow, or times of another unit"),
+        (1.0, 1, "show nothing of a joint"),
+        (1.0, 0.01, "not a motion"),
+    ],
+)
+def test_times_of_another_unit_and_short_logs_are_one_line(factor, seconds, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    good = answered(parts()["steps-100mrad"])
+    rows = zip(factor * good.time, good.q_cmd, good.q, strict=True)
+    head = [",".join(map(repr, map(float, row))) for row in rows][: round(seconds * RATE)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,goal,angle", *head]) + "\n")
+    argv = ["measure", "joint", "log.csv", "--columns", "time=t", "q_cmd=goal", "q=angle", "--out", "out"]
+    assert main(argv) == 2
+    err = capsys.readouterr().err
+    assert re.search(said, " ".join(err.split())) and "Traceback" not in err and not (tmp_path / "out").exists()

@@ -1,5 +1,6 @@
 """Masses, centres, friction, bounces and fixtures that are known, read by noisy instruments."""
 
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ import pytest
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.measure import com, friction, from_recordings, mass, restitution, stiffness
-from vispeg.measure.readings import Readings, read
+from vispeg.measure.readings import Readings, read, refuse_drift
 
 G = 9.81
 
@@ -70,10 +71,12 @@ def held_still(r, noise=(0.05, 0.003), count=6):
 
 
 def attitudes(r):
-    wrench, down = held_still(r)
-    names = com.FORMS["attitudes"]
-    table = dict(zip(names, np.hstack([wrench, down]).T, strict=True))
-    return com, Readings("t", table), "com_z", 0.06
+    return com, at_rest(*held_still(r)), "com_z", 0.06
+
+
+def at_rest(wrench, down, **said):
+    table = dict(zip(com.FORMS["attitudes"], np.hstack([wrench, down]).T, strict=True))
+    return Readings(Path("t"), table, **said)
 
 
 @pytest.mark.parametrize("case", [weighings, incline, timed, bounces, pressed, attitudes])
@@ -94,8 +97,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(case):
 
 
 def test_without_noise_the_closed_forms_come_back():
-    wrench, down = held_still(rng(3), (0.0, 0.0))
-    got = {q.quantity: q.value for q in com.attitudes(wrench, down, rng(), "t").results}
+    table = at_rest(*held_still(rng(3), (0.0, 0.0)))
+    got = {q.quantity: q.value for q in com.attitudes(table, rng()).results}
     assert got == pytest.approx({"mass": 1.2, "com_x": 0.01, "com_y": -0.005, "com_z": 0.06}, rel=1e-9)
     table = {"x": np.array([0.0, 0.04, -0.02]), "y": np.array([0.05, 0.0, 0.01])}
     centre = np.array([0.013, -0.007])
@@ -107,7 +110,7 @@ def test_without_noise_the_closed_forms_come_back():
 
 def test_a_sensor_that_reads_the_reaction_is_turned_round():
     wrench, down = held_still(rng(3), (0.0, 0.0))
-    outcome = com.attitudes(-wrench, down, rng(), "t")
+    outcome = com.attitudes(at_rest(-wrench, down), rng())
     assert [q.value for q in outcome.results] == pytest.approx([1.2, 0.01, -0.005, 0.06])
     assert "turned round" in outcome.notes[0]
 
@@ -144,6 +147,7 @@ def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
         (mass, "mass_g\n400\nx\n", ("mass_g=1",), "row 3, column mass_g: is not a number"),
         (mass, "weight\n400\n", (), "not a table of this protocol"),
         (mass, "mass\n0.40\n0.41\n0.41\n0.41\n0.40\n0.41\n0.9\n", ("mass=1e-3",), "drifts"),
+        (mass, "mass,tare\n0.4,0.1\n0.1,0.4\n", ("mass=1e-3",), "row 3, column mass: is not a mass"),
         (mass, "mass,mass_g\n0.4,400\n0.4,400\n", (), "same column in two units"),
         (friction, "angle\n17.2\n17.3\n", ("angle=0.1",), "row 2, column angle: is not an incline"),
         (friction, "angle_deg\n17.2\n17.3\n", ("angel=0.1",), "did you mean 'angle'"),
@@ -187,6 +191,82 @@ def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeyp
     read = from_recordings.slides([Path("slide")]).columns
     assert len(read["normal"]) == 2, "a stroke there and one back"
     assert read["tangential"] / read["normal"] == pytest.approx(mu, rel=0.02)
+
+
+def test_a_centre_of_mass_is_found_in_many_rows_and_columns_that_are_wrong_are_named():
+    wrench, down = held_still(rng(4), count=20_000)
+    start = time.process_time()
+    found = {q.quantity: q for q in com.attitudes(at_rest(wrench, down), rng()).results}
+    assert time.process_time() - start < 5.0
+    assert found["com_z"].value == pytest.approx(0.06, abs=1e-4) and found["mass"].low < 1.2 < found["mass"].high
+    for count in (6, 2000):
+        wrench, down = held_still(rng(4), count=count)
+        with pytest.raises(UserError, match="tx ty tz do not go with gravity.*likely ty tx tz"):
+            com.attitudes(at_rest(wrench[:, [0, 1, 2, 4, 3, 5]], down), rng())
+        with pytest.raises(UserError, match="fx fy fz do not go with gravity.*likely -fx fy fz"):
+            com.attitudes(at_rest(wrench * [-1, 1, 1, 1, 1, 1], down), rng())
+        flipped = down.copy()
+        flipped[3] *= -1
+        with pytest.raises(UserError, match="row 5, gx gy gz: gravity is turned round"):
+            com.attitudes(at_rest(wrench, flipped), rng())
+
+
+def test_no_columns_are_swapped_where_there_is_noise_alone():
+    """A centre on the sensor's axis turns nothing: any order of the torques fits as well, and none is named."""
+    for seed in range(200):
+        wrench, down = held_still(rng(seed))
+        wrench[:, 3:] = 0.003 * rng(1000 + seed).standard_normal((6, 3))
+        com.attitudes(at_rest(wrench, down), rng())
+
+
+@pytest.mark.parametrize("kind", ["resolution", "accuracy"])
+def test_every_column_of_a_wrench_at_rest_has_an_instrument(kind):
+    """The stated u is the spread that a simulation of the same errors gives; digits in each row, scales in all."""
+    wrench, down = held_still(rng(3), (0.0, 0.0), 8)
+    for k, name in enumerate(com.FORMS["attitudes"]):
+        size = {"f": 0.2, "t": 0.01, "g": 0.01}[name[0]]
+        q = {q.quantity: q for q in com.attitudes(at_rest(wrench, down, **{kind: {name: size}}), rng()).results}
+        drawn, r = [], rng(1)
+        for _ in range(400):
+            table = np.hstack([wrench, down])
+            about = table[:, k] - table[:, k].mean()
+            digits = 0.5 * size * r.uniform(-1, 1, 8)
+            table[:, k] += digits if kind == "resolution" else size * r.uniform(-1, 1) * about / np.abs(about).max()
+            g, f, t = G * table[:, 6:], table[:, :3], table[:, 3:6]
+            x = np.linalg.lstsq(com._weight(g), f.reshape(-1), rcond=None)[0]
+            s = np.linalg.lstsq(com._moment(g), t.reshape(-1), rcond=None)[0]
+            drawn.append([x[3], *(s[3:] / x[3])])
+        gravity = 1.2 * com.LOCAL / com.GRAVITY / np.sqrt(3)
+        told = [np.sqrt(max(q["mass"].u ** 2 - gravity**2, 0.0)), *(q[f"com_{a}"].u for a in "xyz")]
+        assert told == pytest.approx(np.std(drawn, axis=0), rel=0.15, abs=2e-5), name
+
+
+def test_an_even_drift_is_refused_and_chance_is_not():
+    with pytest.raises(UserError, match="drifts"):
+        mass.measure(Readings("t", {"mass": np.array([0.41, 0.411, 0.412, 0.413, 0.414])}, {"mass": 1e-4}), rng())
+    refused, r = 0, rng()
+    for k in range(3000):
+        try:
+            refuse_drift(0.41 + 1e-3 * r.standard_normal(5 + k % 6), 1e-4, Path("t"), "mass")
+        except UserError:
+            refused += 1
+    assert refused < 30  # two tests at three sigma: 16 of them
+
+
+def test_heights_are_one_within_what_their_accuracy_leaves_open():
+    flights = {"flight1": np.full(4, 0.4), "flight2": np.array([0.2, 0.21, 0.2, 0.21])}
+    for accuracy, heights in ({}, 2), ({"drop": 0.002}, 2), ({"drop": 0.0005}, 3):
+        table = {**flights, "drop": np.array([0.504, 0.506, 0.3, 0.3])}
+        zero = dict.fromkeys(table, 0.0)
+        assert len(restitution.measure(Readings("t", table, zero, accuracy), rng()).details["heights"]) == heights
+
+
+def test_forces_there_and_back_keep_the_instrument_s_share():
+    sizes = {"normal": np.full(10, 8.0), "tangential": 2.4 + 0.05 * rng(2).standard_normal(10)}
+    signed = {"normal": -sizes["normal"], "tangential": sizes["tangential"] * np.tile([1, -1], 5)}
+    stated = {"normal": 0.1, "tangential": 0.1}, {"tangential": 0.2}
+    one, both = (friction.measure(Readings("t", table, *stated), rng()).results[0] for table in (sizes, signed))
+    assert (both.value, both.u) == pytest.approx((one.value, one.u)) and one.u > 0.2 / 8.0 / np.sqrt(3)
 
 
 @pytest.mark.parametrize(

@@ -8,21 +8,26 @@ Khalil, Gautier, Springer Handbook of Robotics, 2nd ed., 6.3).
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from vispeg.core.errors import UserError
 from vispeg.measure.outcome import Outcome, short
 from vispeg.measure.readings import Readings, choose
 from vispeg.measure.uncertainty import Input, propagate, rectangular
 
+WRENCH, DOWN = ("fx", "fy", "fz", "tx", "ty", "tz"), ("gx", "gy", "gz")
 FORMS = {
-    "attitudes": ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz"),
+    "attitudes": (*WRENCH, *DOWN),
     "suspensions": ("x", "y", "angle"),
 }
 ATTITUDES, APART = 4, np.pi / 6
+EXACT = 1e-12  # of a sum of squares that rounding leaves
 GRAVITY, LOCAL = 9.81, 0.03  # m/s^2, and how far it is from that on the ground (9.780 to 9.832)
 
 
@@ -39,76 +44,207 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     """
     if choose(readings, FORMS) == "suspensions":
         return _lines(readings, rng)
-    wrench = np.column_stack([readings[c] for c in FORMS["attitudes"][:6]])
-    down = np.column_stack([readings[c] for c in ("gx", "gy", "gz")])
-    length = np.linalg.norm(down, axis=1)
-    bad = np.flatnonzero(length < 1e-6)
-    if len(bad):
-        raise UserError("gravity has no direction", file=readings.file, key=f"row {bad[0] + 2}", expected="gx, gy, gz")
-    return attitudes(wrench, down / length[:, None], rng, str(readings.file), readings)
+    return attitudes(readings, rng)
 
 
-def attitudes(
-    wrench: np.ndarray, down: np.ndarray, rng: np.random.Generator, file: str, readings: Readings | None = None
-) -> Outcome:
-    """Mass and centre of mass from wrenches (n, 6) N, N m at rest, gravity's unit vectors (n, 3) in their frame.
+def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
+    """Mass and centre of mass from wrenches (N, N m) at rest and gravity's direction in their frame, a row each.
 
     A sensor that reads what the flange exerts on the tool, not the reverse, gives a negative mass: it is turned round.
 
     Raises:
-        UserError: fewer than four attitudes, or less than 30 degrees between all of them.
+        UserError: fewer than four attitudes, or less than 30 degrees between all of them; columns that are swapped or
+            turned round, or gravity turned round in one row.
     """
-    apart = max((np.arccos(np.clip(a @ b, -1, 1)) for a, b in combinations(down, 2)), default=0.0)
+    wrench, down = (np.column_stack([readings[c] for c in names]) for names in (WRENCH, DOWN))
+    length = np.linalg.norm(down, axis=1)
+    bad = np.flatnonzero(length < 1e-6)
+    if len(bad):
+        raise UserError("gravity has no direction", file=readings.file, key=f"row {bad[0] + 2}", expected="gx, gy, gz")
+    down = down / length[:, None]
+    apart = _apart(down)
     spread = np.linalg.svd(down - down.mean(axis=0), compute_uv=False)
     if len(down) < ATTITUDES or apart < APART or spread[1] < 0.1 * np.sqrt(len(down)):
         got = f"{len(down)} of them, {np.degrees(apart):.0f} degrees apart at most"
         expected = f"{ATTITUDES} or more that tilt about two axes, {np.degrees(APART):.0f} degrees or more apart"
-        raise UserError("attitudes that do not tell the centre of mass", file=file, expected=expected, got=got)
-    g = GRAVITY * down
-    x, (mass, cov, dof) = _least_squares(_force_design(g), wrench[:, :3].reshape(-1), 3)
-    sign = -1.0 if mass < 0 else 1.0
-    moment, cov_t, dof_t = _moment(g, wrench[:, 3:])
-    m = Input("scatter of the forces", abs(mass), float(np.sqrt(cov)), "A", dof, "t")
+        raise UserError("attitudes that do not tell the centre of mass", file=readings.file, expected=expected, got=got)
+    fits = [_fit(design(GRAVITY * down), y) for design, y in ((_weight, wrench[:, :3]), (_moment, wrench[:, 3:]))]
+    _refuse_flipped(wrench[:, :3], down, readings)
+    for fit, names in zip(fits, (WRENCH[:3], WRENCH[3:]), strict=True):
+        _refuse_swapped(fit, names, readings)
+    force, torque = fits
+    mass, sign = float(force.x[3]), -1.0 if force.x[3] < 0 else 1.0
+    scatter = Input("scatter of the forces", abs(mass), force.u(3), "A", force.dof, "t")
     scale = rectangular("local gravity", LOCAL / GRAVITY)
-    errors = (
-        []
-        if readings is None or not readings.accuracy.get("fz")
-        else [
-            rectangular("limit of error of the force sensor, relative", readings.accuracy["fz"] / (abs(mass) * GRAVITY))
+    of_forces, of_torques = _instruments(readings, wrench, down, force, torque)
+
+    def weighed(m, g, *errors):
+        return m * (1 + g) + sum(errors)
+
+    inputs = [scatter, scale, *(rectangular(name, half) for name, (half, _) in of_forces.items())]
+    results = [propagate("mass", "kg", weighed, inputs, rng, repeats=len(down))]
+    for axis, name in enumerate("xyz"):
+        first = Input(
+            "scatter of the torques", sign * float(torque.x[3 + axis]), torque.u(3 + axis), "A", torque.dof, "t"
+        )
+        both = {**of_forces, **of_torques}
+        shifts = [rectangular(key, 1.0) for key in both]  # of the limit of each, by which mass and moment move at once
+        moves = [
+            (sign * half if key in of_forces else 0.0, sign * moment[axis]) for key, (half, moment) in both.items()
         ]
-    )
-    results = [propagate("mass", "kg", lambda m, *e: m * (1 + sum(e)), [m, scale, *errors], rng, repeats=len(down))]
-    for axis, first, u in zip("xyz", sign * moment, np.sqrt(cov_t), strict=True):
-        inputs = [Input("scatter of the torques", float(first), float(u), "A", dof_t, "t"), m]
-        results.append(propagate(f"com_{axis}", "m", lambda s, m: s / m, inputs, rng, repeats=len(down)))
+
+        def centre(s, m, *errors, moves=moves):
+            up = sum(e * moment for e, (_, moment) in zip(errors, moves, strict=True))
+            return (s + up) / (m + sum(e * half for e, (half, _) in zip(errors, moves, strict=True)))
+
+        results.append(propagate(f"com_{name}", "m", centre, [first, scatter, *shifts], rng, repeats=len(down)))
     notes = ["the sensor reads what the flange exerts on the tool: signs turned round"] if sign < 0 else []
-    bias = (sign * x[:3]).tolist()
-    return Outcome(
-        tuple(results), tuple(notes), {"force_bias_n": bias, "attitudes_apart_deg": float(np.degrees(apart))}
-    )
+    details = {"force_bias_n": (sign * force.x[:3]).tolist(), "attitudes_apart_deg": float(np.degrees(apart))}
+    return Outcome(tuple(results), tuple(notes), details)
 
 
-def _force_design(g: np.ndarray) -> np.ndarray:
-    """(3 n, 4): bias, then mass."""
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares of y (3 n,), row by row its three axes: x (k,), the residual's squares, an orthonormal base."""
+
+    x: np.ndarray
+    rest: float
+    base: np.ndarray
+    inverse: np.ndarray
+    y: np.ndarray
+
+    @property
+    def dof(self) -> float:
+        return float(len(self.y) - len(self.x))
+
+    def u(self, k: int) -> float:
+        """The standard uncertainty of x_k from the scatter."""
+        return float(np.sqrt(self.rest / self.dof) * np.linalg.norm(self.inverse[k]))
+
+    def left(self, y: np.ndarray) -> float:
+        """The residual's squares of another y (3 n,)."""
+        return float(y @ y - np.sum((self.base.T @ y) ** 2))
+
+    def moved(self, by: np.ndarray) -> np.ndarray:
+        """How x (k,) moves with y by (3 n,)."""
+        return self.inverse @ (self.base.T @ by)
+
+
+def _fit(design: np.ndarray, values: np.ndarray) -> _Fit:
+    base, upper = np.linalg.qr(design)
+    inverse, y = np.linalg.inv(upper), values.reshape(-1)
+    x = inverse @ (base.T @ y)
+    return _Fit(x, float(np.sum((y - design @ x) ** 2)), base, inverse, y)
+
+
+def _weight(g: np.ndarray) -> np.ndarray:
+    """(3 n, 4): bias, then mass, of f = b + m g."""
     return np.concatenate([np.tile(np.eye(3), (len(g), 1)), g.reshape(-1, 1)], axis=1)
 
 
-def _least_squares(design: np.ndarray, y: np.ndarray, column: int) -> tuple[np.ndarray, tuple[float, float, float]]:
-    x, *_ = np.linalg.lstsq(design, y, rcond=None)
-    dof = len(y) - design.shape[1]
-    s2 = float(np.sum((y - design @ x) ** 2)) / dof
-    return x, (float(x[column]), s2 * float(np.linalg.inv(design.T @ design)[column, column]), float(dof))
+def _moment(g: np.ndarray) -> np.ndarray:
+    """(3 n, 6): bias, then the moment m c, of t = b + (m c) x g."""
+    cross = np.zeros((len(g), 3, 3))  # s x g = cross s
+    for row, column, of, sign in (
+        (0, 1, 2, 1),
+        (0, 2, 1, -1),
+        (1, 0, 2, -1),
+        (1, 2, 0, 1),
+        (2, 0, 1, 1),
+        (2, 1, 0, -1),
+    ):
+        cross[:, row, column] = sign * g[:, of]
+    return np.concatenate([np.tile(np.eye(3), (len(g), 1)), cross.reshape(-1, 3)], axis=1)
 
 
-def _moment(g: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """The moment m c (3,), its variances and their degrees of freedom from t = b + (m c) x g."""
-    cross = np.array([[[0, gz, -gy], [-gz, 0, gx], [gy, -gx, 0]] for gx, gy, gz in g])  # s x g = cross s
-    design = np.concatenate([np.tile(np.eye(3), (len(g), 1)), cross.reshape(-1, 3)], axis=1)
-    y = torque.reshape(-1)
-    x, *_ = np.linalg.lstsq(design, y, rcond=None)
-    dof = len(y) - 6
-    s2 = float(np.sum((y - design @ x) ** 2)) / dof
-    return x[3:], s2 * np.diag(np.linalg.inv(design.T @ design))[3:], float(dof)
+def _instruments(
+    r: Readings, wrench: np.ndarray, down: np.ndarray, force: _Fit, torque: _Fit
+) -> tuple[dict[str, tuple[float, np.ndarray]], dict[str, tuple[float, np.ndarray]]]:
+    """What the instruments leave open, as half widths: source -> (of the mass kg, of the moment (3,) kg m).
+
+    Half a digit is off in each row anew, so that its shares add in squares over the rows. A limit of error is taken as
+    one of scale, reached at the largest reading, for a constant one is the sensor's bias, which is fitted beside. An
+    error of gravity's direction is one of the wrench that the model expects.
+
+    Returns:
+        (those that move the mass, those that move the moment alone).
+    """
+    rows = np.arange(len(down))
+    weighing, turning = {}, {}
+    arm = torque.x[3:]
+    for name, column in zip((*WRENCH, *DOWN), np.hstack([wrench, down]).T, strict=True):
+        axis = (*WRENCH, *DOWN).index(name) % 3
+        unit = np.eye(3)[axis]
+        if name in DOWN:  # the wrench of gravity off by one along this axis
+            on = (GRAVITY * force.x[3] * unit, GRAVITY * np.cross(arm, unit))
+        else:
+            on = (unit, 0.0 * unit) if name in WRENCH[:3] else (0.0 * unit, unit)
+        about = column - column.mean()
+        for kind, half in (
+            ("resolution", 0.5 * r.resolution.get(name, 0.0)),
+            ("limit of error", r.accuracy.get(name, 0.0)),
+        ):
+            if not half > 0:
+                continue
+            moves = []
+            for fit, way in zip((force, torque), on, strict=True):
+                if kind == "resolution":
+                    axes = np.flatnonzero(way)
+                    each = sum(
+                        (way[k] * (fit.inverse @ fit.base[3 * rows + k].T) for k in axes),
+                        np.zeros((len(fit.x), len(rows))),
+                    )
+                    moves.append(half * np.linalg.norm(each, axis=1))
+                else:
+                    moves.append(fit.moved(np.outer(half * about / (np.abs(about).max() or 1.0), way).reshape(-1)))
+            (turning if name in WRENCH[3:] else weighing)[f"{kind} of {name}"] = (float(moves[0][3]), moves[1][3:])
+    return weighing, turning
+
+
+def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
+    """Raises UserError where one row's gravity, turned round, makes the forces (n, 3) those of a mass."""
+    n = len(down)
+    fixed = float(np.sum((force - force.mean(axis=0)) ** 2))
+
+    def left(total, along):  # of f = b + m g, b and m by least squares; total (.., 3) the sum of g, along that of g . f
+        shared = along - total @ force.sum(axis=0) / n
+        return fixed - shared**2 / (n - np.sum(total**2, axis=-1) / n)
+
+    total, each = down.sum(axis=0), np.sum(down * force, axis=1)
+    turned = left(total - 2.0 * down, each.sum() - 2.0 * each)
+    row = int(np.argmin(turned))
+    digits = EXACT * float(np.sum(force**2))
+    if _surely(float(left(total, each.sum())), float(turned[row]) + digits, 3.0 * n - 4, n):
+        expected = "gravity's direction as the force's"
+        raise UserError("gravity is turned round", file=r.file, key=f"row {row + 2}, gx gy gz", expected=expected)
+
+
+def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:
+    """Raises UserError where the columns in another order, or with other signs, are those of a mass."""
+    y, others = fit.y.reshape(-1, 3), {}
+    for order in permutations(range(3)):
+        for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)):  # all of them turned is the reaction
+            others[order, signs] = fit.left((y[:, order] * signs).reshape(-1))
+    best = min(others, key=lambda key: others[key])
+    if _surely(fit.rest, others[best] + EXACT * float(fit.y @ fit.y), fit.dof, len(others)):
+        likely = " ".join(f"{'-' if s < 0 else ''}{names[k]}" for k, s in zip(*best, strict=True))
+        raise UserError(
+            f"{' '.join(names)} do not go with gravity", file=r.file, expected=f"one frame, likely {likely}"
+        )
+
+
+def _surely(left: float, other: float, dof: float, tried: int) -> bool:
+    """Whether the other of `tried` readings of a table is right: half the error or less, and an F test says so."""
+    ratio = left / max(other, 1e-300)
+    return bool(ratio > 4.0 and stats.f.sf(ratio, dof, dof) < 0.001 / tried)
+
+
+def _apart(down: np.ndarray) -> float:
+    """The greatest angle between unit vectors (n, 3), rad: from those that are outermost in thirteen directions."""
+    ways = np.array([w for w in product((-1, 0, 1), repeat=3) if w > (0, 0, 0)], float)
+    along = down @ ways.T
+    outer = np.unique([along.argmin(axis=0), along.argmax(axis=0)])
+    return float(np.arccos(np.clip(np.min(down[outer] @ down.T), -1.0, 1.0)))
 
 
 def _lines(r: Readings, rng: np.random.Generator) -> Outcome:

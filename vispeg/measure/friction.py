@@ -7,6 +7,8 @@ mu_k = F_t / F_n.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vispeg.core.errors import UserError
@@ -34,6 +36,9 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
         UserError: an angle outside (0, 90) degrees, a time or force that cannot be, a drift, no resolution.
     """
     form = choose(readings, FORMS)
+    if form == "kinetic, by forces":  # there and back, the force changes its sign, and the coefficient does not
+        sizes = {name: np.abs(readings[name]) for name in ("normal", "tangential")}
+        readings = replace(readings, columns={**readings.columns, **sizes})
     values, read, function, name = _forms(form, readings)
     if not (np.isfinite(values) & (values > 0)).all():
         row = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
@@ -61,7 +66,7 @@ def _forms(form: str, r: Readings):
 
         values = _angles(r, lambda angle: timed(angle, r["distance"], r["time"]))
         return values, ("angle", "distance", "time"), timed, "kinetic_friction"
-    return np.abs(r["tangential"] / r["normal"]), ("normal", "tangential"), lambda n, t: abs(t / n), "kinetic_friction"
+    return r["tangential"] / r["normal"], ("normal", "tangential"), lambda n, t: t / n, "kinetic_friction"
 
 
 def _angles(r: Readings, function):

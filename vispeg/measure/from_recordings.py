@@ -25,8 +25,8 @@ SPEED, STROKE = 2e-3, 0.3  # m/s across the flange's axis, and s, of a stroke th
 SMOOTH = 0.05  # s over which a speed is a mean
 
 
-def at_rest(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean wrench (n, 6) N, N m and gravity's direction (n, 3), both in the flange frame, of every stretch at rest.
+def at_rest(paths: Sequence[Path]) -> Readings:
+    """Mean wrench (N, N m) and gravity's direction, both in the flange frame, of every stretch at rest.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or never rests.
@@ -41,7 +41,8 @@ def at_rest(paths: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
         for rows in rests:
             wrench.append(np.nanmean(rec.ft[rows], axis=0))  # type: ignore[index]
             down.append(_rotation(pose[rows][len(pose[rows]) // 2, 3:]).T @ _gravity(rec))
-    return np.array(wrench), np.array(down)
+    names = ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz")
+    return Readings(paths[0], dict(zip(names, np.hstack([wrench, down]).T, strict=True)))
 
 
 def slides(paths: Sequence[Path]) -> Readings:

@@ -16,7 +16,7 @@ from vispeg.measure.becomes import placed
 from vispeg.measure.frequency import Point
 from vispeg.measure.loops import Stroke
 from vispeg.measure.steps import Servo, Step
-from vispeg.measure.trace import Trace
+from vispeg.measure.trace import Trace, refuse_no_servo
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
@@ -49,12 +49,13 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
     """Everything that the traces show of a joint.
 
     Raises:
-        UserError: they show nothing, or the same steps answer otherwise later on.
+        UserError: they show nothing, the angle does not follow its command, or the same steps answer otherwise later.
     """
+    names = ", ".join(dict.fromkeys(t.name for t in traces))
+    refuse_no_servo(traces, names)
     responses = [s for t in traces for s in steps.fitted(t)]
     points = sorted((p for t in traces for p in frequency.points(t)), key=lambda p: (p.hz, p.amplitude))
     strokes = [s for t in traces for s in loops.measured(t)]
-    names = ", ".join(dict.fromkeys(t.name for t in traces))
     if not responses and not points and not strokes:
         raise UserError(
             "show nothing of a joint", file=names, expected=NOTHING.replace("neither", "").replace("nor", "or")
@@ -70,6 +71,8 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
     _held_out(responses, traces, notes, details)
     _bode(points, results, notes, details, rng)
     results += loop
+    if not results:
+        raise UserError("gives no number of a joint", file=names, expected="; ".join(notes) or "steps, sines or ramps")
     if responses:
         details["steps"] = [
             {"size_rad": size, "repeats": len(group), "left_of_step": float(np.mean([s.rest for s in group]))}

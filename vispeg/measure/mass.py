@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.measure.outcome import Outcome, short
 from vispeg.measure.readings import Readings, choose, refuse_drift
 from vispeg.measure.uncertainty import propagate, repeated
@@ -25,6 +26,11 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     choose(readings, FORMS)
     tare = readings.columns.get("tare")
     net = readings["mass"] - (0.0 if tare is None else tare)
+    bad = np.flatnonzero(net <= 0)
+    if len(bad):
+        key = f"row {bad[0] + 2}, column mass"
+        expected = "above 0 kg" + (" when the tare is taken off" if tare is not None else "")
+        raise UserError("is not a mass", file=readings.file, key=key, expected=expected, got=float(net[bad[0]]))
     inputs = [repeated("repeats", net), *readings.instrument("mass")]
     if tare is not None:
         inputs += readings.instrument("tare") if "tare" in readings.resolution else readings.instrument("mass")[:1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,10 +77,20 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
         if name in columns:
             raise UserError("the same column in two units", file=file, key=full)
         columns[name] = factor * _complete(table, full)
-    settings = [
-        _settings(flag, texts, columns, file) for flag, texts in (("resolution", resolution), ("accuracy", accuracy))
-    ]
-    return Readings(file, columns, *settings)
+    return of_instruments(Readings(file, columns), resolution, accuracy)
+
+
+def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
+    """The readings with what is stated of the instruments, in place of what they had for those columns.
+
+    Raises:
+        UserError: an unknown name or a number below 0.
+    """
+    digit, limit = (
+        _settings(flag, texts, readings.columns, readings.file)
+        for flag, texts in (("resolution", resolution), ("accuracy", accuracy))
+    )
+    return replace(readings, resolution={**readings.resolution, **digit}, accuracy={**readings.accuracy, **limit})
 
 
 def bare(name: str) -> tuple[str, float]:
@@ -126,24 +136,33 @@ def instrument_law(
     return [error for _, error in errors], law
 
 
-def refuse_drift(values: np.ndarray, resolution: float, file: Path, what: str) -> None:
-    """Raises UserError where the first reading and the last, taken alike, differ by more than chance allows.
+def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) -> None:
+    """Raises UserError where the readings rise or fall in their order by more than chance allows.
 
-    The spread is that of the readings between, whatever the order; at least five readings are needed to tell.
+    Either the first and the last, taken alike, are apart by more than the spread of those between says, or a line
+    through all of them has a slope; at least five readings are needed to tell. Scatter is not less than the digit's.
     """
-    if len(values) < 5:
+    n = len(values)
+    if n < 5:
         return
-    inner = float(np.std(values[1:-1], ddof=1))
-    u = np.sqrt(2.0) * np.hypot(inner, resolution / np.sqrt(12.0))
+    digit = resolution / np.sqrt(12.0)
+    order = np.arange(n) - 0.5 * (n - 1)
+    slope = float(order @ values / (order @ order))
+    about = values - values.mean() - slope * order
     # the spread of few readings is itself uncertain: Student's factor for what three sigma are for many
-    most = stats.t.isf(stats.norm.sf(REPEATS_AGREE), len(values) - 3) * u
-    if abs(values[-1] - values[0]) > most > 0:
-        raise UserError(
-            f"the first reading of {what} and its repeat at the end disagree: it drifts",
-            file=file,
-            expected=f"a difference under {most:.3g}",
-            got=float(abs(values[-1] - values[0])),
-        )
+    at_ends = (
+        stats.t.isf(stats.norm.sf(REPEATS_AGREE), n - 3) * np.sqrt(2.0) * np.hypot(np.std(values[1:-1], ddof=1), digit)
+    )
+    scatter = np.hypot(np.sqrt(about @ about / (n - 2)), digit)
+    even = stats.t.isf(stats.norm.sf(REPEATS_AGREE), n - 2) * scatter * (n - 1) / np.sqrt(order @ order)
+    rounding = 1e-9 * abs(float(values.mean()))  # the subtraction of a tare is not exact
+    for moved, most, what in (
+        (abs(float(values[-1] - values[0])), at_ends, "the first reading of {} and its repeat at the end disagree"),
+        (abs(slope) * (n - 1), even, "the readings of {} rise or fall evenly"),
+    ):
+        if moved > max(float(most), rounding):
+            expected = f"a difference under {most:.3g}"
+            raise UserError(f"{what.format(named)}: it drifts", file=file, expected=expected, got=moved)
 
 
 def _complete(table: Table, name: str) -> np.ndarray:

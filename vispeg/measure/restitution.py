@@ -19,6 +19,7 @@ FORMS = {
     "heights": ("drop", "bounce"),
 }
 DROPS, HEIGHTS = 10, 2
+BY_HAND = 0.01  # m within which heights that are set by hand are one, where no accuracy of `drop` is stated
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
@@ -46,7 +47,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
         got = float(values[bad[0]])
         raise UserError("is not a bounce", file=readings.file, key=f"row {bad[0] + 2}", expected="0 < e <= 1", got=got)
     drop = readings.columns.get("drop")
-    groups = None if drop is None else np.round(drop, 2)  # m: set by hand, so within a centimetre is the same
+    groups = None if drop is None else _heights(drop, 2.0 * readings.accuracy.get("drop", 0.0) or BY_HAND)
     mean = places("restitution", values, groups)
     errors, law = instrument_law(readings, read, function)
     nominal = law(*(0.0 for _ in errors))
@@ -65,3 +66,13 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
         ]
     )
     return Outcome((result,), tuple(notes), {"heights": rows} if rows else {})
+
+
+def _heights(drop: np.ndarray, apart: float) -> np.ndarray:
+    """The mean (n,) m of the heights that each of drop (n,) m is one of: sorted, a new one begins beyond `apart` m."""
+    order = np.argsort(drop)
+    number = np.concatenate([[0], np.cumsum(np.diff(drop[order]) > apart)])
+    out = np.empty(len(drop))
+    for k in np.unique(number):
+        out[order[number == k]] = drop[order[number == k]].mean()
+    return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +27,11 @@ STEP_WINDOW = 3.0  # s of the answer to a step that are looked at
 RAMP = 0.3  # s of constant commanded speed that count as a ramp
 PERIODS, LIKE = 3, 0.05  # of a sine, and by how much its half periods may differ
 PURE = 0.05  # of its RMS that a sine may leave; a triangle leaves 0.12
+SLOWEST = 0.1  # s between rows: a step's window (`steps.BEFORE`, `HOLD`) holds two of them
+SLOW = 0.5  # s over which command and angle are averaged to see whether the one follows the other
+FOLLOWS = 2.0  # factor about 1 of angle over command: a servo reaches its goal within 20 %, degrees are a factor of 57
+LEAD = 0.5  # s before its command within which an angle is looked for
+LIKELIER = 4.0  # residual's ratio of squares that says that the angle leads: half the error
 
 
 @dataclass(frozen=True)
@@ -139,11 +144,67 @@ def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
 def _checked(trace: Trace, path: Path) -> Trace:
     if len(trace.time) < 20 or not (np.isfinite(trace.time).all() and (np.diff(trace.time) > 0).all()):
         raise UserError("not a motion", file=path, key="time", expected="20 strictly increasing times or more")
+    if trace.period > SLOWEST:
+        expected = f"a row every {SLOWEST:g} s or faster, times in s"
+        raise UserError(
+            "too slow, or times of another unit", file=path, key="time", expected=expected, got=trace.period
+        )
     for name in ("q_cmd", "q", "tau"):
         values = getattr(trace, name)
         if values is not None and not np.isfinite(values).all():
             raise UserError("empty cells", file=path, key=name, expected="a number in each row")
     return trace
+
+
+def refuse_no_servo(traces: Sequence[Trace], file: str) -> None:
+    """Refuse angles that do not follow their command: stuck, reversed, in another unit, or ahead of it.
+
+    Raises:
+        UserError: slowly, the angle turns otherwise than its command by more than a factor of `FOLLOWS`; or it is
+            nearer to the command of a later time than to any of now or before.
+    """
+    slow = [[_averaged(x, t.period) for x in (t.q_cmd, t.q)] for t in traces]
+    power = sum(float(np.sum(u**2)) for u, _ in slow)
+    if power > 0.01 * sum(float(np.sum((t.q_cmd - t.q_cmd.mean()) ** 2)) for t in traces):  # not of fast sines alone
+        gain = sum(float(u @ y) for u, y in slow) / power
+        if not 1.0 / FOLLOWS < gain < FOLLOWS:
+            inverse = 1.0 / gain if gain else np.inf
+            degrees = {"q_cmd": gain, "q": inverse}
+            likely = [f", likely degrees in {n}" for n, g in degrees.items() if abs(g * 180 / np.pi - 1) < 0.2]
+            how = "is turned round against" if gain < -1.0 / FOLLOWS else "does not follow"
+            expected = "q of about q_cmd, both in rad and of one sense" + "".join(likely)
+            raise UserError(
+                f"the angle {how} its command", file=file, key="q", expected=expected, got=f"{gain:.3g} of it"
+            )
+    at = _lead(traces)
+    if at > 0:
+        expected = "q after q_cmd: are the columns swapped, or the commands logged late?"
+        raise UserError("the angle moves before its command", file=file, key="q", expected=expected, got=f"{at:.2g} s")
+
+
+def _averaged(x: np.ndarray, period: float) -> np.ndarray:
+    """Average x (n,) over `SLOW` s and take off its mean."""
+    width = max(1, min(round(SLOW / period), len(x)))
+    slow = np.convolve(x, np.ones(width) / width, "valid")
+    return slow - slow.mean()
+
+
+def _lead(traces: Sequence[Trace]) -> float:
+    """Time by which the angle leads its command, s; 0 where one as late as now, or later, does about as well."""
+    lags = np.linspace(-LEAD, LEAD, 101)
+    left = np.zeros(len(lags))
+    for t in traces:
+        inside = (t.time >= t.time[0] + LEAD) & (t.time <= t.time[-1] - LEAD)
+        if inside.sum() < 3 or np.ptp(t.q_cmd[inside]) == 0:
+            continue
+        y = t.q[inside] - t.q[inside].mean()
+        for k, lag in enumerate(lags):
+            u = np.interp(t.time[inside] - lag, t.time, t.q_cmd)
+            u = u - u.mean()
+            left[k] += float(y @ y - (u @ y) ** 2 / max(u @ u, 1e-300))
+    later = lags >= -2.0 * max(t.period for t in traces)  # a row of jitter, and one of rounding
+    best = int(np.argmin(left))
+    return 0.0 if later[best] or left[best] * LIKELIER >= left[later].min() else float(-lags[best])
 
 
 def steps(trace: Trace) -> list[tuple[int, int]]:

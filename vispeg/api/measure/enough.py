@@ -45,6 +45,18 @@ class Sufficiency:
         return html(self.summary)
 
 
+def check_stop(policies: Sequence[str], world: str, episodes: int, workers: int) -> None:
+    """Refuse what `enough` could not play, before anything is measured.
+
+    Raises:
+        UserError: unknown policies or world; numbers that cannot be.
+    """
+    check_numbers(episodes, workers)
+    load_world(world)
+    if policies:
+        ready(policies)
+
+
 def enough(
     result: MeasurementResult,
     policies: Sequence[str],

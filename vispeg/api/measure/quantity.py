@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from vispeg.api.measure.nominal import cell_value, held_part
+from vispeg.api.measure.nominal import cell_value, check_part, held_part
 from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_out, write
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
@@ -17,7 +18,7 @@ from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled
 from vispeg.measure.from_recordings import at_rest, presses, slides
 from vispeg.measure.outcome import Outcome
-from vispeg.measure.readings import Readings, read
+from vispeg.measure.readings import Readings, of_instruments, read
 from vispeg.robots.scene import PEG_IN_HOLE
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
 
@@ -48,11 +49,10 @@ def measure_mass(
         UserError: readings that are no such table, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
+    there = None if where == "flange" else _nominal("mass", where, nominal, world)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
-        if where == "flange":
-            return [payload(results, None)]
-        return [scaled(results[0], where, nominal or cell_value("mass", where, world))]
+        return [payload(results, None) if there is None else scaled(results[0], where, there)]
 
     return _measured(
         "mass",
@@ -91,13 +91,13 @@ def measure_com(
     def measure(rng: np.random.Generator) -> Outcome:
         if _is_table(paths):
             return com.measure(_table(paths[0], settings), rng)
-        wrench, down = at_rest(paths)
-        return com.attitudes(wrench, down, rng, ", ".join(map(str, paths)))
+        return com.attitudes(_stated(at_rest(paths), settings), rng)
+
+    if not set(axes) <= set("xyz") or len(axes) != 2 or len(set(axes)) < 2:
+        raise UserError("not two axes", key="--axes", expected="two of x y z", got=" ".join(axes))
+    weighed = None if mass_file is None else load_measurement(mass_file).result("mass")
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
-        if not set(axes) <= set("xyz") or len(set(axes)) < 2:
-            raise UserError("not two axes", key="--axes", expected="two of x y z", got=" ".join(axes))
-        weighed = None if mass_file is None else load_measurement(mass_file).result("mass")
         flat = all(q.quantity != "mass" for q in results)
         return [payload(results, weighed, axes if flat else "xyz")]
 
@@ -129,12 +129,15 @@ def measure_friction(
     """
     settings = settings or MeasureSettings()
     paths, part = [Path(path) for path in readings], where or held_part(world)
+    there = _nominal("friction", part, nominal, world)
 
     def measure(rng: np.random.Generator) -> Outcome:
-        return friction.measure(_table(paths[0], settings) if _is_table(paths) else slides(paths), rng)
+        return friction.measure(
+            _table(paths[0], settings) if _is_table(paths) else _stated(slides(paths), settings), rng
+        )
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
-        return [scaled(results[0], part, nominal or cell_value("friction", part, world))]
+        return [scaled(results[0], part, there)]
 
     return _measured("friction", part, out, paths, settings, measure, effects)
 
@@ -160,6 +163,7 @@ def measure_restitution(
         UserError: readings that are no such table, or `out` exists.
     """
     settings, part = settings or MeasureSettings(), where or held_part(world)
+    check_part(part, world)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
         q = results[0]
@@ -184,6 +188,7 @@ def measure_stiffness(
     fixture: Sequence[str | Path] = (),
     where: str = FIXTURE,
     nominal: float | None = None,
+    world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
     """Finds the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
@@ -195,6 +200,7 @@ def measure_stiffness(
         where: the part.
         nominal: stiffness of the contact in the model, N/m: the result scales that, as `contact_stiffness` of the part;
             without it the fixture gives way along z, as `fixture_compliance`, and another part has no effect.
+        world: of the cell that has the part.
         settings: as for every measurement.
 
     Raises:
@@ -203,11 +209,14 @@ def measure_stiffness(
     settings = settings or MeasureSettings()
     stops, fixtures = [Path(path) for path in stop], [Path(path) for path in fixture]
     tables = [] if readings is None else [Path(readings)]
+    if (readings is None) == (not stops and not fixtures):
+        raise UserError("nothing to read, or twice", expected="a table, or --stop and --fixture")
+    check_part(where, world)
+    _check_nominal(nominal)
 
     def measure(rng: np.random.Generator) -> Outcome:
-        if (readings is None) == (not stops and not fixtures):
-            raise UserError("nothing to read, or twice", expected="a table, or --stop and --fixture")
-        return stiffness.measure(_table(tables[0], settings) if tables else presses(stops, fixtures), rng)
+        read = _table(tables[0], settings) if tables else _stated(presses(stops, fixtures), settings)
+        return stiffness.measure(read, rng)
 
     def effects(results: Sequence[Quantity]) -> list[EffectInstance]:
         stiff, soft = results
@@ -247,6 +256,22 @@ def _measured(
         details=outcome.details,
     )
     return write(measurement, Path(out), inputs, settings)
+
+
+def _nominal(what: Literal["mass", "friction"], part: str, nominal: float | None, world: str) -> float:
+    """The nominal value that is stated, or of the world's cell. Raises UserError: no such part, or not above 0."""
+    of_cell = cell_value(what, part, world)
+    _check_nominal(nominal)
+    return of_cell if nominal is None else nominal
+
+
+def _check_nominal(nominal: float | None) -> None:
+    if nominal is not None and not 0 < nominal < float("inf"):
+        raise UserError("not a nominal value", key="--nominal", expected="above 0", got=nominal)
+
+
+def _stated(readings: Readings, settings: MeasureSettings) -> Readings:
+    return of_instruments(readings, settings.resolution, settings.accuracy)
 
 
 def _table(readings: str | Path, settings: MeasureSettings) -> Readings:

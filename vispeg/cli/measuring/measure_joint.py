@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from vispeg.cli.measuring.measuring import Measuring
+from vispeg.cli.measuring.measuring import Measuring, stated
 from vispeg.cli.output import Output, OutputOptions
 
 
@@ -85,13 +85,14 @@ class Joint(Measuring):
         """Measures, writes the folder, prints the numbers."""
         from vispeg.api.measure.joint import measure_joint
 
-        pairs = (text.partition("=") for text in self.columns)
+        settings = self.settings()
+        pairs = stated(self.columns, "--columns", "NAME=COLUMN")
         result = measure_joint(
             self.recordings,
             self.out,
             joint=self.joint,
-            columns={name: column for name, _, column in pairs},
+            columns=pairs,
             inertia=self.inertia,
-            settings=self.settings(),
+            settings=settings,
         )
         return self.tell(result)

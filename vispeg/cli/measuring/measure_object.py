@@ -183,6 +183,7 @@ class Stiffness(_Quantity):
                 fixture=self.fixture,
                 where=self.where,
                 nominal=self.nominal,
+                world=self.enough.world,
                 settings=settings,
             )
         )

@@ -46,11 +46,11 @@ class Measuring:
     output: OutputOptions = Output()
 
     def settings(self, resolution: tuple[str, ...] = (), accuracy: tuple[str, ...] = ()) -> MeasureSettings:
-        """For the functions of `vispeg.api.measure`. Raises UserError for numbers that cannot be."""
+        """For the functions of `vispeg.api.measure`. Raises UserError before anything is read."""
+        from vispeg.api.measure.enough import check_stop
         from vispeg.api.measure.result import MeasureSettings
-        from vispeg.api.playing import check_numbers
 
-        check_numbers(self.enough.episodes, self.enough.workers)
+        check_stop(self.enough.policy, self.enough.world, self.enough.episodes, self.enough.workers)
         return MeasureSettings(resolution, accuracy, stated(self.conditions), self.seed, self.overwrite)
 
     def tell(self, result: MeasurementResult) -> int:
@@ -78,12 +78,12 @@ class Measuring:
         return 0
 
 
-def stated(texts: Iterable[str]) -> dict[str, str]:
-    """`NAME=TEXT` pairs. Raises UserError for others."""
+def stated(texts: Iterable[str], key: str = "--conditions", expected: str = "NAME=TEXT") -> dict[str, str]:
+    """`NAME=TEXT` pairs. Raises UserError for others, and for a name given twice."""
     out = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        if not equals or not name:
-            raise UserError("not a condition", key="--conditions", expected="NAME=TEXT", got=text)
+        if not equals or not name or name in out:
+            raise UserError("given twice" if name in out else "not a pair", key=key, expected=expected, got=text)
         out[name] = value
     return out
