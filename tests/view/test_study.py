@@ -172,3 +172,12 @@ def test_a_recording_with_a_wrench_and_pictures_shows_both_at_the_moment(tmp_pat
     assert np.median(np.abs(measured - rendered)) < 12  # of 255: the model is the right one
     with pytest.raises(UserError, match="took no picture"):
         made.picture(0, 0.0, "nobody")
+
+
+@pytest.mark.slow
+def test_a_report_of_its_own_is_replaced(rigs, tmp_path):
+    """Written once more, the whole diagnosis takes the place of the one that the page wrote before."""
+    made = study(rigs, tmp_path / "view")
+    first = made.report()
+    made.fit("coulomb_friction:shoulder")
+    assert made.report() == first and (tmp_path / "view" / "found" / "report.html").is_file()
