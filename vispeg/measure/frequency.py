@@ -81,8 +81,12 @@ def _sweep(trace: Trace) -> list[Point]:
     return [Point(float(f[k]), 0.0, complex(sxy[k] / sxx[k]), float(coherence[k]), AVERAGES // 2) for k in pick]
 
 
-def bandwidth(points: list[Point]) -> tuple[float, float] | None:
-    """(Hz, its standard uncertainty) at which the gain is 3 dB under that of the lowest frequency; None if never."""
+def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
+    """Where the gain is 3 dB under that at rest: (Hz, its standard uncertainty, degrees of freedom); None if never.
+
+    Of the second-order servo through the points, where there are enough of them. Else of a line between the two points
+    that have it between them, and it may be anywhere there.
+    """
     used: list[list[Point]] = []  # of one frequency each, within a fiftieth
     for p in sorted((p for p in points if p.used), key=lambda p: p.hz):
         if used and p.hz < 1.02 * used[-1][0].hz:
@@ -99,14 +103,31 @@ def bandwidth(points: list[Point]) -> tuple[float, float] | None:
     if not len(below) or below[0] == 0:
         return None
     k = int(below[0])
+    fitted = _fit(points)
+    if fitted is not None:
+        servo, covariance, dof = fitted
+        nearby = Servo(servo.gain, servo.natural_frequency, servo.damping_ratio * (1 + 1e-4), servo.delay)
+        # over ln wn and ln zeta: it goes in proportion to wn
+        way = servo.bandwidth_hz * np.array([1.0, np.log(nearby.bandwidth_hz / servo.bandwidth_hz) / 1e-4])
+        return servo.bandwidth_hz, float(np.sqrt(way @ covariance[1:3, 1:3] @ way)), float(dof)
     slope = (gain[k] - gain[k - 1]) / (f[k] - f[k - 1])
     at = float(np.exp(f[k - 1] + (end - gain[k - 1]) / slope))
     u = end * np.hypot(max(spread[k], spread[k - 1]), spread[0])
-    return at, float(at * u / max(abs(slope), 1e-9))
+    between = (np.exp(f[k]) - np.exp(f[k - 1])) / np.sqrt(12.0)
+    return at, float(np.hypot(at * u / max(abs(slope), 1e-9), between)), np.inf
 
 
 def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
     """A second-order servo through the coherent points: (servo, standard uncertainties (4,), degrees of freedom)."""
+    fitted = _fit(points)
+    if fitted is None:
+        return None
+    servo, covariance, dof = fitted
+    return servo, np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0]), dof
+
+
+def _fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
+    """The same with the covariance (4, 4) of K, ln wn, ln zeta and the delay; None below four coherent points."""
     used = [p for p in points if p.used]
     if len(used) < 4:
         return None
@@ -129,5 +150,4 @@ def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
     dof = 2 * len(used) - 4
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / dof
     servo = Servo(float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2])), float(best.x[3]))
-    u = np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0])
-    return servo, u, dof
+    return servo, covariance, dof

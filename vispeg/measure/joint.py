@@ -17,7 +17,7 @@ from vispeg.measure.frequency import Point
 from vispeg.measure.loops import Stroke
 from vispeg.measure.steps import Servo, Step
 from vispeg.measure.trace import Trace, refuse_no_servo
-from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
+from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
 from vispeg.worlds.measurement_file import Quantity
 
 NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
@@ -223,7 +223,8 @@ def _bode(
             else f"the gain stays above -3 dB up to {top:.3g} Hz, the highest used"
         )
         return
-    inputs = [stated("gain about -3 dB", bandwidth[1], bandwidth[0])]
+    hz, u, dof = bandwidth
+    inputs = [Input("gain about -3 dB", hz, u, "A", dof, "t")]
     results.append(propagate("bandwidth", "Hz", lambda x: x, inputs, rng, repeats=sum(p.used for p in points)))
 
 
