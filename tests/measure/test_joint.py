@@ -317,3 +317,15 @@ def test_times_of_another_unit_and_short_logs_are_one_line(factor, seconds, said
     assert main(argv) == 2
     err = capsys.readouterr().err
     assert re.search(said, " ".join(err.split())) and "Traceback" not in err and not (tmp_path / "out").exists()
+
+
+def test_commands_that_are_logged_late_are_found_as_delay_and_leave_the_servo_alone():
+    traces = [answered(p, seed=k) for k, p in enumerate(parts().values()) if p.name.startswith("steps")][:2]
+    rows = round(0.02 * RATE)
+    late = [Trace(t.name, t.time, np.concatenate([t.q_cmd[:1].repeat(rows), t.q_cmd[:-rows]]), t.q) for t in traces]
+    found = joint.measure(late, rng())
+    by_name = {q.quantity: q for q in found.results}
+    for name in ("gain", "natural_frequency", "damping_ratio"):
+        assert by_name[name].value == pytest.approx(getattr(TRUE, name), rel=0.01)
+    assert by_name["delay"].low <= TRUE.delay - 0.02 <= by_name["delay"].high < 0
+    assert any("answers 8 ms before its steps" in note for note in found.notes)

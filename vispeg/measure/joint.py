@@ -131,6 +131,11 @@ def _servo(
         for name, unit in steps.NAMES.items():
             results.append(_over_sizes(name, unit, means[name], half, rng, len(responses)))
         servo = steps.mean_servo(responses)
+        if results[-1].high < 0.0:  # the delay
+            late = f"{-1e3 * servo.delay:.2g} ms"
+            notes.append(
+                f"the joint answers {late} before its steps: the commands are logged late, by that and its delay"
+            )
         bands = np.array([Servo(*row).bandwidth_hz for row in zip(*means.values(), strict=True)])
         results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, half, rng, len(responses)))
         sizes = steps.sizes(responses)

@@ -15,7 +15,10 @@ from scipy import optimize, stats
 from vispeg.core.errors import UserError
 from vispeg.measure.trace import Trace, steps
 
-BEFORE = 0.1  # s before a step whose mean is where the joint stood
+BEFORE, LATE = (
+    0.2,
+    0.1,
+)  # s before a step: rest from there on, which ends that much before it, for a command may be logged late
 STARTS, TRIED = (5.0, 20.0, 80.0, 250.0), 3  # rad/s; and how many of the nearest starts are followed
 POSITIVE = ("natural_frequency", "damping_ratio")
 NAMES = {"gain": "1", "natural_frequency": "rad/s", "damping_ratio": "1", "delay": "s"}
@@ -71,7 +74,8 @@ def fitted(trace: Trace) -> list[Step]:
 
 def _fit(trace: Trace, first: int, last: int) -> Step:
     t = trace.time[first:last] - trace.time[first]
-    still = (trace.time >= trace.time[first] - BEFORE) & (trace.time < trace.time[first])
+    before = trace.time[first] - trace.time
+    still = (before <= BEFORE + 1e-9) & (before > LATE - 0.5 * trace.period)
     size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
     change = np.diff(trace.q_cmd[first - 1 : last]) / size
     moved = np.flatnonzero(np.abs(change) > 1e-6)
@@ -83,7 +87,7 @@ def _fit(trace: Trace, first: int, last: int) -> Step:
         wn, zeta = float(np.exp(x[1])), float(np.exp(x[2]))
         return x[0] * sum(share * step_answer(t - at - x[3], wn, zeta) for at, share in parts) - y
 
-    low = [-1.0, np.log(0.5), np.log(0.02), 0.0]
+    low = [-1.0, np.log(0.5), np.log(0.02), -LATE]
     high = [3.0, np.log(2000.0), np.log(20.0), max(0.2, 3 * trace.period)]
     edge = np.array(low) + 1e-9, np.array(high) - 1e-9
     starts = [[end, np.log(wn), np.log(0.7), late] for wn in STARTS for late in (0.0, _onset(t, y, end))]
@@ -92,7 +96,7 @@ def _fit(trace: Trace, first: int, last: int) -> Step:
     best = min(tries, key=lambda solution: solution.cost)
     gain, wn, zeta = float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2]))
     rest = float(np.sqrt(np.mean(best.fun**2)))
-    delay = float(best.x[3]) if best.x[3] > 1e-6 else 0.0  # an optimizer ends just beside its bound
+    delay = float(best.x[3])
     return Step(trace.name, float(trace.time[first]), size, Servo(gain, wn, zeta, delay), rest)
 
 
