@@ -229,8 +229,8 @@ def _bode(
         )
         return
     hz, u, dof = bandwidth
-    inputs = [Input("gain about -3 dB", hz, u, "A", dof, "t")]
-    results.append(propagate("bandwidth", "Hz", lambda x: x, inputs, rng, repeats=sum(p.used for p in points)))
+    inputs = [Input("logarithm about -3 dB", float(np.log(hz)), u / hz, "A", dof, "t")]  # never below 0
+    results.append(propagate("bandwidth", "Hz", np.exp, inputs, rng, repeats=sum(p.used for p in points)))
 
 
 __all__ = ["Joint", "effects", "measure"]
