@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-NOT_UTF8 = os.fsdecode(b"caf\xe9")
+NOT_UTF8 = os.fsdecode(b"na\xefve")
 
 
 @pytest.mark.parametrize(
@@ -13,7 +13,7 @@ NOT_UTF8 = os.fsdecode(b"caf\xe9")
         ("x" * 300, ("--out", "255 bytes", "300 characters")),
         ("a/" * 2500 + "b", ("--out", "4095")),
         ("~nobodysuch/x", ("--out", "no such user")),
-        (NOT_UTF8, ("--out", "UTF-8", "caf")),
+        (NOT_UTF8, ("--out", "UTF-8", "na")),
         ("a\0b", ("--out", "zero byte")),
     ],
 )

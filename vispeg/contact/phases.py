@@ -106,7 +106,8 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     speed = np.median(speed, axis=1)
     flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
     moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
-    touching, moving = touch.touching[at].reshape(m, size).any(axis=1), np.maximum(speed, moves) > STILL
+    touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
+    moving = np.maximum(speed, moves) > STILL
     rest = _rest(path, touching, moving, size, block)
     if rest is None:
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.ndimage import binary_dilation
@@ -23,7 +23,7 @@ from vispeg.worlds.world import World
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
 MOST = 0.5  # of what is left as read, from which on it is more an allowance's than anything else's
-ALLOWANCES: dict[Literal["sensor", "path", "form"], str] = {
+ALLOWANCES: dict[str, str] = {
     "sensor": "what a force sensor may be off by (drift, crosstalk, delay)",
     "path": f"what kinematics may be off by ({1e3 * PLACE:.1g} mm, {1e3 * TURN:.1g} mrad)",
     "form": "what no law of contact says (where it sticks, chatters, bears)",
@@ -151,12 +151,12 @@ def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
 
     What an allowance takes is no evidence: what hides in it would not be seen.
     """
-    share, kind = max((rows[-1][kind], kind) for kind in ALLOWANCES)
+    last = rows[-1]
+    share, kind = max(((last["sensor"], "sensor"), (last["path"], "path"), (last["form"], "form")))
+    words = ALLOWANCES[kind]
     if share < MOST:
         return verdict
-    text = (
-        f"of the error that is left as read {ALLOWANCES[kind]} takes {100 * share:.0f} %: what is no larger is not seen"
-    )
+    text = f"of the error that is left as read {words} takes {100 * share:.0f} %: what is no larger is not seen"
     return replace(verdict, reason=f"{verdict.reason}; {text}")
 
 

@@ -101,7 +101,8 @@ def diagnose_contact(
         n_fixed,
         fitted,
         held_out,
-        *errors,
+        errors[0],
+        errors[1],
         verdict.partial,
         unsure(corrected, n_fixed),
     )

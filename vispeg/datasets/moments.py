@@ -89,8 +89,9 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
     middle, spread = min((_spread(d) for d in (own, before)), key=lambda s: s[1])
     off, off_before = np.abs(own - middle), np.abs(before - middle)
     wrong = np.flatnonzero((off > LEAST + SPREADS * spread) & (off_before < 0.5 * off))
-    mean = (float(np.median(x[wrong])) if len(wrong) else np.nan for x in (off, off_before))
-    return wrong + 1, *mean
+    if not len(wrong):
+        return wrong, np.nan, np.nan
+    return wrong + 1, float(np.median(off[wrong])), float(np.median(off_before[wrong]))
 
 
 def _spread(values: np.ndarray) -> tuple[float, float]:

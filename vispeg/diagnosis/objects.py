@@ -164,12 +164,12 @@ def kept(progress: Progress, question: str, world: World, work_out: Callable[[],
         return [{k: [v.value, v.low, v.high] for k, v in e.params.items()} for e in effects]
 
     answer = progress.recall([question, model_text(world)], plain)
-    known = [{k: Value(*map(_number, v)) for k, v in params.items()} for params in answer]
+    known = [{k: _value(*v) for k, v in params.items()} for params in answer]
     return replace(world, effects=tuple(replace(e, params=p) for e, p in zip(world.effects, known, strict=True)))
 
 
-def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+def _value(value: float, low: float | None, high: float | None) -> Value:
+    return Value(float(value), None if low is None else float(low), None if high is None else float(high))
 
 
 def diagnose_object(

@@ -123,7 +123,8 @@ def diagnose(
         n_given,
         fitted,
         held_out,
-        *errors,
+        errors[0],
+        errors[1],
         verdict.partial,
         unsure,
     )

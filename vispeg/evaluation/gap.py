@@ -6,7 +6,7 @@ writes the rows.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -154,7 +154,7 @@ class _Asked:
                     sides = [table.rows(Cell(p, world)) for p in (a, b)]
                     if all(sides):
                         trained = (a not in scripted, b not in scripted)
-                        asked.tests["pair", world, a, b] = statistics.difference(*sides, False, trained)
+                        asked.tests["pair", world, a, b] = statistics.difference(sides[0], sides[1], False, trained)
         return asked
 
     def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
@@ -163,7 +163,7 @@ class _Asked:
         networks = table.networks(cells)
         if not networks:
             return
-        self.tests["gap", policy, world] = statistics.difference(*map(table.rows, cells), True)
+        self.tests["gap", policy, world] = statistics.difference(table.rows(cells[0]), table.rows(cells[1]), True)
         first, second = ([e for e in table.all(cell) if e.train_seed in networks] for cell in cells)
         kinds = part(
             [e.category for e in first], [e.category for e in second], stream(seed, "categories", policy, world)
@@ -182,7 +182,7 @@ def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesi
     They share alike, for pairs grow with the square of policies and would leave the losses next to nothing.
     """
     question = {"beyond": "gap", "measure": "failures"}
-    whole: Counter[str] = Counter()
+    whole: defaultdict[str, float] = defaultdict(float)
     for key, test in tests.items():
         whole[question.get(key[0], key[0])] += test.weight * (test.p is not None)
     return {

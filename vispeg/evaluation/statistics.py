@@ -38,7 +38,7 @@ import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -248,7 +248,7 @@ class _Side:
         return _Side([-row for row in self.rows], self.crossed)
 
 
-def _shared(rows: Mapping[Hashable, Mapping[Hashable, float]]) -> list[Hashable]:
+def _shared(rows: Mapping[Any, Mapping[Hashable, float]]) -> list[Hashable]:
     """The episodes that all networks played; none where one that played fewest has some of its own, so that a single
     number that trials of two networks share does not stand for all of them.
     """
@@ -399,7 +399,7 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False,
         each: as of `difference`.
     """
     value = float(sum(block.means.mean() for block in blocks))
-    rows = [sum(b.means for b in blocks)] if same_networks else [b.means for b in blocks]
+    rows = [np.sum([b.means for b in blocks], axis=0)] if same_networks else [b.means for b in blocks]
     least = _least(each * min(len(row) for block in blocks for row in block.rows))
     networks = [(max(float(m.var(ddof=1)), least) / len(m), len(m) - 1) for m in rows if len(m) > 1]
     episodes = []
@@ -682,7 +682,7 @@ def noise(first: Rows, second: Rows) -> np.ndarray:
     sides = [_side(rows, both or _shared(rows)) for rows in (first, second)]
     y = [np.mean(side.rows, axis=0) if side.crossed else np.concatenate(side.rows) for side in sides]
     sd = np.array([math.sqrt((v.sum() + 1) * (len(v) - v.sum() + 1) / len(v)) / (len(v) + 2) for v in y])
-    r = float(np.corrcoef(*y)[0, 1]) if both and min(map(np.std, y)) > 0 else 0.0
+    r = float(np.corrcoef(y[0], y[1])[0, 1]) if both and min(map(np.std, y)) > 0 else 0.0
     return np.outer(sd, sd) * np.array([[1.0, 0.999 * r], [0.999 * r, 1.0]])
 
 
@@ -710,7 +710,8 @@ def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Es
     profile = log.max(axis=(1, 2))
     inside = _RHO[profile.max() - profile <= chi2.ppf(LEVEL, 1) * n / (n - 3)]
     found = (_RHO[profile.argmax()], inside.min(), inside.max())
-    return Estimate(*(float(np.sign(r)) if abs(r) == _RHO[-1] else float(r) for r in found), n)
+    value, low, high = (float(np.sign(r)) if abs(r) == _RHO[-1] else float(r) for r in found)
+    return Estimate(value, low, high, n)
 
 
 def mean_interval(values: np.ndarray) -> Estimate:

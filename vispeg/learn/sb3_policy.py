@@ -51,7 +51,7 @@ def opened(path: Path) -> Any:
     kwargs = {k: _plain(v, path) for k, v in kwargs.items() if k not in (":type:", ":serialized:")}
     if not module.startswith("stable_baselines3."):
         raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")
-    space = {
+    space: dict[str, spaces.Space[Any]] = {
         key: spaces.Box(float(low), float(high), tuple(int(n) for n in shape.split(",") if n.strip()), np.dtype(dtype))
         for key, low, high, shape, dtype in parts
     }

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 
@@ -26,7 +27,7 @@ G = mujoco.mjtGeom
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
 OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names in the cell
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
-PEG_IN_HOLE = {
+PEG_IN_HOLE: dict[str, Any] = {
     "goal": "hole",
     "tip_site": "peg_tip",
     "wall": hole.WALL,
@@ -125,10 +126,17 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     parts |= furniture.room(spec)
     furniture.lights(spec)
     _sensors(spec)
-    base = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
+    base: dict[str, Any] = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
     # a square peg is declared with its round sister's mass and inertia
-    extra = {"config": config, "nominal": arm, "parts": parts, "cameras": cameras, "tip": tip, "target": config.fixture}
-    seen = {"things": ("fixture", "peg"), "dressed": tuple(parts), "lights": tuple(LIGHTS)}
+    extra: dict[str, Any] = {
+        "config": config,
+        "nominal": arm,
+        "parts": parts,
+        "cameras": cameras,
+        "tip": tip,
+        "target": config.fixture,
+    }
+    seen: dict[str, Any] = {"things": ("fixture", "peg"), "dressed": tuple(parts), "lights": tuple(LIGHTS)}
     return Scene(**{**base, "build": spec.copy}, **extra, **seen, **PEG_IN_HOLE)
 
 

@@ -56,7 +56,8 @@ class UserShape:
         import trimesh
 
         mesh = trimesh.Trimesh(self.vertices, self.faces, process=False)
-        return trimesh.intersections.mesh_plane(mesh, np.array([0, 0, 1.0]), np.array([0, 0, z]))[..., :2]
+        segments = trimesh.intersections.mesh_plane(mesh, np.array([0, 0, 1.0]), np.array([0, 0, z]))
+        return np.asarray(segments)[..., :2]
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
         """Adds geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""

@@ -48,6 +48,7 @@ class Cell(Plant):
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
         self.filtered, self.mean = False, np.zeros_like(self.sensors)
+        self._held_by = scene.slip  # the joint along which the held part may slip
         self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None
         self.qposes = np.arange(self.model.nq)[self.qadr]
         self.dofs = np.arange(self.model.nv)[self.vadr]
@@ -125,8 +126,8 @@ class Cell(Plant):
         self.filtered = True
 
     def _firm(self) -> None:
-        if self.slip is not None:
-            firm(self.batch, self.model, self.robot.slip)
+        if self._held_by:
+            firm(self.batch, self.model, self._held_by)
 
     def felt(self) -> np.ndarray:
         """What the wrist's force sensor says of the last step, or of the mean of the last tick where it is `filtered`:

@@ -35,7 +35,8 @@ class Choice:
         chosen: Callable[[str], None],
         path: bool = True,
     ):
-        self.place, self.kind, self.names, self.told = place, kind, dict(names), chosen
+        self.kind: Kind = kind
+        self.place, self.names, self.told = place, dict(names), chosen
         self.none = {} if first else {CHOOSE: ""}
         self.more: dict[str, str] = {} if not first or first in self.names.values() else {first: first}
         self.offers: dict[str, str] = {}

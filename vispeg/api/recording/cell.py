@@ -37,8 +37,7 @@ JOINT_S = 5.0  # s that motions of joints take
 
 def motions_of(world: World | None = None) -> tuple[str, ...]:
     """Names of the motions of a world's cell, those of the package's own task without a cell, and of its expert."""
-    cell = None if world is None else world.cell
-    offered = task(FIRST) if cell is None else task_of(model_cell(world).config)
+    offered = task(FIRST) if world is None or world.cell is None else task_of(model_cell(world).config)
     return *offered.motions, EXPERT
 
 

@@ -85,7 +85,7 @@ def diagnose_pictures(
         wide = [[(s, gather(predictor, s, state.world, WIDE)) for s in some] for some in (mine, theirs)]
         bent = heights_left(predictor.geometry, mine, theirs, state.world)
     remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
-    moved = moved_most(judged.geometry, *wide, state.world)
+    moved = moved_most(judged.geometry, wide[0], wide[1], state.world)
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
     n_added = len(state.world.effects) - n_fixed
     of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved)

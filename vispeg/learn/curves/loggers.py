@@ -73,7 +73,7 @@ class WeightsAndBiases(KVWriter):
                 resume="allow",
                 settings=quiet,
             )
-        except (wandb.errors.Error, OSError) as error:
+        except (wandb.Error, OSError) as error:
             raise UserError(
                 f"Weights & Biases refuses the run: {str(error).splitlines()[0]}",
                 key="--wandb",

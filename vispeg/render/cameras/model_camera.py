@@ -57,8 +57,8 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
             focal, centre = model.cam_intrinsic[i][:2] * scale, centre - model.cam_intrinsic[i][2:] * scale
         name, at = model.camera(i).name, rot.T @ (data.cam_xpos[i] - pos)
         quat = tuple(quaternion(rot.T @ axes).tolist())
-        numbers = (*map(float, focal), *map(float, centre))
-        out.append(Camera(name, width, height, *numbers, parent=parent, pos=tuple(at.tolist()), quat=quat))
+        (fx, fy), (cx, cy) = map(float, focal), map(float, centre)
+        out.append(Camera(name, width, height, fx, fy, cx, cy, parent=parent, pos=tuple(at.tolist()), quat=quat))
     return tuple(out)
 
 

@@ -64,9 +64,10 @@ def sentence(values: Mapping[str, Any]) -> str:
 def _between(between: Any, param: Param | None) -> tuple[str, float]:
     """`−0.50 to 0.50 N`, `up to 20 µm/N`, and the share of the parameter's range that is hidden."""
     ends = [number(v) for v in between] if isinstance(between, (list, tuple)) else []
-    if len(ends) != 2 or ends[0] is None or ends[1] is None:
+    sizes = [end for end in ends if end is not None]
+    if len(ends) != 2 or len(sizes) != 2:
         return "at any size", 1.0
-    low, high = ends
+    low, high = sizes
     factor, name = prefix(max(abs(low), abs(high)), unit(param.unit) if param is not None else "")
     if param is None:
         return f"{plain(low, 2)} to {plain(high, 2)}", 0.0
