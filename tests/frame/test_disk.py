@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 RECORD = "record iiwa14 --motion fourier --duration 1 --out"
 RENDER = "render --world nominal --frames 4 --size 32 --workers 0 --no-labels --out"
 SHORT = {
-    "train": "train peg-state --steps 64 --every 32 --envs 4 --episodes 2 --films 0 --out OUT",
+    "train": "train peg-state --steps 64 --every 32 --envs 4 --episodes 2 --films 0 --quiet --out OUT",
     "record": f"{RECORD} OUT",
     "record-parquet": f"{RECORD} OUT --table parquet",
     "fit": "fit iiwa14 --recording rig --effects joint_bias:joint2 --iterations 1 --quiet --out OUT",

@@ -99,7 +99,7 @@ def test_a_recording_is_cut_in_a_part_to_fit_and_a_part_to_judge_on():
     first, last = split(several, 0.3)
     assert set(first.episode) == {0, 1, 2} and set(last.episode) == {3}
     for share in (0.0, 1.0, -1.0):
-        with pytest.raises(UserError, match="hold-out"):
+        with pytest.raises(UserError, match="hold_out"):
             split(rec, share)
 
 
