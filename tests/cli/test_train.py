@@ -106,7 +106,7 @@ def test_stack_directions_and_reward_are_asked_for_and_kept_through_the_runs_fil
         (["--ranges", "schedule", "--recipe", "distill"], ["ranges", "distillation alone"]),
         (["--ranges", "wide"], ["--ranges", "adaptive"]),
         (["--steps", "0"], ["steps", "at least 1"]),
-        (["--films", "-1"], ["--films", "negative"]),
+        (["--films", "-1"], ["--films", "out of range"]),
     ],
 )
 def test_mistakes(refused, args, words):

@@ -150,7 +150,7 @@ def test_a_policy_is_refused_where_a_part_is_of_its_own_world_and_held_out_from_
     """Whether its record names the parts, as today's do, or only the world, as old ones."""
     told = [policy("a_s0", world_parts=parts(home)), policy("b_s0", world=home), policy("c_s0", world_file=home)]
     for e in entrants(told):
-        with pytest.raises(UserError, match=f"{e.name} was trained with .*{part}.*which {target} has too.*fine-tuned"):
+        with pytest.raises(UserError, match=f"{e.name} was trained with .*{part}.*which {target} has too.*fine.tuned"):
             refuse_trained_on([e], target, load_world(target).hash)
 
 

@@ -22,6 +22,7 @@ from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.regimes import INSIDE, PRESS, REGIMES, SLIDE
 from vispeg.robots.scene import Scene
 from vispeg.sim.external import External
 from vispeg.sim.segments.segment import Segment
@@ -134,7 +135,7 @@ def pushed(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
     )  # fmt: skip
     change = (phase.means(nominal.correction) - phase.means(out.correction)) / stands[0] / size[:, None, None]
     left = np.moveaxis(change, 0, 2)
-    takes_up = phase.of("press") | phase.of("slide") | phase.of("hole")
+    takes_up = phase.of(REGIMES[PRESS]) | phase.of(REGIMES[SLIDE]) | phase.of(REGIMES[INSIDE])
     return np.where((takes_up & np.isfinite(left).all(axis=(1, 2)))[:, None, None], left, np.eye(6))
 
 

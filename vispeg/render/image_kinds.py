@@ -16,7 +16,7 @@ from vispeg.core.frame import Frame
 
 FAR = 4.0  # m, greatest depth in the observation
 SHOWN = (0.02, 0.40)  # m, range of depths of a picture for people
-LEVEL = 0.002  # m, of depth as a grey image: wrist cameras see the hole from 0.05 to 0.4 m
+LEVEL = 0.002  # m, of depth as a grey image: wrist cameras see their goal from 0.05 to 0.4 m
 STEP = 5e-5  # m, a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
 
 

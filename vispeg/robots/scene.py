@@ -27,6 +27,7 @@ G = mujoco.mjtGeom
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
 OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names in the cell
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
+FIXTURE = "fixture"  # the body of a cell that may stand on springs
 PEG_IN_HOLE: dict[str, Any] = {
     "goal": "hole",
     "tip_site": "peg_tip",
@@ -34,7 +35,7 @@ PEG_IN_HOLE: dict[str, Any] = {
     "plate": hole.PLATE,
     "top": hole.TOP,
     "held": "peg",
-    "fixture": "fixture",
+    "fixture": FIXTURE,
     "offset": "hole_offset",
     "tilt": "hole_tilt",
     "slip": "peg_slip",

@@ -15,6 +15,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import there
 from vispeg.core.provenance import command_line
+from vispeg.task import registry
 from vispeg.view import html
 from vispeg.view.choice import Choice
 from vispeg.view.place import Page, Place
@@ -30,7 +31,10 @@ CURVES = {  # title -> columns of progress.csv, each with its colour; of several
     "steps of an episode": {"episode_steps": "#2a9d60"},
 }
 COLOURS = ("#0a7a75", "#d9541e", "#1f6fb4", "#a2456b", "#b0892b", "#5b4bb7", "#2a9d60", "#7a5230")  # of runs
-FIRST = "peg-state --recipe distill --teacher expert --distill-steps 1000 --distill-updates 500".split()
+FIRST = [
+    f"{registry.FIRST}-state",
+    *"--recipe distill --teacher expert --distill-steps 1000 --distill-updates 500".split(),
+]
 
 
 class RunPage(Page):

@@ -19,11 +19,10 @@ from vispeg.measure.becomes import payload, placed, scaled
 from vispeg.measure.from_recordings import at_rest, presses, slides
 from vispeg.measure.outcome import Outcome
 from vispeg.measure.readings import Readings, of_instruments, read
-from vispeg.robots.scene import PEG_IN_HOLE
+from vispeg.robots.scene import FIXTURE
 from vispeg.worlds.measurement_file import Measurement, Quantity, load_measurement
 
 Effects = Callable[[Sequence[Quantity]], list[EffectInstance]]
-FIXTURE = PEG_IN_HOLE["fixture"]  # the body of a cell that may stand on springs
 
 
 def measure_mass(
