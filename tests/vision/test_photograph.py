@@ -196,7 +196,7 @@ def test_a_recording_shows_what_was_hidden(tmp_path, capsys):
 
 
 def test_the_arm_alone_has_no_cell():
-    with pytest.raises(UserError, match="pictures need a cell"):
+    with pytest.raises(UserError, match="pictures need something to see.*robot"):
         record_look(load_model("iiwa14"))
 
 
