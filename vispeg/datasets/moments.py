@@ -106,5 +106,5 @@ def sampled(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     solid = trimesh.Trimesh(*mesh, process=False)
-    points, faces = trimesh.sample.sample_surface(solid, POINTS, seed=0)
-    return np.asarray(points), np.asarray(solid.face_normals)[faces]
+    drawn = trimesh.sample.sample_surface(solid, POINTS, seed=0)  # points, their faces, and colours only if asked for
+    return np.asarray(drawn[0]), np.asarray(solid.face_normals)[drawn[1]]
