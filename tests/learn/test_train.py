@@ -346,11 +346,11 @@ def test_stages_lead_to_the_task_as_it_is(wide, near, made):
 @pytest.mark.parametrize(
     ("wide", "near", "said"),
     [
-        ((6.0, 3.0, 1.0), (), "--curriculum: .*widest first, above the 3 mm"),
+        ((6.0, 3.0, 1.0), (), "curriculum: .*widest first, above the 3 mm"),
         ((4.0, 6.0), (), "widest first"),
         ((6.0, 6.0), (), "widest first"),
         ((float("nan"),), (), "widest first"),
-        ((), (0.01, 0.005), "--start-radius: .*nearest first, below the 0.02 m"),
+        ((), (0.01, 0.005), "start_radius: .*nearest first, below the 0.02 m"),
         ((), (0.03,), "nearest first"),
         ((), (0.0,), "above 0"),
     ],

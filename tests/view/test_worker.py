@@ -62,7 +62,7 @@ def test_it_answers_in_order_and_outlives_errors(worker, ears):
     ears.until("done", "add", 6)
     kinds = [kind for kind, *_ in ears.heard]
     assert kinds == ["told", "done", "refused", "failed", "told", "done"]
-    assert ears.heard[2][2] == "--number: no" and "ZeroDivisionError" in ears.heard[3][2]
+    assert ears.heard[2][2] == "number: no" and "ZeroDivisionError" in ears.heard[3][2]
     assert not worker.busy and worker.alive
 
 
