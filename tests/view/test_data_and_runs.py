@@ -61,7 +61,7 @@ def test_frames_are_browsed(dataset, page_of, served):
     page.get_by_role("button", name="One frame on").click()
     page.wait_for_selector("[data-frame='1']")
     assert page.locator("img").count() >= 2 * len(open_dataset(dataset).cameras)
-    page.get_by_text("All draws", exact=True).click()
+    page.get_by_role("tab", name="All draws").click()
     page.wait_for_selector("[data-draws] svg rect")
     assert f"vispeg dataset show {dataset}" in page.content()
 
