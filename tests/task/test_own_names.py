@@ -105,6 +105,7 @@ def test_springs_hang_what_the_cell_calls_its_fixture_and_its_part(rod):
 
 def test_it_is_played_and_rendered(rod, tmp_path):
     import vispeg
+    from vispeg.datasets.layout import pose_of
     from vispeg.datasets.read import Dataset
 
     world = tmp_path / "rod.yaml"
@@ -113,6 +114,7 @@ def test_it_is_played_and_rendered(rod, tmp_path):
     assert all(e.success for e in played.episodes)
     vispeg.render_dataset(tmp_path / "frames", world, frames=4, size=64)
     data = Dataset(tmp_path / "frames")
-    assert {"rod", "socket"} <= set(data.parts) and {"label.rod", "label.mouth"} <= set(data.features)
+    assert {"rod", "socket"} <= set(data.parts)
+    assert {pose_of("rod", "wrist_wide", data.features), "label.mouth"} <= set(data.features)
     shown = np.unique(data.episode(0)["label.parts.wrist_wide"])
     assert 1 + data.parts.index("rod") in shown and 1 + data.parts.index("socket") in shown

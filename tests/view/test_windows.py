@@ -16,7 +16,7 @@ def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_
     app = served(rigs / "arm.xml")
     dark, light = page_of(app, color_scheme="dark"), page_of(app, color_scheme="light")
     dark.wait_for_function(f"{SCHEME} === 'dark'")
-    light.wait_for_selector("text=Choose a model and recordings")
+    light.wait_for_selector("text=Drop your model and your logs")
     assert light.evaluate(SCHEME) == "light"
     dark.emulate_media(color_scheme="light")
     dark.wait_for_function(f"{SCHEME} === 'light'")
@@ -31,7 +31,7 @@ def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_
 def test_axe_has_no_serious_finding_on_any_page(rigs, page_of, served, scheme, width):
     app = served(rigs / "arm.xml")
     page = page_of(app, width, 800, color_scheme=scheme)
-    page.wait_for_selector("text=Choose a model and recordings")
+    page.wait_for_selector("text=Drop your model and your logs")
     page.wait_for_function(f"{SCHEME} === '{scheme}'")
     page.add_script_tag(path=AXE)
     for one in app.pages:
