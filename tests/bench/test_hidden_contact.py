@@ -91,6 +91,7 @@ def test_a_press_is_a_spring():
     assert sunk[1] - sunk[0] == pytest.approx(-3e-5 * 12.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_friction_stays_in_its_cone_and_slides_on_it():
     rough = replace(NOMINAL, friction=0.51)
     log = led(
@@ -172,6 +173,7 @@ def test_a_tilted_peg_wedges_at_two_points():
     assert deeper[2] > 0  # there is no room
 
 
+@pytest.mark.slow
 def test_a_peg_rocked_in_the_hole_stays_within_what_its_controller_can_push():
     """Two contacts across a light hand at once: an explicit damper would pump energy into it."""
     pos, rot = path(("rock",))
@@ -224,6 +226,7 @@ def test_every_motion_begins_at_rest_in_free_air():
         assert pos[0, 2] - TIP - MOUTH[2] > 0.02
 
 
+@pytest.mark.slow
 def test_the_projects_cell_presses_and_slides_alike():
     """Matched and quasi-static: normal force within 12 %, friction within 0.02, depth within 0.1 mm."""
     from vispeg.task.rig.commanded import CellMotion

@@ -41,6 +41,7 @@ def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
     assert set(record["provenance"]["inputs"]) == {str(rigs["friction"]), str(rigs["friction2"])}
 
 
+@pytest.mark.slow
 def test_a_model_that_diverges_is_said_to_and_its_recording_left_out(vispeg, rigs, tmp_path):
     stiff = ["--kp", "3000", "3000", "1000", "1500", "300", "200", "20"]
     soft = ["--kp", "60", "60", "30", "30", "10", "5", "1", "--kd", "8", "8", "3", "3", "0.5", "0.3", "0.03"]
@@ -94,6 +95,7 @@ def test_mistakes(refused, rigs, tmp_path):
     refused(["compare", "iiwa14", "--recording", rigs["nominal"], "--out", "full"], "not empty")
 
 
+@pytest.mark.slow
 def test_of_a_long_recording_the_chosen_windows_are_said(vispeg, tmp_path):
     motion = ("--motion", "fourier", "--duration", "40", "--effects", "coulomb_friction:joint4:torque=1.2")
     assert vispeg("record", "iiwa14", *motion, "--out", "long")[0] == 0

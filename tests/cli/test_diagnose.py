@@ -77,6 +77,7 @@ def test_interrupted_after_its_first_effect_it_goes_on(vispeg, swings, worked_ou
     assert not [p.name for p in tmp_path.iterdir() if "part" in p.name]
 
 
+@pytest.mark.slow
 def test_with_other_inputs_it_begins_anew(vispeg, swings, worked_out, tmp_path, monkeypatch):
     robot = tmp_path / "arm.xml"
     robot.write_text(Path(swings()).read_text())

@@ -41,6 +41,7 @@ def test_known_friction_comes_back_and_the_held_out_error_falls(vispeg, rigs, tm
     assert "Held-out error falls" in page and "friction2" in page and "data-traces" in page
 
 
+@pytest.mark.slow
 def test_a_fit_that_nothing_was_held_out_from_says_so_on_its_page(vispeg, rigs, tmp_path):
     rec = ["--recording", rigs["friction"], "--quiet", "--iterations", "1"]
     assert vispeg("fit", "iiwa14", *rec, "--effects", "coulomb_friction:joint4", "--out", "f")[0] == 0
@@ -49,6 +50,7 @@ def test_a_fit_that_nothing_was_held_out_from_says_so_on_its_page(vispeg, rigs, 
     assert "held-out" not in page[page.index("<main>") : page.index("</main>")].lower()
 
 
+@pytest.mark.slow
 def test_all_is_one_value_and_each_is_seven(vispeg, rigs, tmp_path):
     rec = ["--recording", rigs["friction"], "--quiet"]
     assert vispeg("fit", "iiwa14", *rec, "--effects", "viscous_friction:all", "--out", "a", "--iterations", "2")[0] == 0
@@ -68,6 +70,7 @@ def test_only_named_effects_move(vispeg, rigs, tmp_path):
     assert [e["effect"] for e in fitted(tmp_path / "f")["effects"]] == ["coulomb_friction"]
 
 
+@pytest.mark.slow
 def test_what_the_recording_cannot_tell_is_said(vispeg, rigs, tmp_path):
     """Friction that is not there has no speed at which it falls; constant friction and constant loss are one."""
     args = ["--recording", rigs["nominal"], "--effects", "stribeck_friction:joint4", "--quiet", "--starts", "2"]
@@ -116,6 +119,7 @@ def test_killed_fit_leaves_what_was_there_and_goes_on(rigs, tmp_path):
     assert one["effects"][0]["params"]["gap"]["value"] < 5e-3  # near none, in one round, of a range up to 0.1 rad
 
 
+@pytest.mark.slow
 def test_a_fit_killed_anywhere_ends_as_if_it_had_not_been(vispeg, rigs, tmp_path, monkeypatch):
     effects = ["--effects", "stribeck_friction:joint4"]  # a valley: the trust region matters
     args = ["fit", "iiwa14", "--recording", rigs["short"], *effects, "--starts", "2", "--iterations", "4", "--quiet"]
@@ -174,6 +178,7 @@ def test_a_copy_of_a_fitted_recording_is_no_judge(refused, rigs, tmp_path):
     refused(["fit", "iiwa14", *both, "--effects", "joint_bias:joint1", "--out", "f"], "a copy of", "copy")
 
 
+@pytest.mark.slow
 def test_paper_protocol_brings_the_flange_nearer(vispeg, rigs, tmp_path):
     args = ["--protocol", "paper", "--recording", rigs["osc"], "--iterations", "12", "--quiet"]
     code, out, _ = vispeg("fit", "iiwa14", *args, "--out", "p")

@@ -156,6 +156,7 @@ def test_an_effect_is_judged_by_what_a_fit_leaves_where_that_is_less_than_floors
     assert asked[0] == search.confirms(0.0) == 3 * search.evidence.rough, "15 is the most that chatter makes"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("left", "counted"), [(0.1, 0.1), (0.6, 0.6), (1.0, 1.0), (40.0, 1.0)])
 def test_an_effect_is_screened_by_what_it_needs_beside_the_present_world(left, counted, monkeypatch):
     """`left` variances of floors under a world: what is beyond floors may be what the effect takes away."""

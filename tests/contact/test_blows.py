@@ -66,6 +66,7 @@ def nominal_ratio():
     return compiled(FOUND.scene).geom_solref[shapes(compiled(FOUND.scene), "peg")[0], 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "true"),
     [("contact_damping:scale=0.2", 0.2), ("restitution:e=0.5", ratio(np.array(0.5)) / nominal_ratio())],

@@ -99,6 +99,7 @@ def test_an_arm_that_was_never_in_free_air_is_not_known_to_be_right():
     assert last_judge.judged(SURE, replayed, [rec], World(), 0, 1) is SURE
 
 
+@pytest.mark.slow
 def test_a_verdict_falls_only_where_no_value_within_the_intervals_comes_near():
     """The same model: sure of a wide hole it is contradicted, unsure of it up to the right width it is not."""
     rec = insertion("too tight")

@@ -251,6 +251,7 @@ def test_both_hidden_effects_are_named_and_none_where_there_is_none():
     assert nothing.record["verdict"] == "adequate" and not nothing.record["effects"]
 
 
+@pytest.mark.slow
 def test_what_was_partial_is_fitted_anew_and_what_acts_on_the_arm_stays():
     """A friction found in part, at 0.6 of the nominal one, is 0.7; a joint's friction is not what a wrench tells."""
     partial = [replace(e, partial=True) for e in (SLIPPERY.with_values(scale=0.6), COULOMB)]

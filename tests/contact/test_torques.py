@@ -96,6 +96,7 @@ def fitted(rec):
     return evidence, intervals(evidence, fit)[0].effects[0].params["z"]
 
 
+@pytest.mark.slow
 def test_a_soft_fixture_is_told_from_torques_alone_less_surely_than_by_a_sensor(pressed):
     evidence, told = fitted(numb(pressed))
     _, read = fitted(pressed)

@@ -39,6 +39,7 @@ def test_a_load_takes_the_place_of_what_the_last_links_were_given():
     assert not gathered(search, state, 0), "links have nothing any more"
 
 
+@pytest.mark.slow
 def test_a_heavy_link_is_no_load():
     """What a link was given rightly stays."""
     search, state = searched(HEAVIER, [HEAVIER])

@@ -60,6 +60,7 @@ def searched(recordings):
     return search, search.run(World(recordings[0].robot))
 
 
+@pytest.mark.slow
 def test_friction_of_every_joint_is_named_with_its_size(searched):
     _, state = searched
     assert [best.score.label for best, _ in state.steps] == ["coulomb_friction + viscous_friction(each)"]
@@ -109,6 +110,7 @@ def start(name):
     return {m: effect(name).params[m].start for m in effect(name).magnitudes}
 
 
+@pytest.mark.slow
 def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searched, monkeypatch):
     search, state = searched
     names = ("rotor_inertia", "hysteresis", "joint_bias")
@@ -130,6 +132,7 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
             np.testing.assert_allclose(first.loss, second.loss, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is_left(searched, monkeypatch):
     """Also of many effects, of which linear algebra alone proposes nothing here."""
     search, state = searched

@@ -13,12 +13,10 @@ from vispeg.diagnosis.run import diagnose
 from vispeg.recordings.load import load
 from vispeg.worlds.world import World
 
-NAMED = [
-    "viscous_friction/joint6/small",
+NAMED = ["viscous_friction/joint6/small"]
+AS_WELL = [
     "cogging/joint1/small",
     "torque_limit/joint4/small",
-]
-AS_WELL = [
     "coulomb_friction/joint4/small",
     "viscous_friction/joint1/small",
     "hysteresis/joint1/small",
@@ -53,6 +51,7 @@ def test_nothing_hidden_nothing_named(name, tmp_path):
     assert record["verdict"] == "adequate" and record["effects"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_disturbance_outside_the_library_gets_no_name(tmp_path):
     record = verdict("vibration/joint2/large", tmp_path)

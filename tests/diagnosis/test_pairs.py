@@ -41,6 +41,7 @@ def search() -> Search:
     return Search(Evidence(large), Judge(Evidence(small, h_max=1e-3)))
 
 
+@pytest.mark.slow
 def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search, monkeypatch):
     state = search.start(World(pendulum().source))
     monkeypatch.setattr(search, "step_at", lambda *args: [])

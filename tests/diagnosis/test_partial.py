@@ -32,6 +32,7 @@ def recordings():
     return out
 
 
+@pytest.mark.slow
 def test_partial_truth_is_written_and_the_next_diagnosis_begins_with_it(recordings, tmp_path):
     found = diagnose(World(recordings[0].robot), recordings[:2], recordings[2:], nthread=1, plan_next=False)
     assert found.record["verdict"] == "unexplained", found.record["reason"]

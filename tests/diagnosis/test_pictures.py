@@ -108,6 +108,7 @@ def test_a_camera_at_rest_shows_nothing_of_time_and_one_without_depth_nothing_of
     assert not {"depth_scale", "depth_bias", "depth_noise", "depth_dropout", "edge_fattening"} & set(rows)
 
 
+@pytest.mark.slow
 def test_an_encoder_s_offset_is_not_called_a_camera_s():
     found = diagnosed(EffectInstance.of("encoder_offset", "joint4", offset=0.012))
     (placed,) = found.world.effects

@@ -50,6 +50,7 @@ def optimizers(monkeypatch):
     return count
 
 
+@pytest.mark.slow
 def test_killed_and_run_again_ends_the_same(recordings, tmp_path, monkeypatch):
     file = tmp_path / "part" / "progress.json"
     whole_count = optimizers(monkeypatch)

@@ -74,6 +74,7 @@ def test_roles_stay_where_they_will_do(recordings, held_out):
     assert roles(recordings, ["wider"] if held_out == "wide" else ["narrow"], [held_out])[0] is None
 
 
+@pytest.mark.slow
 def test_a_limit_that_the_validation_never_touches_is_named(recordings):
     given = [recordings["wide"], recordings["wider"]], [recordings["narrow"]]
     record = diagnose(World(recordings["wide"].robot), *given, nthread=1, plan_next=False).record

@@ -45,6 +45,7 @@ def recordings(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suspected", ["shoulder", "elbow"])
 def test_joints_that_are_not_suspected_are_looked_at_before_the_search_gives_up(recordings, monkeypatch, suspected):
     monkeypatch.setattr(searching, "suspects", lambda lacks, joints: [suspected])

@@ -28,6 +28,7 @@ def episode(seed, peak, profile, time=1.0, success=True):
     return Episode(*head, seed, success, category, time=time, peak_force=peak, force_profile=profile)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [0.0, 0.08])
 def test_a_model_near_the_hidden_cell_halves_the_error_of_peak_force(tmp_path, off):
     """Values 8 % off, as a diagnosis leaves them; with the hidden values episodes are the hidden cell's bit for bit."""

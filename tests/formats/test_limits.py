@@ -45,11 +45,11 @@ XML_BOMB = '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><x>&b;</x>'
     ],
 )
 def test_yaml_beyond_the_limits_is_refused_at_once(text, said):
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(UserError, match="^F: ") as error:
         parse_yaml(text, "F")
     assert said in str(error.value)
-    assert time.monotonic() - start < 2
+    assert time.process_time() - start < 2
 
 
 def test_yaml_within_the_limits_is_plain_data():

@@ -20,11 +20,11 @@ SHORT = {
     "train": "train peg-state --steps 64 --every 32 --envs 4 --episodes 2 --films 0 --quiet --out OUT",
     "record": f"{RECORD} OUT",
     "record-parquet": f"{RECORD} OUT --table parquet",
-    "fit": "fit iiwa14 --recording rig --effects joint_bias:joint2 --iterations 1 --quiet --out OUT",
     "render": f"{RENDER} OUT",
     "evaluate": "evaluate expert --episodes 2 --videos 0 --out OUT",
 }
 LONG = {
+    "fit": "fit iiwa14 --recording rig --effects joint_bias:joint2 --iterations 1 --quiet --out OUT",
     "compare": "compare iiwa14 --recording rig --out OUT",
     "check": "check rig --out OUT",
     "diagnose": "diagnose iiwa14 --recording rig --validate rig2 --quiet --out OUT",

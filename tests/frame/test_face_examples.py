@@ -31,6 +31,7 @@ def test_a_comparison_of_recordings_in_memory(recordings, tmp_path):
         vispeg.fit("iiwa14", recordings[0], ["payload:flange"], recordings[0])
 
 
+@pytest.mark.slow
 def test_a_fit_lowers_the_error_and_its_model_can_be_loaded(recordings, tmp_path):
     start = EffectInstance.of("payload", "flange", mass=0.4, z=0.05)
     result = vispeg.fit("iiwa14", recordings[0], [start, "coulomb_friction:joint4"], recordings[1], iterations=3)

@@ -45,12 +45,14 @@ def test_a_nominal_arm_that_presses_its_peg_is_adequate(nominal):
     assert times_floor(Evidence([replace(nominal, wrench=None)])) > 100
 
 
+@pytest.mark.slow
 def test_an_arm_that_touches_still_shows_its_friction():
     evidence = Evidence([pressed(1, FRICTION)])
     assert times_floor(evidence) > 20 * times_floor(evidence, FRICTION)
     assert times_floor(evidence, FRICTION) < 1.5
 
 
+@pytest.mark.slow
 def test_an_arm_in_free_air_is_compared_as_without_a_sensor():
     rec = pressed(0, motion="free")
     assert contact_of(rec, robot_of(rec)) is None

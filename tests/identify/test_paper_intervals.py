@@ -29,6 +29,7 @@ def determined(tmp_path_factory):
     return space, pieces, determine(space, pieces, World())
 
 
+@pytest.mark.slow
 def test_truths_lie_in_their_intervals(determined):
     """95 % each: of 16, two may lie outside in one recording of forty."""
     values = {f"{e.label}.{k}": v for e in determined[2].world.effects for k, v in e.params.items()}

@@ -59,6 +59,7 @@ def test_it_follows_from_the_noise():
     assert stirred(Evidence([recorded("position")]), World()) == 0.0
 
 
+@pytest.mark.slow
 def test_nothing_is_looked_for_under_what_magnified_noise_leaves():
     """Noise that moves the arm by ten times its readings' own drowns small errors, and not a payload's."""
     rec = recorded("osc")
@@ -73,6 +74,7 @@ def test_nothing_is_looked_for_under_what_magnified_noise_leaves():
     assert stirred(Evidence([rec]), coarse) > 10 and not within(Evidence([rec]), coarse), "steps magnify nothing"
 
 
+@pytest.mark.slow
 def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
     """Under torque control the arm goes another way from each start within a step; friction that is missing shows."""
     coarse = World().add(EffectInstance.of("encoder_quantization", "joint2", step=1.6e-3))

@@ -41,7 +41,7 @@ def test_the_base_may_be_anywhere():
     assert np.allclose(a.pixels, b.pixels, atol=1e-2) and np.isclose(a.scatter, b.scatter, rtol=1e-3)
 
 
-@pytest.mark.parametrize(("mount", "count"), [("flange", 7), ("base", 10)])
+@pytest.mark.parametrize(("mount", "count"), [("flange", 7), pytest.param("base", 10, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth(mount, count):
     """About 95 % of them under a robot's errors, which pixel noise alone would not tell."""
     inside, half = [], []
@@ -154,6 +154,7 @@ def test_what_disagrees_is_said():
     assert any("disagree" in line for line in notes(found, {}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mount", ["flange", "base"])
 def test_a_board_of_another_size_is_an_effect_of_its_own(mount):
     """5 % larger than it is said to be: named, its interval holds, the place mends; a true size has no name."""

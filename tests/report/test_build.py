@@ -115,6 +115,7 @@ def test_gains_are_shares_of_the_squared_residual(run, diagnosis):
     assert "31 %8.2explains less" in text and "−2.0 %–no held-out gain" in text
 
 
+@pytest.mark.slow
 def test_full_report_stays_small_and_shows_the_worst_recordings(run, diagnosis, evidence):
     arrays = evidence(n=12_000, recordings=5)
     for r in range(5):

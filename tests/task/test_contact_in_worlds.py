@@ -77,6 +77,7 @@ def felt(tmp_path_factory):
     return np.stack(out, axis=1)
 
 
+@pytest.mark.slow
 def test_the_way_touches_wall_and_rim(felt):
     force = np.linalg.norm(felt[0, :, 3:6], axis=1)
     assert np.abs(felt[0, 22:28, 3:5]).max() > 2.0 and force[-16:].max() > 8.0 and force[:20].max() < 1.0

@@ -179,6 +179,7 @@ def test_nothing_in_the_package_knows_the_example():
     assert not [p for p in package.rglob("*.py") if "snap_fit" in p.read_text() or "snap-fit" in p.read_text()]
 
 
+@pytest.mark.slow
 def test_a_policy_is_trained_in_it_by_the_same_command(tmp_path):
     pytest.importorskip("torch")
     small = ["--steps", "160", "--every", "160", "--envs", "8", "--episodes", "4", "--utd", "0.1"]

@@ -204,6 +204,7 @@ def test_meshes_are_seen(files):
         assert model.material(int(geom.matid[0])).name == part
 
 
+@pytest.mark.slow
 def test_the_clearance_is_the_measured_one_or_one_that_agrees_with_it(files):
     """A peg of 16 mm in a pocket of 18 mm: 2 mm as drawn, less what pieces put into the pocket."""
     trimesh.creation.box([16, 16, 75]).export(files / "square.stl")

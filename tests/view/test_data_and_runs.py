@@ -94,6 +94,7 @@ def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):
     assert len(page.plots[title].data) == 2
 
 
+@pytest.mark.slow
 def test_curves_grow_while_a_run_trains_and_its_policy_plays(run, page_of, served):
     app = served(run.parent)
     page = page_of(app)

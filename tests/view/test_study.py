@@ -62,6 +62,7 @@ def test_the_moment_of_a_cell_is_the_sample_that_misses_most_there(by_hand):
     assert np.nanmax(field.first[j]) > 3 * np.nanmax(field.first[1 - j])
 
 
+@pytest.mark.slow
 def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path):
     made = study(rigs, tmp_path)
     made.run()
@@ -70,6 +71,7 @@ def test_the_search_by_itself_ends_with_the_model_of_the_command(rigs, tmp_path)
     assert made.state.world.values == command.world.values
 
 
+@pytest.mark.slow
 def test_partial_effects_are_fitted_anew_and_the_search_ends_as_the_command_does(rigs, tmp_path):
     half = EffectInstance.of("coulomb_friction", "shoulder", torque=0.4)
     model, heard = tmp_path / "partial.yaml", Heard()
