@@ -103,7 +103,7 @@ def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
     if not len(below) or below[0] == 0:
         return None
     k = int(below[0])
-    fitted = _fit(points)
+    fitted = fit(points)
     if fitted is not None:
         servo, covariance, dof = fitted
         nearby = Servo(servo.gain, servo.natural_frequency, servo.damping_ratio * (1 + 1e-4), servo.delay)
@@ -118,16 +118,11 @@ def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
 
 
 def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
-    """A second-order servo through the coherent points: (servo, standard uncertainties (4,), degrees of freedom)."""
-    fitted = _fit(points)
-    if fitted is None:
-        return None
-    servo, covariance, dof = fitted
-    return servo, np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0]), dof
+    """A second-order servo through the coherent points; None below four of them.
 
-
-def _fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
-    """The same with the covariance (4, 4) of K, ln wn, ln zeta and the delay; None below four coherent points."""
+    Returns:
+        The servo, the covariance (4, 4) of K, ln wn, ln zeta and the delay, its degrees of freedom.
+    """
     used = [p for p in points if p.used]
     if len(used) < 4:
         return None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +12,15 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.measure import frequency, loops, lost_motion, steps
-from vispeg.measure.actuator import step_error
+from vispeg.measure.actuator import alone, step_error
+from vispeg.measure.arm import Arm, Loop, inferred, numbers
 from vispeg.measure.becomes import placed
 from vispeg.measure.frequency import Point
 from vispeg.measure.loops import Stroke
 from vispeg.measure.steps import Servo, Step
+from vispeg.measure.steps_with_friction import Shared, shared
 from vispeg.measure.trace import Trace, refuse_no_servo
-from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
+from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
 NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
@@ -28,7 +31,8 @@ class Joint:
     """What the recordings of one joint show; empty where they do not.
 
     Attributes:
-        servo: the mean over sizes and directions of the steps, or through the frequency response.
+        servo: that the joint answers like: through the steps beside dry friction, or through the frequency response.
+        loop: the stiffness and damping at the joint that make it answer so; None where nothing is known of its inertia.
         steps, points, strokes: as measured, one by one.
         results: the numbers.
         notes: what to know about them.
@@ -37,6 +41,7 @@ class Joint:
 
     traces: Sequence[Trace]
     servo: Servo | None = None
+    loop: Loop | None = None
     steps: Sequence[Step] = ()
     points: Sequence[Point] = ()
     strokes: Sequence[Stroke] = ()
@@ -45,8 +50,16 @@ class Joint:
     details: Mapping[str, object] = field(default_factory=dict)
 
 
-def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
+def measure(
+    traces: Sequence[Trace], rng: np.random.Generator, arm: Arm | None = None, inertia: float | None = None
+) -> Joint:
     """Everything that the traces show of a joint.
+
+    Args:
+        traces: of the joint.
+        rng: of the propagation of distributions.
+        arm: in which it sits, for the loop that makes it answer so.
+        inertia: kg m^2 that it turns, where there is no arm.
 
     Raises:
         UserError: they show nothing, the angle does not follow its command, or the same steps answer otherwise later.
@@ -64,13 +77,26 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
     results: list[Quantity] = []
     notes: list[str] = []
     details: dict[str, object] = {}
-    loop: list[Quantity] = []
-    lost_motion.summarise(strokes, traces, loop, notes, details, rng)
-    responses = _resolved(responses, loop, notes)
-    servo = _servo(responses, points, traces, results, notes, rng)
+    friction: list[Quantity] = []
+    lost_motion.summarise(strokes, traces, friction, notes, details, rng)
+    responses = _resolved(responses, friction, notes)
+    servo = loop = None
+    turns = arm is not None or inertia is not None
+    if len(responses) >= 2:
+        through = shared(traces, responses)
+        servo = through.servo
+        _of_steps(through, responses, traces, results, notes, rng)
+        if turns:
+            loop = _loop_of_steps(through, responses, traces, arm, inertia, friction, results, rng)
+        _early(results, notes)
+    else:
+        fit = _of_frequencies(points, results, notes, rng)
+        if fit is not None:
+            servo = fit[0]
+            loop = _loop_of_frequencies(fit, points, traces, arm, inertia, friction, results, rng) if turns else None
     _held_out(responses, traces, notes, details)
     _bode(points, results, notes, details, rng)
-    results += loop
+    results += friction
     if not results:
         raise UserError("gives no number of a joint", file=names, expected="; ".join(notes) or "steps, sines or ramps")
     if responses:
@@ -79,7 +105,7 @@ def measure(traces: Sequence[Trace], rng: np.random.Generator) -> Joint:
             | {name: float(np.mean([getattr(s.servo, name) for s in group])) for name in steps.NAMES}
             for size, group in steps.groups(responses).items()
         ]
-    return Joint(traces, servo, responses, points, strokes, results, notes, details)
+    return Joint(traces, servo, loop, responses, points, strokes, results, notes, details)
 
 
 def effects(joint: str, measured: Joint) -> list[EffectInstance]:
@@ -94,13 +120,17 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
         q = by_name.get(quantity)
         if q is not None and q.low > 0:
             out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
-    loop = [by_name[k] for k in ("natural_frequency", "damping_ratio", "gain") if k in by_name]
-    if any(t.servo for t in measured.traces) and len(loop) == 3:
+    if any(t.servo for t in measured.traces) and "servo_natural_frequency" in by_name:
         bounds = effect("servo").params
+        loop = {name: by_name[f"servo_{name}"] for name in bounds}
         # the gain is the sag under load as much as the servo's own: left out where it is no gain that a servo has
-        inside = [q for q in loop if bounds[q.quantity].low <= q.value <= bounds[q.quantity].high]
-        if loop[0] in inside:
-            out.append(placed("servo", joint, {q.quantity: Value(q.value, q.low, q.high) for q in inside}, loop[0]))
+        inside = {name: q for name, q in loop.items() if bounds[name].low <= q.value <= bounds[name].high}
+        if "natural_frequency" in inside:
+            values = {name: Value(q.value, q.low, q.high) for name, q in inside.items()}
+            out.append(placed("servo", joint, values, loop["natural_frequency"]))
+        late = by_name["servo_delay"]
+        if late.low > 0:
+            out.append(placed("command_delay", joint, {"delay": Value(late.value, late.low, late.high)}, late))
     return out
 
 
@@ -114,49 +144,209 @@ def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str])
     return [s for s in responses if s not in small]
 
 
-def _servo(
+def _of_steps(
+    through: Shared,
     responses: Sequence[Step],
-    points: list[Point],
     traces: Sequence[Trace],
     results: list[Quantity],
     notes: list[str],
     rng: np.random.Generator,
-) -> Servo | None:
-    """The servo's four numbers and the bandwidth that they give."""
-    if len(responses) >= 2:
-        means = steps.parameters(responses)
-        if len(means["gain"]) < 2:
-            means = {name: np.array([getattr(s.servo, name) for s in responses]) for name in steps.NAMES}
-        half = 0.5 * max(t.period for t in traces)
-        for name, unit in steps.NAMES.items():
-            results.append(_over_sizes(name, unit, means[name], half, rng, len(responses)))
-        servo = steps.mean_servo(responses)
-        if results[-1].high < 0.0:  # the delay
-            late = f"{-1e3 * servo.delay:.2g} ms"
-            notes.append(
-                f"the joint answers {late} before its steps: the commands are logged late, by that and its delay"
-            )
-        bands = np.array([Servo(*row).bandwidth_hz for row in zip(*means.values(), strict=True)])
-        results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, half, rng, len(responses)))
-        sizes = steps.sizes(responses)
-        if len(sizes) < 3:
-            notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
-        worst = max(s.rest for s in responses)
-        if worst > 0.1:
-            notes.append(f"a second-order answer leaves up to {100 * worst:.0f} % of a step: it is not of that kind")
-        return servo
+) -> None:
+    """The servo that the joint answers like, the band in which it rests, and the bandwidth."""
+    groups, count = through.groups, len(responses)
+    for name, unit in steps.NAMES.items():
+        results.append(_over_sizes(name, unit, groups[name], _half(traces), rng, count))
+    bands = np.array([Servo(*(groups[n][k] for n in steps.NAMES)).bandwidth_hz for k in range(len(groups["gain"]))])
+    results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, 0.0, rng, count))
+    if through.band > 0.0:
+        inputs = [repeated("sizes and directions", groups["rest_band"]), rectangular("noise at rest", _noise(traces))]
+        results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))  # type: ignore[arg-type]
+    sizes = steps.sizes(responses)
+    if len(sizes) < 3:
+        notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
+    worst = float(np.max(through.left))
+    if worst > 0.1:
+        notes.append(f"a second-order answer leaves up to {100 * worst:.0f} % of a step: it is not of that kind")
+
+
+def _early(results: Sequence[Quantity], notes: list[str]) -> None:
+    """Says that the commands were logged late, where the joint answers before they come."""
+    by_name = {q.quantity: q for q in results}
+    delay = by_name.get("servo_delay", by_name["delay"])
+    if delay.high < 0.0:
+        late = f"{-1e3 * delay.value:.2g} ms"
+        notes.append(f"the joint answers {late} before its steps: the commands are logged late, by that and its delay")
+
+
+def _half(traces: Sequence[Trace]) -> float:
+    """Half a row, s."""
+    return 0.5 * max(t.period for t in traces)
+
+
+def _noise(traces: Sequence[Trace]) -> float:
+    """Of an angle, rad."""
+    return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
+
+
+def _viscous(friction: Sequence[Quantity]) -> Quantity | None:
+    """The viscous friction where it is an effect of its own, and so none of the servo's damping."""
+    return next((q for q in friction if q.quantity == "viscous_friction" and q.low > 0), None)
+
+
+def _loop_of_steps(
+    through: Shared,
+    responses: Sequence[Step],
+    traces: Sequence[Trace],
+    arm: Arm | None,
+    inertia: float | None,
+    friction: list[Quantity],
+    results: list[Quantity],
+    rng: np.random.Generator,
+) -> Loop:
+    """Stiffness and damping of the loop, and the numbers of the effect `servo` that are it; dry friction in N m."""
+    groups, left = through.groups, 0.0
+    viscous = _viscous(friction)
+    drag = 0.0 if viscous is None else viscous.value
+    if inertia is not None or arm is None:
+        loop, slopes = alone(through.servo, inertia or 1.0, drag)
+    else:
+        dragged = arm.with_friction(drag)
+        seen = _seen(responses, traces)
+        loop, slopes = inferred(through.servo, dragged, lambda loop: seen(dragged, loop)[0])
+        noise = _noise(traces) / np.array([abs(s.size) for s in responses])
+        excess = float(np.mean(through.left**2 - noise**2)) - seen(dragged, loop)[1] ** 2
+        left = float(np.sqrt(max(excess, 0.0)))
+    of = [Servo(*row) for row in zip(*(groups[name] for name in steps.NAMES), strict=True)]
+    each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(through.servo) for servo in of]).T
+    inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
+    misfit = rectangular("what the arm leaves of the steps", left)
+    _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
+    if through.band > 0.0 and "coulomb_friction" not in {q.quantity for q in friction}:
+        dry = [repeated("rest band", groups["rest_band"]), rectangular("noise at rest", _noise(traces)), inputs[1]]
+        friction.append(
+            propagate("coulomb_friction", "N m", lambda h, e, x: (h + e) * np.exp(x), dry, rng, repeats=len(responses))
+        )
+    return loop
+
+
+def _loop_of_frequencies(
+    fit: tuple[Servo, np.ndarray, int],
+    points: Sequence[Point],
+    traces: Sequence[Trace],
+    arm: Arm | None,
+    inertia: float | None,
+    friction: Sequence[Quantity],
+    results: list[Quantity],
+    rng: np.random.Generator,
+) -> Loop:
+    """The same from a frequency response and its fit."""
+    servo, covariance, dof = fit
+    viscous = _viscous(friction)
+    drag = 0.0 if viscous is None else viscous.value
+    if inertia is not None or arm is None:
+        loop, slopes = alone(servo, inertia or 1.0, drag)
+    else:
+        dragged = arm.with_friction(drag)
+        hz = np.array([p.hz for p in points])
+
+        def look(loop: Loop) -> Servo:
+            same = [replace(p, response=complex(h)) for p, h in zip(points, dragged.response(hz, loop), strict=True)]
+            found = frequency.fit(same)
+            assert found is not None
+            return found[0]
+
+        loop, slopes = inferred(servo, dragged, look)
+    five = _five(np.eye(4)) @ slopes
+    u = np.sqrt(np.einsum("ki,ij,kj->k", five, covariance, five))
+    values = _five(loop.numbers)
+    inputs = [
+        Input(f"{word} through the frequency response", float(x), float(e), "A", float(dof), "t")
+        for word, x, e in zip(WORDS, values, u, strict=True)
+    ]
+    _of_loop(inputs, rectangular("none", 0.0), arm, viscous, traces, results, rng, len(points))
+    return loop
+
+
+WORDS = ("gain", "logarithm of the stiffness", "logarithm of the damping", "delay", "logarithm of the damping ratio")
+
+
+def _five(x: np.ndarray) -> np.ndarray:
+    """Numbers of a loop (4, ...), and below them the logarithm of damping over the root of the stiffness."""
+    return np.concatenate([x, (x[2] - 0.5 * x[1])[None]])
+
+
+def _of_loop(
+    inputs: Sequence[Input],
+    misfit: Input,
+    arm: Arm | None,
+    viscous: Quantity | None,
+    traces: Sequence[Trace],
+    results: list[Quantity],
+    rng: np.random.Generator,
+    repeats: int,
+) -> None:
+    """Adds stiffness and damping of a loop and, in an arm, the numbers of the effect `servo`. `inputs` as `WORDS`."""
+    gain, stiff, damp, late, ratio = inputs
+    errors = []
+    if viscous is not None:  # it is taken off the damping with its value, and is off by its error
+        errors = [stated("viscous friction", viscous.u, 0.0, np.inf if viscous.dof is None else viscous.dof)]
+
+    def add(name: str, unit: str, function: Callable[..., Any], *of: Input) -> None:
+        results.append(propagate(name, unit, function, of, rng, repeats=repeats))
+
+    add("loop_stiffness", "N m/rad", lambda x, e: np.exp(x) * (1 + e), stiff, misfit)
+    add("loop_damping", "N m s/rad", lambda x, e, *v: np.exp(x) * (1 + e) - sum(v), damp, misfit, *errors)
+    if arm is None:
+        return
+    root = np.sqrt(arm.reference)
+    each = 0.5 * np.exp(-0.5 * stiff.value) / root  # of the damping ratio with the damping
+    add("servo_natural_frequency", "rad/s", lambda x, e: np.sqrt(np.exp(x) * (1 + e)) / root, stiff, misfit)
+    add(
+        "servo_damping_ratio",
+        "1",
+        lambda x, e, *v: 0.5 * np.exp(x) * (1 + e) / root - each * sum(v),
+        ratio,
+        misfit,
+        *errors,
+    )
+    add("servo_gain", "1", lambda x, e: x * (1 + e), gain, misfit)
+    add("servo_delay", "s", lambda *x: sum(x), late, rectangular("time of a sample", _half(traces)))
+
+
+def _seen(responses: Sequence[Step], traces: Sequence[Trace]) -> Callable[[Arm, Loop], tuple[Servo, float]]:
+    """The servo that a linear arm looks like through such steps, and the share of the step that it leaves."""
+    by_name = {t.name: t for t in traces}
+    spans = [(by_name[s.trace], *steps.rows(by_name[s.trace], s)) for s in responses]
+    longest, a, b = max(spans, key=lambda span: span[2] - span[1])
+    period = longest.period
+    t = np.arange(-round((steps.BEFORE + steps.LATE) / period), b - a) * period
+    first = int(np.searchsorted(t, -0.5 * period))
+
+    def seen(arm: Arm, loop: Loop) -> tuple[Servo, float]:
+        trace = Trace("arm", t, (t > -0.5 * period).astype(float), arm.answer(t, loop))
+        step = steps.fit(trace, first, len(t))
+        return step.servo, step.rest
+
+    return seen
+
+
+def _of_frequencies(
+    points: list[Point], results: list[Quantity], notes: list[str], rng: np.random.Generator
+) -> tuple[Servo, np.ndarray, int] | None:
+    """The servo through the frequency response, where there are no steps, as `frequency.fit` gives it."""
     fit = frequency.fit(points)
     if fit is None:
         return None
-    servo, u, dof = fit
+    servo, covariance, dof = fit
+    u = np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0])
     if u[1] > servo.natural_frequency or u[2] > servo.damping_ratio:
         notes.append("no steps, and the frequency response does not tell natural frequency and damping ratio")
         return None
-    notes.append("no steps: the servo is fitted to the frequency response")
+    notes.append("no steps: the servo is fitted to the frequency response, with the dry friction in it")
     for (name, unit), spread in zip(steps.NAMES.items(), u, strict=True):
         inputs = [Input("fit to the frequency response", getattr(servo, name), float(spread), "A", float(dof), "t")]
         results.append(propagate(name, unit, lambda x: x, inputs, rng, repeats=len(points)))
-    return servo
+    return fit
 
 
 def _over_sizes(
@@ -179,7 +369,8 @@ def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[st
     middle = sizes[len(sizes) // 2]
     rest = [s for s in responses if abs(abs(s.size) - middle) > 0.05 * middle]
     held = [s for s in responses if abs(abs(s.size) - middle) <= 0.05 * middle]
-    errors = step_error(steps.mean_servo(rest), traces, held)
+    through = shared(traces, rest)
+    errors = step_error(through.servo, through.band, traces, held)
     details["held_out"] = {
         "size_rad": middle,
         "steps": len(held),

@@ -69,18 +69,45 @@ def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
 
 def fitted(trace: Trace) -> list[Step]:
     """Every step of a trace, fitted in time."""
-    return [_fit(trace, first, last) for first, last in steps(trace)]
+    return [fit(trace, first, last) for first, last in steps(trace)]
 
 
-def _fit(trace: Trace, first: int, last: int) -> Step:
+def before(trace: Trace, first: int) -> float:
+    """The angle at which the joint rested before the command changed in row `first`, rad."""
+    ago = trace.time[first] - trace.time
+    return float(trace.q[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean())
+
+
+def rows(trace: Trace, step: Step) -> tuple[int, int]:
+    """(first row, end) of a step that was fitted."""
+    return next((a, b) for a, b in steps(trace) if trace.time[a] == step.start)
+
+
+def wound(servo: Servo, band: float, traces: Sequence[Trace], responses: Sequence[Step]) -> np.ndarray:
+    """By how much (n,) rad, within +-band, the servo pulled at a joint that friction held before each step.
+
+    The sag under load is the median over the rests of a recording.
+    """
+    by_name = {t.name: t for t in traces}
+    pull = np.empty(len(responses))
+    for k, step in enumerate(responses):
+        trace = by_name[step.trace]
+        first = rows(trace, step)[0]
+        pull[k] = servo.gain * trace.q_cmd[first - 1] - before(trace, first)
+    names = np.array([s.trace for s in responses])
+    for name in set(names.tolist()):
+        pull[names == name] -= np.median(pull[names == name])
+    return np.clip(pull, -band, band)
+
+
+def fit(trace: Trace, first: int, last: int) -> Step:
+    """The second-order servo without friction that rows `first` to `last` of a trace look like."""
     t = trace.time[first:last] - trace.time[first]
-    before = trace.time[first] - trace.time
-    still = (before <= BEFORE + 1e-9) & (before > LATE - 0.5 * trace.period)
     size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
     change = np.diff(trace.q_cmd[first - 1 : last]) / size
     moved = np.flatnonzero(np.abs(change) > 1e-6)
     parts = list(zip(t[moved], change[moved], strict=True))  # a command held from row to row is a sum of steps
-    y = (trace.q[first:last] - trace.q[still].mean()) / size
+    y = (trace.q[first:last] - before(trace, first)) / size
     end = float(np.median(y[-max(3, len(y) // 10) :]))
 
     def residual(x: np.ndarray) -> np.ndarray:

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from vispeg.api.measure.result import MeasurementResult, MeasureSettings, complete
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.seeds import stream
 from vispeg.measure import joint as joints
-from vispeg.measure.actuator import inertia as inertia_of
-from vispeg.measure.actuator import parameters, text
+from vispeg.measure.actuator import alone, parameters, text
+from vispeg.measure.arm import Arm, arm_of
 from vispeg.measure.trace import Trace, from_recording, from_table
 from vispeg.recordings.load import load as load_recording
 from vispeg.report.drawings.measured_joint import picture
-from vispeg.robots.model import load
 from vispeg.worlds.measurement_file import Measurement, measurement_text
 
 NAME = "measurement.yaml"
@@ -52,16 +50,26 @@ def measure_joint(
         raise UserError("not an inertia", key="--inertia", expected="above 0 kg m2", got=inertia)
     with new_folder(out, settings.overwrite, holds="measurement", inputs=paths) as folder:
         traces, name, robot = _traces(paths, joint, columns or {})
-        measured = joints.measure(traces, stream(settings.seed, "measure", "joint"))
+        arm, why = _arm(paths[0], name, robot)
+        measured = joints.measure(traces, stream(settings.seed, "measure", "joint"), arm, inertia)
+        effects = tuple(joints.effects(name, measured))
         details, notes = dict(measured.details), list(measured.notes)
         if measured.servo is not None:
-            turned, why = (inertia, "") if inertia is not None else _inertia(paths[0], name, robot)
-            notes += [why] if why else []
-            details["actuator"] = {"inertia_kgm2": turned, **parameters(measured.servo, turned)}
-            source = f"from {len(traces)} motions by `vispeg measure joint`"
-            (folder / "actuator.xml").write_text(text(measured.servo, name, turned, source), encoding="utf-8")
+            loop, beside = measured.loop, _beside(effects)
+            if loop is None:
+                notes += [f"the actuator is for an inertia of 1 kg m2: {why}"]
+                loop, beside = alone(measured.servo, 1.0)[0], "none is known in N m"
+            turned = inertia if inertia is not None else 1.0 if arm is None else arm.held
+            details["actuator"] = {"inertia_kgm2": turned, **parameters(loop)}
+            if arm is not None:
+                details["actuator"] |= {"servo_reference_inertia_kgm2": arm.reference}
+            about = [
+                f"From {len(traces)} motions by `vispeg measure joint`; gravity compensated.",
+                f"With the other joints held, the joint turns {turned:.4g} kg m2.",
+                f"The joint's own friction is not in these numbers; give it to the joint: {beside}.",
+            ]
+            (folder / "actuator.xml").write_text(text(measured.servo, loop, name, about), encoding="utf-8")
         (folder / "joint.png").write_bytes(picture(name, measured))
-        effects = tuple(joints.effects(name, measured))
         full = Measurement(
             "joint",
             name,
@@ -101,12 +109,20 @@ def _traces(
     return [from_table(path, columns) for path in paths], joint or "joint", None
 
 
-def _inertia(recording: Path, joint: str, robot: str | None) -> tuple[float, str]:
-    """The inertia in kg m^2, and a note where nothing is known of it."""
+def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, str]:
+    """The arm of a recording, or None and why nothing is known of it."""
     if robot is None:
-        return 1.0, "the actuator is for an inertia of 1 kg m2: scale it, or state --inertia"
+        return None, "scale it, or state --inertia"
     try:
-        rec = load_recording(recording)
-        return inertia_of(load(robot, tool=rec.tool), joint, np.nanmedian(rec.q, axis=0)), ""
+        return arm_of(load_recording(recording), joint), ""
     except UserError as error:
-        return 1.0, f"the actuator is for an inertia of 1 kg m2: {error}"
+        return None, str(error)
+
+
+def _beside(effects: Sequence[EffectInstance]) -> str:
+    """The joint's friction in MuJoCo's words, as the effects state it."""
+    words = {"coulomb_friction": ("torque", "frictionloss"), "viscous_friction": ("damping", "damping")}
+    said = [
+        f'{word}="{e.params[key].value:.6g}"' for e in effects if e.effect in words for key, word in (words[e.effect],)
+    ]
+    return " ".join(said) or "none was found"

@@ -1,0 +1,188 @@
+"""A joint's loop inside the arm: from the second-order servo that its answers look like to stiffness and damping.
+
+A servo pulls with `tau = k (K u - q) - d dq`. What turns with it is the joint's row of the inertia M: while the other
+joints hold still that is M_jj, and they hold only as stiffly as their own loops do. So the loop is found the other way
+round (indirect inference: Gourieroux, Monfort and Renault, J. Applied Econometrics 8, 1993): it is the one with which
+the linear arm, `M x'' + D x' + (G + diag(k)) x = k_j K u`, answers like the servo that was fitted to the recordings, if
+it is fitted by the same estimator. G is the slope of gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from vispeg.effects.common.servo_loop import FAST
+from vispeg.measure.steps import Servo
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel, load
+from vispeg.sim.compiled import compiled
+from vispeg.sim.servo import reference_inertia
+
+TURN = 1e-4  # rad, by which gravity's slope is a difference
+STEP = 1e-2  # relative, by which the estimator's slopes are differences; a fit is good to 1e-5
+LEAST = 0.01  # of all damping, that is the loop's where viscous friction seems to be all of it
+ROUNDS = 4  # of Newton's method; from the held arm's inertia three reach 1e-6
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A servo's loop at a joint: gain, stiffness (N m/rad), damping (N m s/rad), delay (s)."""
+
+    gain: float
+    stiffness: float
+    damping: float
+    delay: float
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(4,): gain, logarithms of stiffness and damping, delay."""
+        return np.array([self.gain, np.log(self.stiffness), np.log(self.damping), self.delay])
+
+    @classmethod
+    def of(cls, numbers: np.ndarray) -> Loop:
+        """The loop of `numbers`."""
+        gain, stiffness, damping, delay = (float(x) for x in numbers)
+        return cls(gain, float(np.exp(stiffness)), float(np.exp(damping)), delay)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The arm about one posture, linear.
+
+    Attributes:
+        joint: index of the joint that is measured.
+        inertia: (nj, nj) kg m^2.
+        slope: (nj, nj) N m/rad, of gravity over the angles, where nothing compensates for it.
+        stiffness, damping: (nj,) N m/rad, N m s/rad, of the loops; those of `joint` are replaced.
+        passive: (nj,) N m s/rad of the joints' own damping.
+        reference: kg m^2, the inertia by which the effect `servo` states this joint's loop.
+        late: s by which the loops' torque is older than the angles: half a period of a controller that holds it.
+    """
+
+    joint: int
+    inertia: np.ndarray
+    slope: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    passive: np.ndarray
+    reference: float
+    late: float = 0.0
+
+    @property
+    def held(self) -> float:
+        """The inertia (kg m^2) that the joint turns while the others are held."""
+        return float(self.inertia[self.joint, self.joint])
+
+    def with_friction(self, viscous: float) -> Arm:
+        """The same with viscous friction, N m s/rad, in the joint."""
+        return replace(self, passive=self.passive + viscous * np.eye(len(self.passive))[self.joint])
+
+    def modes(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, float]:
+        """Poles (2 nj,) 1/s and their shares (2 nj,) of the joint's answer to a unit step; where that ends."""
+        n, j = len(self.stiffness), self.joint
+        k = np.where(np.arange(n) == j, loop.stiffness, self.stiffness)
+        d = np.where(np.arange(n) == j, loop.damping, self.damping)
+        inertia = self.inertia - self.late * np.diag(d)  # to first order in `late`, so that the poles stay 2 nj
+        a = np.zeros((2 * n, 2 * n))
+        a[:n, n:] = np.eye(n)
+        a[n:, :n] = -np.linalg.solve(inertia, np.diag(k) + self.slope)
+        a[n:, n:] = -np.linalg.solve(inertia, np.diag(d + self.passive - self.late * k))
+        ends = np.linalg.solve(np.diag(k) + self.slope, loop.gain * loop.stiffness * np.eye(n)[j])
+        poles, vectors = np.linalg.eig(a)
+        return poles, vectors[j] * np.linalg.solve(vectors, np.concatenate([-ends, 0.0 * ends])), float(ends[j])
+
+    def answer(self, t: np.ndarray, loop: Loop) -> np.ndarray:
+        """The joint's answer (n,) at t s to a unit step of its goal at 0."""
+        poles, shares, end = self.modes(loop)
+        late = t - loop.delay
+        return np.where(late > 0, end + (np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares).real, 0.0)
+
+    def response(self, f: np.ndarray, loop: Loop) -> np.ndarray:
+        """Its frequency response (n,), complex, at f Hz."""
+        poles, shares, end = self.modes(loop)
+        s = 2j * np.pi * np.asarray(f)[:, None]
+        return (end + (s / (s - poles)) @ shares) * np.exp(-s[:, 0] * loop.delay)
+
+    def effect(self, loop: Loop) -> dict[str, float]:
+        """The parameters of the effect `servo` that are this loop."""
+        wn = float(np.sqrt(loop.stiffness / self.reference))
+        return {
+            "natural_frequency": wn,
+            "damping_ratio": loop.damping / (2.0 * wn * self.reference),
+            "gain": loop.gain,
+        }
+
+
+def arm_of(rec: Recording, joint: str) -> Arm:
+    """The arm of a recording about its median posture; the other joints have the loops that it states.
+
+    Raises:
+        UserError: an unknown robot.
+    """
+    robot = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    law, reference = rec.control, reference_inertia(robot)
+    mass, slope, passive = about(robot, np.nanmedian(rec.q, axis=0))
+    late = 0.0
+    if law.mode == "position" and law.kp is not None and law.kd is not None:
+        stiffness, damping, late = law.kp, law.kd, 0.5 / law.rate_hz
+        slope = 0.0 * slope if law.gravity_compensation == "model" else slope
+    else:
+        stiffness, damping = reference * FAST**2, 2.0 * reference * FAST
+    j = rec.joints.index(joint)
+    return Arm(j, mass, slope, stiffness, damping, passive, float(reference[j]), late)
+
+
+def about(robot: RobotModel, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inertia (nj, nj) kg m^2, slope of gravity and springs (nj, nj) N m/rad, damping (nj,) at posture q (nj,) rad."""
+    model = compiled(robot)
+    data = mujoco.MjData(model)
+    dof = [model.joint(name).dofadr[0] for name in robot.joints]
+    place = [model.joint(name).qposadr[0] for name in robot.joints]
+
+    def at(posture: np.ndarray) -> np.ndarray:
+        data.qpos[place] = posture
+        mujoco.mj_forward(model, data)
+        return (data.qfrc_bias - data.qfrc_passive)[dof]
+
+    at(q)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    ways = TURN * np.eye(len(q))
+    slope = np.stack([(at(q + way) - at(q - way)) / (2.0 * TURN) for way in ways], axis=1)
+    return full[np.ix_(dof, dof)], slope, model.dof_damping[dof]
+
+
+def inferred(servo: Servo, arm: Arm, look: Callable[[Loop], Servo]) -> tuple[Loop, np.ndarray]:
+    """The loop with which the arm looks like `servo`, and how it moves with it.
+
+    Args:
+        servo: as fitted to the recordings.
+        arm: with the joint's viscous friction, if that is known.
+        look: the same fit, to what the arm does with a loop.
+
+    Returns:
+        The loop, and (4, 4): the slopes of `Loop.numbers` over `numbers` of the servo.
+    """
+    goal = numbers(servo)
+    whole = 2.0 * arm.held * servo.damping_ratio * servo.natural_frequency
+    damping = max(whole - float(arm.passive[arm.joint]), LEAST * whole)
+    at = Loop(servo.gain, arm.held * servo.natural_frequency**2, damping, servo.delay).numbers
+    for _ in range(ROUNDS):
+        seen = numbers(look(Loop.of(at)))
+        steps = np.diag([STEP, STEP, STEP, 0.1 * STEP])
+        slopes = np.stack([(numbers(look(Loop.of(at + s))) - seen) / s[k] for k, s in enumerate(steps)], axis=1)
+        inverse = np.linalg.pinv(slopes)
+        move = inverse @ (goal - seen)
+        at = at + np.clip(move, -0.7, 0.7)
+        if np.abs(move).max() < 1e-6:
+            break
+    return Loop.of(at), inverse
+
+
+def numbers(servo: Servo) -> np.ndarray:
+    """(4,): gain, logarithms of natural frequency and damping ratio, delay."""
+    return np.array([servo.gain, np.log(servo.natural_frequency), np.log(servo.damping_ratio), servo.delay])

@@ -1,0 +1,228 @@
+"""One servo through all steps of a joint, beside dry friction: q'' = wn^2 (K u + b - q - h s) - 2 z wn q', s = sign q'.
+
+h = friction / stiffness, rad: half the width of the angles at which the joint may come to rest; b is the sag under load
+in each recording. A joint at rest stays there while |K u + b - q| <= h, so that where it rested before tells how much
+of the friction is wound up: what a fit of single steps takes for another gain, and the drag for another damping.
+Between two reversals the answer is that of the linear servo about a shifted goal (den Hartog, Trans. ASME 53, 1931).
+The uncertainty is that of the mean over sizes and directions: pseudo-values of the jackknife that leaves one of them
+out, one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9(3), 1981).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from vispeg.measure import steps
+from vispeg.measure.steps import Servo, Step
+from vispeg.measure.trace import Trace
+
+FINE = 0.1  # rad of the servo's phase in a step of the integration: a reversal is then placed to a hundredth of that
+SAMPLES = 300  # of a step that are compared
+SLOPE = 1e-4  # by which the slopes are differences, relative; of the band as a share of the least step
+
+
+@dataclass(frozen=True)
+class Shared:
+    """One servo through all steps.
+
+    Attributes:
+        servo: the servo.
+        band: rad, half the width of the angles at which the joint rests.
+        groups: name -> (ngroup,) pseudo-values, one a size and direction: gain, natural_frequency, damping_ratio,
+            delay, rest_band.
+        left: (nstep,) RMS of what the servo leaves of each step, as a share of its size.
+    """
+
+    servo: Servo
+    band: float
+    groups: dict[str, np.ndarray]
+    left: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What the fit compares: a row a step. All angles are shares of the step's size, from where the joint rested."""
+
+    goals: np.ndarray  # (nstep, ngrid), mean command of each interval of the grid
+    dt: float  # s, of the grid
+    t: np.ndarray  # (nstep, nsample), s
+    y: np.ndarray  # (nstep, nsample)
+    weight: np.ndarray  # (nstep, nsample), 0 beyond the end of a step
+    size: np.ndarray  # (nstep,) rad
+    command: np.ndarray  # (nstep,) rad, before the step
+    rest: np.ndarray  # (nstep,) rad, the angle before it
+    trace: np.ndarray  # (nstep,), whose
+    sags: int
+
+
+def shared(traces: Sequence[Trace], responses: Sequence[Step]) -> Shared:
+    """Fit one servo and its friction to all steps, from the mean of their single fits."""
+    start = steps.mean_servo(responses)
+    p = _problem(traces, responses, start)
+    first = np.array([start.gain, np.log(start.natural_frequency), np.log(start.damping_ratio), start.delay])
+    line = np.array([np.median((p.rest - start.gain * p.command)[p.trace == k]) for k in range(p.sags)])
+    wound = steps.wound(start, np.inf, traces, responses)
+    least = float(np.min(np.abs(p.size)))
+    scale = np.concatenate([[0.1, 0.3, 0.3, 0.01], np.full(1 + p.sags, 0.1 * least)])
+    low = np.full(len(scale), -np.inf)
+    low[:5] = -1.0, np.log(0.5), np.log(0.02), -steps.LATE, 0.0
+    high = np.full(len(scale), np.inf)
+    high[:4] = 3.0, np.log(2000.0), np.log(20.0), 0.3
+    best = None
+    for band in (1e-3 * least, float(np.max(np.abs(wound)))):
+        x0 = np.clip(np.concatenate([first, [max(band, 1e-6 * least)], line]), low, high)
+        found = optimize.least_squares(
+            lambda x: _residual(x, p), x0, lambda x: _slopes(x, p, least), (low, high), x_scale=scale, max_nfev=40
+        )
+        best = found if best is None or found.cost < best.cost else best
+    assert best is not None
+    servo = Servo(float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2])), float(best.x[3]))
+    left = np.sqrt(np.sum(best.fun.reshape(p.y.shape) ** 2, axis=1))
+    sticks = bool(best.x[4] > 1e-6 * least)  # else the fit stopped at its bound: no friction, and nothing to move
+    return Shared(servo, sticks * float(best.x[4]), _groups(best, p, responses, sticks), left)
+
+
+def _problem(traces: Sequence[Trace], responses: Sequence[Step], start: Servo) -> _Problem:
+    by_name = {t.name: t for t in traces}
+    names = list(dict.fromkeys(s.trace for s in responses))
+    spans = [steps.rows(by_name[s.trace], s) for s in responses]
+    longest = max(by_name[s.trace].time[b - 1] - s.start for s, (_, b) in zip(responses, spans, strict=True))
+    period = min(by_name[n].period for n in names)
+    fine = FINE / start.natural_frequency
+    dt = period / np.ceil(period / fine) if period > fine else period * max(1.0, np.floor(0.5 * fine / period))
+    grid = np.arange(int(np.ceil(longest / dt)) + 2) * dt
+    shape = len(responses), min(SAMPLES, max(b - a for a, b in spans))
+    goals, t, y, weight = np.zeros((shape[0], len(grid) - 1)), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    rest, command = np.zeros(shape[0]), np.zeros(shape[0])
+    for k, (step, (a, b)) in enumerate(zip(responses, spans, strict=True)):
+        trace = by_name[step.trace]
+        time = trace.time[a:b] - step.start
+        rest[k], command[k] = steps.before(trace, a), trace.q_cmd[a - 1]
+        change = (trace.q_cmd[a:b] - command[k]) / step.size
+        total = np.concatenate([[0.0], np.cumsum(change[:-1] * np.diff(time))])  # each command is held for its row
+        whole = np.interp(grid, time, total)
+        whole += change[-1] * np.maximum(grid - time[-1], 0.0)
+        goals[k] = np.diff(whole) / dt
+        some = np.unique(np.linspace(0, len(time) - 1, shape[1]).round().astype(int))
+        t[k, : len(some)], weight[k, : len(some)] = time[some], 1.0 / np.sqrt(len(some))
+        y[k, : len(some)] = (trace.q[a:b][some] - rest[k]) / step.size
+    size = np.array([s.size for s in responses])
+    trace_of = np.array([names.index(s.trace) for s in responses])
+    return _Problem(goals, float(dt), t, y, weight, size, command, rest, trace_of, len(names))
+
+
+def _residual(x: np.ndarray, p: _Problem) -> np.ndarray:
+    return ((_answers(x[None], p)[0] - p.y) * p.weight).reshape(-1)
+
+
+def _slopes(x: np.ndarray, p: _Problem, least: float) -> np.ndarray:
+    """Of the residual (nstep * nsample, 5 + ntrace), by differences; the sags of all traces are moved at once."""
+    by = SLOPE * np.array([1.0, 1.0, 1.0, 0.1, 0.1 * least, 0.1 * least])
+    moves = np.zeros((7, len(x)))
+    moves[range(1, 6), range(5)] = by[:5]
+    moves[6, 5:] = by[5]
+    y = _answers(x + moves, p) * p.weight
+    slopes = (y[1:] - y[0]) / by[:, None, None]
+    out = np.zeros((len(x), *p.y.shape))
+    out[:5] = slopes[:5]
+    for k in range(p.sags):
+        out[5 + k] = slopes[5] * (p.trace == k)[:, None]
+    return out.reshape(len(x), -1).T
+
+
+def _answers(x: np.ndarray, p: _Problem) -> np.ndarray:
+    """(nx, nstep, nsample) of the step: what servos x (nx, 5 + ntrace) do."""
+    nx, nstep = len(x), len(p.size)
+    gain, wn, zeta = (np.repeat(v, nstep) for v in (x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2])))
+    share = np.sign(p.size)[None] / np.abs(p.size)[None]  # 1 / size
+    band = (x[:, 4:5] * np.abs(share)).reshape(-1)
+    wound = x[:, :1] * p.command + x[:, 5:][:, p.trace] - p.rest
+    wound = (np.clip(wound, -x[:, 4:5], x[:, 4:5]) * share).reshape(-1)
+    q, v = _integrated(np.tile(p.goals, (nx, 1)), p.dt, gain, wn, zeta, band, wound)
+    at = np.clip((p.t[None] - x[:, 3, None, None]) / p.dt, 0.0, q.shape[1] - 1.001).reshape(nx * nstep, -1)
+    k = at.astype(int)
+    r = at - k
+    row = np.arange(nx * nstep)[:, None]
+    a, b, va, vb = q[row, k], q[row, k + 1], p.dt * v[row, k], p.dt * v[row, k + 1]
+    # the cubic through both angles and speeds
+    y = a + r * (va + r * (3 * (b - a) - 2 * va - vb + r * (2 * (a - b) + va + vb)))
+    return y.reshape(nx, nstep, -1)
+
+
+def _integrated(
+    goals: np.ndarray,
+    dt: float,
+    gain: np.ndarray,
+    wn: np.ndarray,
+    zeta: np.ndarray,
+    band: np.ndarray,
+    wound: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and speed (n, ngrid + 1) of n joints from rest: goals (n, ngrid), all others (n,).
+
+    Exact while a joint moves one way; where it turns within an interval, its speed there is taken as linear in time.
+    """
+    n, count = goals.shape
+    e11, e12, e21, e22 = _propagator(dt, wn, zeta)
+    q, v = np.zeros((count + 1, n)), np.zeros((count + 1, n))
+    x, dx = np.zeros(n), np.zeros(n)
+    for k in range(count):
+        free = gain * goals[:, k] + wound
+        pull = free - x
+        way = np.where(dx != 0.0, np.sign(dx), np.where(np.abs(pull) > band, np.sign(pull), 0.0))
+        end = free - way * band
+        off = x - end
+        then, speed = end + e11 * off + e12 * dx, e21 * off + e22 * dx
+        turned = way * speed < 0.0
+        if turned.any():
+            part = np.where(turned, dx / np.where(turned, dx - speed, 1.0), 1.0)
+            turn = x + 0.5 * part * dt * dx
+            rest, left = free - turn, (1.0 - part) * dt
+            pulls = np.sign(rest) * np.maximum(np.abs(rest) - band, 0.0)
+            back = left * wn**2 * pulls
+            then, speed = np.where(turned, turn + 0.5 * left * back, then), np.where(turned, back, speed)
+        x, dx = np.where(way == 0.0, x, then), np.where(way == 0.0, 0.0, speed)
+        q[k + 1], v[k + 1] = x, dx
+    return q.T, v.T
+
+
+def _propagator(dt: float, wn: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """exp(A dt) of x'' = -wn^2 x - 2 z wn x', its four entries (n,)."""
+    root = np.sqrt((zeta**2 - 1.0).astype(complex))
+    root = np.where(np.abs(root) > 1e-6, root, 1e-6)
+    p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
+    a, b = np.exp(p1 * dt), np.exp(p2 * dt)
+    gap = p1 - p2
+    e11, e12 = (p1 * b - p2 * a) / gap, (a - b) / gap
+    return e11.real, e12.real, (p1 * p2 * (b - a) / gap).real, ((p1 * a - p2 * b) / gap).real
+
+
+def _groups(
+    best: optimize.OptimizeResult, p: _Problem, responses: Sequence[Step], sticks: bool
+) -> dict[str, np.ndarray]:
+    """Pseudo-values of the jackknife over sizes and directions; over the steps where there is one of these."""
+    groups = list(steps.groups(responses).values())
+    groups = groups if len(groups) > 1 else [[s] for s in responses]
+    free = np.arange(len(best.x)) != (-1 if sticks else 4)
+    jac, rest = best.jac.reshape(*p.y.shape, -1)[..., free], best.fun.reshape(p.y.shape)
+    normal = np.einsum("sni,snj->sij", jac, jac)
+    right = np.einsum("sni,sn->si", jac, rest)
+    n = len(groups)
+    values = []
+    for group in groups:
+        out = np.array([any(s is other for other in group) for s in responses])
+        move = np.zeros(len(best.x))
+        move[free] = -np.linalg.pinv(normal[~out].sum(axis=0)) @ right[~out].sum(axis=0)
+        values.append(best.x - (n - 1) * move)  # n x - (n - 1) (x + move)
+    x = np.array(values).T
+    return {
+        "gain": x[0],
+        "natural_frequency": np.exp(x[1]),
+        "damping_ratio": np.exp(x[2]),
+        "delay": x[3],
+        "rest_band": x[4],
+    }
