@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from scipy.linalg import expm
 
 from vispeg.effects.common.servo_loop import FAST
 from vispeg.measure.steps import Servo
@@ -84,22 +85,78 @@ class Arm:
     def modes(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, float]:
         """Poles (2 nj,) 1/s and their shares (2 nj,) of the joint's answer to a unit step; where that ends."""
         n, j = len(self.stiffness), self.joint
-        k = np.where(np.arange(n) == j, loop.stiffness, self.stiffness)
-        d = np.where(np.arange(n) == j, loop.damping, self.damping)
-        inertia = self.inertia - self.late * np.diag(d)  # to first order in `late`, so that the poles stay 2 nj
+        inertia, spring, drag = self._matrices(loop)
         a = np.zeros((2 * n, 2 * n))
         a[:n, n:] = np.eye(n)
-        a[n:, :n] = -np.linalg.solve(inertia, np.diag(k) + self.slope)
-        a[n:, n:] = -np.linalg.solve(inertia, np.diag(d + self.passive - self.late * k))
-        ends = np.linalg.solve(np.diag(k) + self.slope, loop.gain * loop.stiffness * np.eye(n)[j])
+        a[n:] = -np.linalg.solve(inertia, np.hstack([spring, drag]))
+        ends = np.linalg.solve(spring, loop.gain * loop.stiffness * np.eye(n)[j])
         poles, vectors = np.linalg.eig(a)
         return poles, vectors[j] * np.linalg.solve(vectors, np.concatenate([-ends, 0.0 * ends])), float(ends[j])
+
+    def _matrices(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Inertia, stiffness and damping (nj, nj) with all loops closed."""
+        own = np.arange(len(self.stiffness)) == self.joint
+        k, d = np.where(own, loop.stiffness, self.stiffness), np.where(own, loop.damping, self.damping)
+        # to first order in `late`, so that the poles stay 2 nj
+        return (
+            self.inertia - self.late * np.diag(d),
+            self.slope + np.diag(k),
+            np.diag(d + self.passive - self.late * k),
+        )
 
     def answer(self, t: np.ndarray, loop: Loop) -> np.ndarray:
         """The joint's answer (n,) at t s to a unit step of its goal at 0."""
         poles, shares, end = self.modes(loop)
         late = t - loop.delay
         return np.where(late > 0, end + (np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares).real, 0.0)
+
+    def dry(
+        self, loop: Loop, friction: float, goals: np.ndarray, dt: float, wound: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the joint does from rest, with dry friction; without the loop's delay.
+
+        Args:
+            loop: of the joint.
+            friction: N m.
+            goals: (n, ngrid) rad, mean goal of each interval, over that at rest.
+            dt: s, of the grid; a reversal is placed to one interval.
+            wound: (n,) N m, by which the loop pulled before.
+
+        Returns:
+            Angle rad and speed rad/s, (n, ngrid + 1).
+        """
+        nj, j, n = len(self.stiffness), self.joint, len(goals)
+        inertia, spring, drag = self._matrices(loop)
+        others = np.arange(nj) != j
+        pull = np.zeros((2 * nj, 1))
+        pull[nj:, 0] = np.linalg.solve(inertia, np.eye(nj)[j])
+        moving = np.zeros((2 * nj, 2 * nj))
+        moving[:nj, nj:] = np.eye(nj)
+        moving[nj:] = -np.linalg.solve(inertia, np.hstack([spring, drag]))
+        held = moving.copy()
+        held[nj:] = 0.0
+        held[nj:][others] = -np.linalg.solve(inertia[np.ix_(others, others)], np.hstack([spring, drag])[others])
+        push = expm(np.block([[moving, pull], [np.zeros((1, 2 * nj + 1))]]) * dt)
+        rest = expm(held * dt)
+        # what friction must give, that the joint stays: minus this, over the state, beside the torque that is asked for
+        needed = np.hstack([spring, drag])[j] + inertia[j, others] @ held[nj:][others]
+        x, way = np.zeros((n, 2 * nj)), np.zeros(n)
+        q, v = np.zeros((2, goals.shape[1] + 1, n))
+        for k in range(goals.shape[1]):
+            asked = loop.gain * loop.stiffness * goals[:, k] + wound
+            free = asked - x @ needed
+            way = np.where(way != 0.0, way, np.sign(free) * (np.abs(free) > friction))
+            still = way == 0.0
+            then = x @ push[:-1, :-1].T + (asked - way * friction)[:, None] * push[:-1, -1]
+            then = np.where(still[:, None], x @ rest.T, then)
+            turned = ~still & (way * then[:, nj + j] < 0.0)
+            before = x[turned, nj + j]
+            part = np.where(before * way[turned] > 0.0, before / (before - then[turned, nj + j]), 0.0)
+            then[turned] = x[turned] + part[:, None] * (then[turned] - x[turned])
+            then[turned, nj + j], way[turned] = 0.0, 0.0
+            x = then
+            q[k + 1], v[k + 1] = x[:, j], x[:, nj + j]
+        return q.T, v.T
 
     def response(self, f: np.ndarray, loop: Loop) -> np.ndarray:
         """Its frequency response (n,), complex, at f Hz."""

@@ -23,6 +23,7 @@ from vispeg.measure.trace import Trace, refuse_no_servo
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
+ROUNDS, CLOSE = 6, 5e-4  # of the loop with friction, at most; and relative, the last one's miss, under any scatter
 NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
 
 
@@ -207,24 +208,47 @@ def _loop_of_steps(
     groups, left = through.groups, 0.0
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
+    goal, band = numbers(through.servo), through.band
     if inertia is not None or arm is None:
         loop, slopes = alone(through.servo, inertia or 1.0, drag)
     else:
         dragged = arm.with_friction(drag)
-        seen = _seen(responses, traces)
-        loop, slopes = inferred(through.servo, dragged, lambda loop: seen(dragged, loop)[0])
+        loop, slopes = inferred(through.servo, dragged, _look(responses, traces, dragged))
+        for turn in range(ROUNDS):  # the same with the friction, and with all steps
+            seen = through.again(_moved(dragged, loop, band), dragged.modes(loop)[2], loop.delay)
+            miss = goal - numbers(seen.servo)
+            if turn:  # Broyden's update of the inverse slopes
+                back = slopes @ (last - miss)
+                slopes = slopes + np.outer(move - back, move @ slopes) / (move @ back)
+            if np.abs(miss).max() < CLOSE and turn:
+                break
+            last, move = miss, np.clip(slopes @ miss, -0.3, 0.3)
+            loop = Loop.of(loop.numbers + move)
+            band = max(0.0, band + through.band - seen.band)
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
-        excess = float(np.mean(through.left**2 - noise**2)) - seen(dragged, loop)[1] ** 2
-        left = float(np.sqrt(max(excess, 0.0)))
+        left = float(np.sqrt(max(np.mean(through.left**2 - noise**2 - seen.left**2), 0.0)))
     of = [Servo(*row) for row in zip(*(groups[name] for name in steps.NAMES), strict=True)]
     each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(through.servo) for servo in of]).T
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
     misfit = rectangular("what the arm leaves of the steps", left)
     _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
-    if through.band > 0.0 and "coulomb_friction" not in {q.quantity for q in friction}:
-        dry = [repeated("rest band", groups["rest_band"]), rectangular("noise at rest", _noise(traces)), inputs[1]]
+    if band > 0.0 and "coulomb_friction" not in {q.quantity for q in friction}:
+        least = left * min(abs(s.size) for s in responses)
+        dry = [
+            repeated("rest band", groups["rest_band"] + band - through.band),
+            rectangular("noise at rest", _noise(traces)),
+            rectangular("what the arm leaves of the least step", least),
+            inputs[1],
+        ]
         friction.append(
-            propagate("coulomb_friction", "N m", lambda h, e, x: (h + e) * np.exp(x), dry, rng, repeats=len(responses))
+            propagate(
+                "coulomb_friction",
+                "N m",
+                lambda h, e, r, x: (h + e + r) * np.exp(x),
+                dry,
+                rng,
+                repeats=len(responses),
+            )
         )
     return loop
 
@@ -313,21 +337,21 @@ def _of_loop(
     add("servo_delay", "s", lambda *x: sum(x), late, rectangular("time of a sample", _half(traces)))
 
 
-def _seen(responses: Sequence[Step], traces: Sequence[Trace]) -> Callable[[Arm, Loop], tuple[Servo, float]]:
-    """The servo that a linear arm looks like through such steps, and the share of the step that it leaves."""
+def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Callable[[Loop], Servo]:
+    """The servo that a linear arm looks like through the longest of these steps, for a loop of its joint."""
     by_name = {t.name: t for t in traces}
     spans = [(by_name[s.trace], *steps.rows(by_name[s.trace], s)) for s in responses]
     longest, a, b = max(spans, key=lambda span: span[2] - span[1])
     period = longest.period
     t = np.arange(-round((steps.BEFORE + steps.LATE) / period), b - a) * period
     first = int(np.searchsorted(t, -0.5 * period))
+    command = (t > -0.5 * period).astype(float)
+    return lambda loop: steps.fit(Trace("arm", t, command, arm.answer(t, loop)), first, len(t)).servo
 
-    def seen(arm: Arm, loop: Loop) -> tuple[Servo, float]:
-        trace = Trace("arm", t, (t > -0.5 * period).astype(float), arm.answer(t, loop))
-        step = steps.fit(trace, first, len(t))
-        return step.servo, step.rest
 
-    return seen
+def _moved(arm: Arm, loop: Loop, band: float) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    stiffness = loop.gain * loop.stiffness / arm.modes(loop)[2]  # with gravity's
+    return lambda goals, dt, pulls: arm.dry(loop, band * stiffness, goals, dt, np.clip(pulls, -band, band) * stiffness)
 
 
 def _of_frequencies(

@@ -10,8 +10,8 @@ out, one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
@@ -21,6 +21,7 @@ from vispeg.measure.steps import Servo, Step
 from vispeg.measure.trace import Trace
 
 FINE = 0.1  # rad of the servo's phase in a step of the integration: a reversal is then placed to a hundredth of that
+FINER = 2  # parts of that in which a simulated arm is moved
 SAMPLES = 300  # of a step that are compared
 SLOPE = 1e-4  # by which the slopes are differences, relative; of the band as a share of the least step
 
@@ -41,6 +42,28 @@ class Shared:
     band: float
     groups: dict[str, np.ndarray]
     left: np.ndarray
+    problem: _Problem
+    x: np.ndarray
+    responses: Sequence[Step]
+
+    def again(
+        self, moved: Callable[[np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]], gain: float, late: float
+    ) -> Shared:
+        """The same fit to what a simulated joint does in these steps.
+
+        Args:
+            moved: goals (nstep, ngrid) rad over those at rest, the grid's interval s, and by how many rad (nstep,) the
+                joint rested short of where it would be without friction -> angles and speeds (nstep, ngrid + 1).
+            gain: of the simulated joint, angle over goal.
+            late: s, the delay of its loop.
+        """
+        p = self.problem
+        goals = np.repeat(p.goals, FINER, axis=1) * p.size[:, None]
+        middle = np.array([p.command[p.trace == k].mean() for k in range(p.sags)])[p.trace]
+        pulls = self.x[0] * middle + self.x[5:][p.trace] + gain * (p.command - middle) - p.rest
+        q, v = moved(goals, p.dt / FINER, pulls)
+        y = _read(q, v, p.dt / FINER, p.t - late) / p.size[:, None]
+        return _solve(replace(p, y=y), self.responses, [self.x])
 
 
 @dataclass(frozen=True)
@@ -63,27 +86,37 @@ def shared(traces: Sequence[Trace], responses: Sequence[Step]) -> Shared:
     """Fit one servo and its friction to all steps, from the mean of their single fits."""
     start = steps.mean_servo(responses)
     p = _problem(traces, responses, start)
-    first = np.array([start.gain, np.log(start.natural_frequency), np.log(start.damping_ratio), start.delay])
-    line = np.array([np.median((p.rest - start.gain * p.command)[p.trace == k]) for k in range(p.sags)])
-    wound = steps.wound(start, np.inf, traces, responses)
+    first = [start.gain, np.log(start.natural_frequency), np.log(start.damping_ratio), start.delay]
+    sags = [float(np.median((p.rest - start.gain * p.command)[p.trace == k])) for k in range(p.sags)]
+    wound = float(np.max(np.abs(steps.wound(start, np.inf, traces, responses))))
+    return _solve(p, responses, [np.array([*first, band, *sags]) for band in (0.0, wound)])
+
+
+def _solve(p: _Problem, responses: Sequence[Step], starts: Sequence[np.ndarray]) -> Shared:
     least = float(np.min(np.abs(p.size)))
     scale = np.concatenate([[0.1, 0.3, 0.3, 0.01], np.full(1 + p.sags, 0.1 * least)])
-    low = np.full(len(scale), -np.inf)
+    low, high = np.full((2, len(scale)), [[-np.inf], [np.inf]])
     low[:5] = -1.0, np.log(0.5), np.log(0.02), -steps.LATE, 0.0
-    high = np.full(len(scale), np.inf)
     high[:4] = 3.0, np.log(2000.0), np.log(20.0), 0.3
     best = None
-    for band in (1e-3 * least, float(np.max(np.abs(wound)))):
-        x0 = np.clip(np.concatenate([first, [max(band, 1e-6 * least)], line]), low, high)
+    for x0 in starts:
+        inside = np.clip(x0, low, high)
+        inside[4] = max(inside[4], 1e-3 * least)  # at its bound a band has no slope
         found = optimize.least_squares(
-            lambda x: _residual(x, p), x0, lambda x: _slopes(x, p, least), (low, high), x_scale=scale, max_nfev=40
+            lambda x: _residual(x, p),
+            inside,
+            lambda x: _slopes(x, p, least),
+            (low, high),
+            x_scale=scale,
+            max_nfev=40,
         )
         best = found if best is None or found.cost < best.cost else best
     assert best is not None
     servo = Servo(float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2])), float(best.x[3]))
     left = np.sqrt(np.sum(best.fun.reshape(p.y.shape) ** 2, axis=1))
     sticks = bool(best.x[4] > 1e-6 * least)  # else the fit stopped at its bound: no friction, and nothing to move
-    return Shared(servo, sticks * float(best.x[4]), _groups(best, p, responses, sticks), left)
+    groups = _groups(best, p, responses, sticks)
+    return Shared(servo, sticks * float(best.x[4]), groups, left, p, best.x, responses)
 
 
 def _problem(traces: Sequence[Trace], responses: Sequence[Step], start: Servo) -> _Problem:
@@ -143,14 +176,17 @@ def _answers(x: np.ndarray, p: _Problem) -> np.ndarray:
     wound = x[:, :1] * p.command + x[:, 5:][:, p.trace] - p.rest
     wound = (np.clip(wound, -x[:, 4:5], x[:, 4:5]) * share).reshape(-1)
     q, v = _integrated(np.tile(p.goals, (nx, 1)), p.dt, gain, wn, zeta, band, wound)
-    at = np.clip((p.t[None] - x[:, 3, None, None]) / p.dt, 0.0, q.shape[1] - 1.001).reshape(nx * nstep, -1)
+    late = (p.t[None] - x[:, 3, None, None]).reshape(nx * nstep, -1)
+    return _read(q, v, p.dt, late).reshape(nx, nstep, -1)
+
+
+def _read(q: np.ndarray, v: np.ndarray, dt: float, t: np.ndarray) -> np.ndarray:
+    """Angles (n, nsample) at t s, of q and v (n, ngrid + 1) every dt s: the cubic through both angles and speeds."""
+    at = np.clip(t / dt, 0.0, q.shape[1] - 1.001)
     k = at.astype(int)
-    r = at - k
-    row = np.arange(nx * nstep)[:, None]
-    a, b, va, vb = q[row, k], q[row, k + 1], p.dt * v[row, k], p.dt * v[row, k + 1]
-    # the cubic through both angles and speeds
-    y = a + r * (va + r * (3 * (b - a) - 2 * va - vb + r * (2 * (a - b) + va + vb)))
-    return y.reshape(nx, nstep, -1)
+    r, row = at - k, np.arange(len(q))[:, None]
+    a, b, va, vb = q[row, k], q[row, k + 1], dt * v[row, k], dt * v[row, k + 1]
+    return a + r * (va + r * (3 * (b - a) - 2 * va - vb + r * (2 * (a - b) + va + vb)))
 
 
 def _integrated(
