@@ -214,15 +214,16 @@ def _loop_of_steps(
     else:
         dragged = arm.with_friction(drag)
         loop, slopes = inferred(through.servo, dragged, _look(responses, traces, dragged))
+        way, last, move = slopes, np.zeros(4), np.zeros(4)
         for turn in range(ROUNDS):  # the same with the friction, and with all steps
             seen = through.again(_moved(dragged, loop, band), dragged.modes(loop)[2], loop.delay)
             miss = goal - numbers(seen.servo)
             if turn:  # Broyden's update of the inverse slopes
-                back = slopes @ (last - miss)
-                slopes = slopes + np.outer(move - back, move @ slopes) / (move @ back)
+                back = way @ (last - miss)
+                way = way + np.outer(move - back, move @ way) / (move @ back)
             if np.abs(miss).max() < CLOSE and turn:
                 break
-            last, move = miss, np.clip(slopes @ miss, -0.3, 0.3)
+            last, move = miss, np.clip(way @ miss, -0.3, 0.3)
             loop = Loop.of(loop.numbers + move)
             band = max(0.0, band + through.band - seen.band)
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
@@ -232,7 +233,9 @@ def _loop_of_steps(
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
     misfit = rectangular("what the arm leaves of the steps", left)
     _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
-    if band > 0.0 and "coulomb_friction" not in {q.quantity for q in friction}:
+    # where the law is known, so is its torque: the loops of slow strokes tell friction better
+    own = any(t.servo for t in traces) and "coulomb_friction" not in {q.quantity for q in friction}
+    if band > 0.0 and own:
         least = left * min(abs(s.size) for s in responses)
         dry = [
             repeated("rest band", groups["rest_band"] + band - through.band),
