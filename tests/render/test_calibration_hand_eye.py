@@ -59,6 +59,23 @@ def test_intervals_hold_the_truth(mount, count):
     assert np.median(half, axis=0)[:3].max() < 5e-3 and np.median(half, axis=0)[3:].max() < 0.012
 
 
+@pytest.mark.parametrize("mount", ["flange", "base"])
+def test_mirrored_pictures_are_refused_and_others_are_not(mount):
+    """Mirrored left to right, each view is of a camera that moves otherwise than the robot."""
+    columns, rows = BOARD.grid
+    order = np.arange(columns * rows).reshape(rows, columns)[:, ::-1].ravel()  # as seen from the front again
+    for seed, count in ((1, 5), (2, 7), (3, 12)):
+        rng = stream(seed, "mirror", mount)
+        views, poses = seen(rng, count)
+        arm = flange(poses, mount, rng, (1e-3, 3e-3))
+        solve(views, BOARD, LENS, arm, mount)
+        flipped = [
+            replace(v, ids=order[v.ids], pixels=np.array([SIZE[0] - 1.0, 0.0]) + v.pixels * [-1.0, 1.0]) for v in views
+        ]
+        with pytest.raises(UserError, match="the pictures are mirrored"):
+            solve(flipped, BOARD, LENS, arm, mount)
+
+
 def test_the_robots_errors_are_told():
     """The estimate of the robot's own errors follows them over a factor of thirty."""
     for size in (1e-4, 3e-3):

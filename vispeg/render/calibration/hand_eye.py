@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from vispeg.core.errors import UserError
@@ -106,6 +107,7 @@ def solve(
     if start is None:
         check_motion(flange)
         methods = closed_forms(outer, board_poses)
+        _refuse_mirrored(outer, board_poses, methods)
         starts = [(x, _mean(outer @ x @ board_poses)) for x in methods.values()]
     else:
         methods, starts = start.methods, [(start.camera, start.board)]
@@ -155,6 +157,31 @@ def closed_forms(outer: np.ndarray, board_poses: np.ndarray) -> dict[str, np.nda
     if not out:
         raise UserError("no method finds the camera from these poses", expected="poses turned about two axes")
     return out
+
+
+def _refuse_mirrored(outer: np.ndarray, board_poses: np.ndarray, methods: dict[str, np.ndarray]) -> None:
+    """Refuses views whose mirror image goes with the robot's motion.
+
+    A mirrored chessboard is a chessboard again, so that no picture shows it. But with S = diag(-1, 1, 1) its poses are
+    S T S, up to a constant turn of the board: their turns still go with the robot's, and their shifts do not.
+
+    Raises:
+        UserError: mirrored, the board rests within half the scatter or less, and an F test says so at 0.1 %.
+    """
+
+    def scatter(poses: np.ndarray, found: dict[str, np.ndarray]) -> float:
+        at = np.stack([(outer @ x @ poses)[:, :3, 3] for x in found.values()])
+        return float(np.min(np.sum((at - np.median(at, axis=1, keepdims=True)) ** 2, axis=(1, 2))))
+
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    other = mirror @ board_poses @ mirror
+    ratio = scatter(board_poses, methods) / max(scatter(other, closed_forms(outer, other)), 1e-18)
+    free = 3.0 * len(outer) - 6.0  # X and Z shift by three each
+    if ratio > 4.0 and stats.f.sf(ratio, free, free) < 1e-3:
+        raise UserError(
+            "the pictures are mirrored: the board moves as its mirror image would",
+            expected="pictures as the camera sees, not flipped left to right",
+        )
 
 
 def refine(
