@@ -182,6 +182,19 @@ class Effect(ABC):
         """What a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N m."""
         raise NotImplementedError
 
+    def regressor(self, look: Any, p: Values) -> np.ndarray:
+        """Return the torque (n, nj) N m that must be sent beyond what the links need, to first order in the magnitudes.
+
+        For what shows in no sample of a motion alone: timing, readings, a gear that yields. What acts through `write`,
+        `friction`, `torque`, `along` or `inverse` needs none: its torque follows from these.
+
+        Args:
+            look: a measured motion: `sent` (n, nj) N m, what drove it; `rate(values)` their derivative in time, 1/s;
+                `moved(shift)` the torque that the links need beyond the measured motion's where they moved by
+                `shift` (n, nj) rad more than was read.
+        """
+        raise NotImplementedError
+
     def guesses(self, look: Any) -> list[dict[str, float]]:
         """Parameter values at which to take a signature, from the data; [] if the data rule the effect out.
 
@@ -191,6 +204,10 @@ class Effect(ABC):
                 `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle.
         """
         return [{}]
+
+    def limits(self, model: Any, where: str) -> Mapping[str, tuple[float, float]]:
+        """Return least and greatest values of parameters that an arm, its compiled `model`, sets itself."""
+        return {}
 
     def side(self) -> Literal["link", "drive"]:
         """Whether a joint torque sensor (behind the gear) sees this effect's torque: 'link' if it does."""

@@ -22,6 +22,7 @@ from vispeg.recordings.checks import missing
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
 from vispeg.sim.physics import EffectLoop
@@ -44,13 +45,18 @@ CAVEATS = (
 
 
 class TorqueEvidence(Evidence):
-    """Recordings compared by inverse dynamics; the channels are joint torques in N m."""
+    """Recordings compared by inverse dynamics; the channels are joint torques in N m.
 
-    def __init__(self, recordings: Sequence[Recording]):
+    Args:
+        recordings: with a measured torque.
+        noise: (nj,) N m of each joint's torque; by default from repeats, as stated, or estimated.
+    """
+
+    def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
         self.recordings, self.nthread = list(recordings), 1
         self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
-        noise, self.floor_from = _noise(self.recordings)
+        noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
         # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
@@ -71,9 +77,9 @@ class TorqueEvidence(Evidence):
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per item, the torques (nworld, m, nj) that the worlds say the sensor would read."""
-        return [np.stack([self._needed(i, world) for world in worlds]) for i in range(len(self.items))]
+        return [np.stack([self.torque_of(i, world) for world in worlds]) for i in range(len(self.items))]
 
-    def _needed(self, i: int, world: World) -> np.ndarray:
+    def torque_of(self, i: int, world: World) -> np.ndarray:
         """Sensor torque (m, nj) of one world along one measured motion."""
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
@@ -99,20 +105,29 @@ class TorqueEvidence(Evidence):
         rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
         key = (i, repr([(e.label, e.params) for e in rigid.effects]))
         if key not in self._rigid:
-            item = self.items[i]
-            model, seg = compiled(item.robot), item.segment
-            batch = mjb.Batch(model, len(seg.time), nthread=1)
-            fields = Fields(batch, item.robot)
-            for a in activate(item.robot, [rigid]):
-                a.effect.write(fields, {k: np.repeat(v, len(seg.time), axis=0) for k, v in a.p.items()})
-            batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = seg.q, seg.dq
-            bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
-            batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-            v = fields.dofs
             if len(self._rigid) > 64 * len(self.items):
                 self._rigid.clear()
-            self._rigid[key] = dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
+            seg = self.items[i].segment
+            self._rigid[key] = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
         return self._rigid[key]
+
+
+def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inertia (n, nj, nj) kg m2 and bias torque (n, nj) N m of a world's links at each of n states, rad and rad/s.
+
+    Only effects that write masses or gravity count.
+    """
+    model = compiled(robot)
+    batch = mjb.Batch(model, len(q), nthread=1)
+    fields = Fields(batch, robot)
+    rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
+    for a in activate(robot, [rigid]):
+        a.effect.write(fields, {k: np.repeat(v, len(q), axis=0) for k, v in a.p.items()})
+    batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = q, dq
+    bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
+    batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+    v = fields.dofs
+    return dense(model, mass)[:, v][:, :, v], bias[:, v].copy()
 
 
 def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:

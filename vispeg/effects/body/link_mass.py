@@ -26,6 +26,9 @@ class LinkMass(Effect):
     def targets(self, model):
         return list(model.links)
 
+    def limits(self, model, where):
+        return {"mass": ((LEAST - 1.0) * float(model.body(where).mass[0]), self.params["mass"].high)}
+
     def write(self, fields, p):
         for column, body in enumerate(fields.links):
             delta = p["mass"][:, column]

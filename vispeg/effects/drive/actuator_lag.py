@@ -31,3 +31,6 @@ class ActuatorLag(Effect):
         # the mean over the step is what the physics step should feel: exact for a held command
         mean = tau + (before - tau) * t / x.h * (1.0 - decay)
         return np.where(p["time_constant"] > 0, mean, tau)
+
+    def regressor(self, look, p):
+        return p["time_constant"] * look.rate(look.sent)  # sent = tau + T dtau/dt

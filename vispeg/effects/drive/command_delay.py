@@ -27,5 +27,8 @@ class CommandDelay(Effect):
     def drive(self, state, tau, x, p):
         return state(tau, p["delay"])
 
+    def regressor(self, look, p):
+        return p["delay"] * look.rate(look.sent)  # tau(t) = sent(t - delay)
+
     def goal(self, state, goal, x, p):
         return state(goal, p["delay"])

@@ -7,6 +7,8 @@ DIAGNOSIS conventions of this project (measured minus true); no MuJoCo mechanism
 
 from __future__ import annotations
 
+import numpy as np
+
 from vispeg.core.effect import Effect
 from vispeg.core.params import Param
 
@@ -24,3 +26,6 @@ class EncoderOffset(Effect):
 
     def observe(self, state, q, dq, x, p):
         return q + p["offset"], dq
+
+    def regressor(self, look, p):
+        return look.moved(np.broadcast_to(-p["offset"], look.sent.shape))

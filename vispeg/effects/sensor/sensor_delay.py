@@ -26,3 +26,6 @@ class SensorDelay(Effect):
 
     def observe(self, state, q, dq, x, p):
         return state[0](q, p["delay"]), state[1](dq, p["delay"])
+
+    def regressor(self, look, p):
+        return p["delay"] * look.rate(look.sent)  # the torque of an instant stands beside an older reading

@@ -1,0 +1,442 @@
+"""Propose effects in torque space, in seconds: a linear model of every effect, searched by add, remove and swap.
+
+Along a measured motion (q, dq, ddq) the drive of joint j gave tau_j: measured, or what a known controller must have
+sent. The nominal arm needs tau0_j. What is left is linear in the sizes c of effects whose torque is:
+
+    y = tau - tau0 = X c + e,    e_j ~ N(0, s_j^2 + (FORM rms(y_j))^2)    for each joint j
+
+X are the torques that effects say they take (`write`, `friction`, `torque`, `along`, `inverse`, or `regressor`), by
+worlds that hold one each: so residuals are in the sensor's unit whatever the sizes are, and a gain's column is the
+model's torque, never the measured one (with that, a gain of nothing explains everything). s is what the noise of the
+readings makes of y, from a simulated repeat; no law is exact, so FORM of what a joint lacks is never evidence.
+
+With a prior c ~ N(0, P), the evidence of a set S of effects on the fitted recordings, and its error on the held-out
+one, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of its columns,
+
+    L(S) = 1/2 b' A^-1 b - 1/2 log det A - |S| log N,        H(S) = -1/2 |y - X c(S)|^2_W  held out
+
+N is the number of candidates. One effect more must raise L + H, and H too. All moves cost one Gram matrix.
+
+It proposes: what is bent, or acts only in closed loop, is not in it. Rollouts confirm. Sources: Gautier and Khalil, IEEE
+Transactions on Robotics and Automation 6(3), 1990, on what is linear in torque; MacKay, Neural Computation 4(3), 1992,
+on evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
+from vispeg.diagnosis.evidence.signatures import STEP, Probe, Signature, probes
+from vispeg.identify.channels import shows
+from vispeg.identify.drives import Drives, noise
+from vispeg.identify.inverse import MOTION_HZ
+from vispeg.identify.space import Freedom, Space
+from vispeg.recordings.recording import Recording
+from vispeg.sim.compiled import compiled
+from vispeg.worlds.world import World
+
+SLOW = 0.05  # rad/s: below it a stuck joint's friction is whatever it must be, so those rows say nothing of that joint
+FORM = 0.05  # of the RMS torque that a joint lacks: no law is exact
+TYPICAL = 3.0  # typical sizes (`Param.start`) that the prior of a magnitude is wide
+SHAPE = 0.25  # of a moment's range, the same
+BETTER = 1.0  # nats that a move must gain
+LOOKED = 6  # moves of one kind, best by the fitted recordings, whose held-out error is worked out
+TIE = 3.0  # nats within which another effect in the place of one is as likely
+ROUNDS, ALIKE = 6, 1.2  # of the search, until the variances that it assumed hold
+MOST = 40  # effects
+STEPS = 3  # of the last fit
+BATCH = 16  # worlds whose torques are filtered at once
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect of a proposal.
+
+    Attributes:
+        placed: with its values.
+        share: of the squared torque that the given model lacks (in variances of noise and form) what it takes away where
+            those that take most away come first.
+        equals: (effect, where) of those that would do as well in its place.
+    """
+
+    placed: EffectInstance
+    share: float
+    equals: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What torques say before any rollout.
+
+    Attributes:
+        named: the effects, those that explain most first.
+        joints: names.
+        before, after, floor: (nj,) RMS N m, held out and where a joint moves: the torque that the given model lacks, that
+            one with the effects lacks, and what noise alone leaves.
+        measured: whether the torques were measured; else they are what the controller sent.
+        path: the moves of the search.
+    """
+
+    named: tuple[Named, ...]
+    joints: tuple[str, ...]
+    before: np.ndarray
+    after: np.ndarray
+    floor: np.ndarray
+    measured: bool
+    path: tuple[str, ...] = field(default=(), compare=False)
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """RMS over all joints of `before` and of `after`, N m."""
+        return float(np.sqrt(np.mean(self.before**2))), float(np.sqrt(np.mean(self.after**2)))
+
+
+def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]) -> Proposal | None:
+    """Return the effects that torques call for beside those of `world`; None where no drive is known or nothing moves.
+
+    Args:
+        world: the model as given.
+        fitted, held_out: of one arm; a recording whose drive is not known has no part.
+    """
+    ours, theirs = Drives(fitted), Drives(held_out)
+    if not ours or not theirs:
+        return None
+    data = _Side(world, ours), _Side(world, theirs)
+    if not data[0].moves.any() or not data[1].moves.any():
+        return None
+    linear = Linear(_candidates(world, ours), data, noise(ours.recordings, world))
+    return linear.proposal(*linear.search())
+
+
+class _Side:
+    """Recordings as rows of the linear model: what a joint lacks, y (n, nj), and which rows count."""
+
+    def __init__(self, world: World, drives: Drives):
+        self.world, self.drives = world, drives
+        self.base = drives.needed([world])[0]
+        self.moves = drives.valid & (np.abs(drives.dq) > SLOW)
+        self.y = np.where(self.moves, drives.torque - self.base, 0.0)
+
+    def lacks(self, *worlds: World) -> np.ndarray:
+        """Torque (n, nj) that drives gave beyond what a world needs; of several (nworld, n, nj)."""
+        parts = [worlds[k : k + BATCH] for k in range(0, len(worlds), BATCH)]
+        needed = np.concatenate([self.drives.needed(part) for part in parts])
+        out = np.where(self.moves, self.drives.torque - needed, 0.0)
+        return out if len(worlds) > 1 else out[0]
+
+    def columns(self, variants: Sequence[EffectInstance]) -> np.ndarray:
+        """Torque (nvariant, n, nj) that each effect takes beside the world."""
+        parts = (variants[k : k + BATCH] for k in range(0, len(variants), BATCH))
+        left = [self.lacks(*(self.world.add(v) for v in part)).reshape(-1, *self.y.shape) for part in parts]
+        return np.concatenate([(self.y - some).astype(np.float32) for some in left])
+
+    @property
+    def power(self) -> np.ndarray:
+        """Mean square (nj,) of what each joint lacks where it moves."""
+        return (self.y**2).sum(axis=0) / np.maximum(self.moves.sum(axis=0), 1)
+
+
+def _candidates(world: World, drives: Drives) -> list[Probe]:
+    """Effects whose torque a motion shows, at every place, with the shapes that the data suggest."""
+    item, joints = drives.items[0], drives.items[0].robot.joints
+    predicted = drives.needed([world])[0]
+    ends = np.cumsum([len(i.segment.time) for i in drives.items])[:-1]
+    missing = [missing_torque(i, y) for i, y in zip(drives.items, np.split(predicted, ends), strict=True)]
+    taken = {(e.effect, e.where) for e in world.effects}
+    places = [
+        (name, where)
+        for name, kind in searchable().items()
+        if shows(kind, "needed") or kind.overrides("regressor") and not drives.measured
+        for where in (["all"] if kind.shared else kind.targets(item.robot))
+        if (name, where) not in taken and (name, "all") not in taken
+    ]
+    return probes(places, item, joint_data(missing, [*drives.items])) if joints else []
+
+
+class Linear:
+    """The linear model of all candidates, on fitted and held-out recordings, as Gram matrices.
+
+    Args:
+        candidates: effects with the values at which their columns are taken.
+        sides: fitted and held-out rows.
+        floor: (nj,) N m of noise.
+    """
+
+    def __init__(self, candidates: Sequence[Probe], sides: tuple[_Side, _Side], floor: np.ndarray):
+        self.sides, self.floor, own = sides, floor, sides[0].drives
+        variants = [v for probe in candidates for v in probe.variants]
+        first = np.cumsum([0, *(len(p.variants) for p in candidates)])
+        moments = zip(first, candidates, strict=False)
+        lead = np.concatenate([[-1] * len(p.names) + [k] * len(p.moments) for k, p in moments]).astype(int)
+        sums = [_sums(side, variants, lead) for side in sides]
+        self.entries: list[Signature] = []
+        self.of: list[np.ndarray] = []
+        kept: list[int] = []
+        at, shown = 0, np.diagonal(sums[0][0], axis1=1, axis2=2).sum(axis=0) > 0
+        for probe in candidates:
+            rows = np.arange(at, at + len(probe.variants))
+            at += len(rows)
+            if shown[rows].all():
+                self.of.append(np.arange(len(kept), len(kept) + len(rows)))
+                self.entries.append(Signature(probe.placed, probe.names, np.empty((0, len(rows))), probe.moments))
+                kept += rows.tolist()
+        arm = compiled(own.items[0].robot)
+        limits = [effect(s.probe.effect).limits(arm, s.probe.where) for s in self.entries]
+        self.bounds = np.concatenate([_bounds(*pair) for pair in zip(self.entries, limits, strict=True)], axis=1)
+        self.first = np.repeat([rows[0] for rows in self.of], [len(rows) for rows in self.of])
+        self.shift = np.concatenate([np.arange(len(rows)) >= len(s.names) for s, rows in zip(self.entries, self.of, strict=True)])
+        keys = [s.key for s in self.entries]
+        self.apart = np.array([[not _exclude(a, b) for b in keys] for a in keys])
+        self.prior = np.concatenate([_width(s) for s in self.entries])
+        self.parts = [
+            (gram[:, kept][:, :, kept] * np.outer(self.prior, self.prior), slope[:, kept] * self.prior, total)
+            for gram, slope, total in sums
+        ]
+        self.price = float(np.log(max(len(self.entries), 2)))
+        self.weigh(floor**2 + FORM**2 * sides[0].power)
+
+    def weigh(self, variance: np.ndarray) -> None:
+        """Take these variances (nj,) of what a joint lacks, (N m)^2, as those of noise and form."""
+        own = self.sides[0].drives
+        # rows of a signal that ends at MOTION_HZ repeat each other: so many a second are independent
+        rate = len(own.torque) / sum(float(np.ptp(i.segment.time)) for i in own.items)
+        self.variance = variance
+        self.weight = weight = min(1.0, 2.0 * MOTION_HZ / rate) / (variance + 1e-12)
+        (self.gram, self.slope, self.total), self.held = (
+            tuple(np.tensordot(weight, part, axes=1) for part in parts) for parts in self.parts
+        )
+        self.matrix = self.gram + np.eye(len(self.gram))
+
+    def score(self, chosen: Sequence[int]) -> tuple[float, float, np.ndarray]:
+        """L and H of a set of entries, and its coefficients in widths of their priors."""
+        if not len(chosen):
+            return 0.0, -0.5 * self.held[2], np.zeros(0)
+        i = self._rows(chosen)
+        factor = cho_factor(self.matrix[np.ix_(i, i)], lower=True)
+        c = cho_solve(factor, self.slope[i])
+        evidence = 0.5 * c @ self.slope[i] - np.log(np.diag(factor[0])).sum() - self.price * len(chosen)
+        gram, slope, total = self.held
+        return float(evidence), -0.5 * _left(c, i, gram, slope, total), c
+
+    def additions(self, chosen: Sequence[int]) -> list[int]:
+        """Entries that may come beside the chosen ones, those that raise L most first; at most LOOKED."""
+        matrix, slope = self.matrix, self.slope
+        if len(chosen):
+            i = self._rows(chosen)
+            answer = cho_solve(cho_factor(matrix[np.ix_(i, i)]), np.column_stack([matrix[i], slope[i]]))
+            matrix, slope = matrix - matrix[:, i] @ answer[:, :-1], slope - matrix[:, i] @ answer[:, -1]
+        rise = {}
+        for k in self._free(chosen):
+            j = self.of[k]
+            if len(j) == 1:
+                rise[k] = 0.5 * (slope[j[0]] ** 2 / matrix[j[0], j[0]] - np.log(matrix[j[0], j[0]]))
+            else:
+                block = matrix[np.ix_(j, j)]
+                rise[k] = 0.5 * (slope[j] @ np.linalg.solve(block, slope[j]) - np.linalg.slogdet(block)[1])
+        best = sorted(rise, key=lambda k: -rise[k])[: 4 * LOOKED]
+        return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][:LOOKED]
+
+    def possible(self, chosen: Sequence[int]) -> bool:
+        """Whether all sizes of a set lie inside their bounds."""
+        i = self._rows(chosen)
+        c = self.score(chosen)[2] * self.prior[i]
+        scale = np.zeros(len(self.prior))
+        scale[i] = c
+        # a moment's coefficient over its magnitude's is the shift; a magnitude counts by itself
+        size = np.where(self.shift[i], np.abs(scale[self.first[i]]), 1.0)
+        return bool(np.all((c >= self.bounds[0, i] * size) & (c <= self.bounds[1, i] * size)))
+
+    def search(self) -> tuple[list[int], list[str]]:
+        """Return the set where no move raises L + H, and the moves that led to it.
+
+        What a set leaves of a joint in the held-out recordings is how far off the form of its laws is there: where that
+        is more than was assumed, it is assumed, and the search goes on.
+        """
+        chosen: list[int] = []
+        path: list[str] = []
+        for _ in range(ROUNDS):
+            chosen, moves = self.climb(chosen)
+            path += moves
+            c, i = self.score(chosen)[2], self._rows(chosen)
+            left = np.array([_left(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
+            more = np.maximum(self.variance, left / np.maximum(self.sides[1].moves.sum(axis=0), 1))
+            if np.all(more <= ALIKE * self.variance):
+                break
+            self.weigh(more)
+        return chosen, path
+
+    def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
+        """Make moves from a set until none raises L + H; also the moves."""
+        now, path = self.score(chosen), []
+        while len(chosen) < MOST:
+            moves = []
+            for k in self.additions(chosen):
+                new = self.score([*chosen, k])
+                if new[1] > now[1]:
+                    moves.append((new[0] + new[1], f"+ {self._label(k)}", [*chosen, k]))
+            for k in chosen:
+                rest = [c for c in chosen if c != k]
+                new = self.score(rest)
+                if self.possible(rest):
+                    moves.append((new[0] + new[1], f"- {self._label(k)}", rest))
+                for other in self.additions(rest):
+                    if other != k:
+                        new = self.score([*rest, other])
+                        label = f"{self._label(k)} > {self._label(other)}"
+                        moves.append((new[0] + new[1], label, [*rest, other]))
+            best = max(moves, default=None, key=lambda m: m[0])
+            if best is None or best[0] < now[0] + now[1] + BETTER:
+                break
+            chosen = best[2]
+            now = self.score(chosen)
+            path.append(best[1])
+        return chosen, path
+
+    def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
+        """What a set of entries says, with the sizes that suit the laws themselves."""
+        c, at, placed = self.score(chosen)[2] * self.prior[self._rows(chosen)], 0, []
+        for k in chosen:
+            placed.append(self.entries[k].placed(c[at : at + len(self.of[k])].tolist()))
+            at += len(self.of[k])
+        placed = _fitted(self.sides[0], placed, self.weight)
+        total, shares, named = sum(self.score(chosen)[:2]), self._shares(chosen), []
+        for k, effect_there in zip(chosen, placed, strict=True):
+            rest = [other for other in chosen if other != k]
+            equals = [o for o in self.additions(rest) if sum(self.score([*rest, o])[:2]) > total - TIE]
+            keys = dict.fromkeys(self.entries[o].key for o in equals if self.entries[o].key != self.entries[k].key)
+            named.append(Named(effect_there, shares[k], tuple(keys)))
+        named.sort(key=lambda n: -n.share)
+        side = self.sides[1]
+        left = side.lacks(side.world.add(*placed))
+        before, after = (np.sqrt((y**2).sum(axis=0) / np.maximum(side.moves.sum(axis=0), 1)) for y in (side.y, left))
+        joints = side.drives.items[0].robot.joints
+        return Proposal(tuple(named), joints, before, after, self.floor, side.drives.measured, tuple(path))
+
+    def _shares(self, chosen: Sequence[int]) -> dict[int, float]:
+        """Share of the squared torque that each takes away where those that take most away come first."""
+        inside: list[int] = []
+        out, now = {}, self._loss([])
+        while len(inside) < len(chosen):
+            new, k = min((self._loss([*inside, k]), k) for k in chosen if k not in inside)
+            out[k], now = (now - new) / max(self.total, 1e-12), new
+            inside.append(k)
+        return out
+
+    def _loss(self, chosen: Sequence[int]) -> float:
+        """Weighted squared torque that a set leaves in the fitted recordings."""
+        return _left(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, self.total)
+
+    def _rows(self, chosen: Sequence[int]) -> np.ndarray:
+        return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)
+
+    def _free(self, chosen: Sequence[int]) -> list[int]:
+        """Entries that exclude none of the chosen ones: one of a family at a place."""
+        return np.flatnonzero(self.apart[list(chosen)].all(axis=0)).tolist()
+
+    def _label(self, k: int) -> str:
+        return self.entries[k].probe.label
+
+
+def _exclude(a: tuple[str, str], b: tuple[str, str]) -> bool:
+    """Whether two effects at one place are one phenomenon: the same, or both contain one."""
+    return a[1] == b[1] and not {a[0], *effect(a[0]).contains}.isdisjoint({b[0], *effect(b[0]).contains})
+
+
+def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
+    """(2, k) least and greatest coefficients; of a moment, of its coefficient over the magnitude's."""
+    params, out = effect(s.probe.effect).params, []
+    for m in s.names:
+        p = params[m]
+        low, high = limits.get(m, (p.low, p.high))
+        reach = s.probe.params[m].value - p.null
+        out.append(sorted(((low - p.null) / reach, (high - p.null) / reach)))
+    for m in s.moments:
+        p, value = params[m], s.probe.params[m].value
+        out.append([(end - value) / (STEP * (p.high - p.low)) for end in (p.low, p.high)])
+    return np.array(out).T
+
+
+def _width(s: Signature) -> np.ndarray:
+    """Standard deviations of the coefficients' priors."""
+    kind = effect(s.probe.effect)
+    sizes = [
+        TYPICAL * abs((kind.params[m].start - kind.params[m].null) / (s.probe.params[m].value - kind.params[m].null))
+        for m in s.names
+    ]
+    return np.array([*sizes, *[SHAPE / STEP * max(sizes)] * len(s.moments)])
+
+
+class _Sizes(Freedom):
+    """What is fitted of a proposed effect: magnitudes and moments; other shapes stay as the data suggested them."""
+
+    def frees(self, kind: Effect, name: str) -> bool:
+        return kind.params[name].scale != "log" and (name in kind.magnitudes or name in kind.moments)
+
+
+def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -> list[EffectInstance]:
+    """Effects with sizes that suit their own laws: masses and their centres multiply, which no column says.
+
+    Gauss-Newton steps on the same posterior, as long as they lower it.
+    """
+    given = len(side.world.effects)
+    start = side.world.add(*placed)
+    space = Space(start, range(given, len(start.effects)), _Sizes())
+    if not space.axes:
+        return list(placed)
+    low, high = space.bounds
+    arm = compiled(side.drives.items[0].robot)
+    for k, a in enumerate(space.axes):
+        its = start.effects[a.index]
+        for value, which in zip(effect(its.effect).limits(arm, its.where).get(a.name, ()), (low, high), strict=False):
+            which[k] = space.forward(value, a)
+    null = np.array([space.forward(a.param.start if a.param.shape else a.param.null, a) for a in space.axes])
+    width = np.array([SHAPE * (a.param.high - a.param.low) / a.unit if a.param.shape else TYPICAL for a in space.axes])
+
+    def cost(left: np.ndarray, u: np.ndarray) -> float:
+        return float(np.sum(weight * left**2) + np.sum(((u - null) / width) ** 2))
+
+    u = np.clip(space.start, low, high)
+    left = side.lacks(space.at(u))
+    for _ in range(STEPS):
+        steps = space.steps(u)
+        moved = side.lacks(*(space.at(u + step) for step in np.diag(steps))).reshape(len(u), *left.shape)
+        slope = ((left - moved) / steps[:, None, None] * np.sqrt(weight)).reshape(len(u), -1)
+        pull = slope @ (left * np.sqrt(weight)).ravel() - (u - null) / width**2
+        new = np.clip(u + np.linalg.solve(slope @ slope.T + np.diag(width**-2.0), pull), low, high)
+        after = side.lacks(space.at(new))
+        if cost(after, new) >= cost(left, u):
+            break
+        u, left = new, after
+    return list(space.at(u).effects[given:])
+
+
+def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> tuple[np.ndarray, ...]:
+    """X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the columns of effects, (N m)^2; item by item, to save memory.
+
+    Where `lead` is not -1 the column is what a moment changes: less that of the variant of this number.
+    """
+    nj, k = side.y.shape[1], len(variants)
+    gram, slope, total = np.zeros((nj, k, k)), np.zeros((nj, k)), np.zeros(nj)
+    for drives in side.drives.each():
+        one = _Side(side.world, drives)
+        x = one.columns(variants)
+        moments = lead >= 0
+        x[moments] -= x[lead[moments]]
+        for j in range(nj):
+            rows = one.moves[:, j]
+            column, y = x[:, rows, j].astype(float), one.y[rows, j]
+            gram[j] += column @ column.T
+            slope[j] += column @ y
+            total[j] += y @ y
+    return gram, slope, total
+
+
+def _left(c: np.ndarray, i: np.ndarray, gram: np.ndarray, slope: np.ndarray, total: float) -> float:
+    """Squared error of coefficients `c` of the columns `i`."""
+    return float(total - 2.0 * c @ slope[i] + c @ gram[np.ix_(i, i)] @ c)

@@ -1,0 +1,189 @@
+"""What drove each joint along a measured motion: the torque that a known controller must have sent, or the measured one.
+
+A recording is turned into one whose torque is known, so that inverse dynamics applies to nearly every recording. Motion
+and torque pass one low-pass filter without phase, so a law that is linear in its torques holds between what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vispeg.control.laws import position
+from vispeg.core.effect import effect
+from vispeg.identify.inverse import MOTION_HZ, TorqueEvidence, rigid_body
+from vispeg.identify.loops.runaway import in_hand
+from vispeg.identify.loops.soft import as_asked
+from vispeg.identify.nominal import nominal_robot, robot_of
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.noise import noise_of
+from vispeg.recordings.recording import Control, Recording
+from vispeg.robots.model import RobotModel
+from vispeg.sim.compiled import nominal_of
+from vispeg.sim.placement import activate
+from vispeg.worlds.world import World
+
+HEARD_HZ = 40.0  # bandwidth of velocities that were not recorded
+LEAST = 2.0  # s of a recording before or after its loop lost the arm, below which it is taken whole
+ROWS = 4096  # postures whose gravity is worked out at a time
+
+
+def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
+    """Return what the controller sent, (n, nj) N m at the samples, gravity compensation included; None if unknown.
+
+    A command is held for one control period, so it acts half a period later in the mean; that is no delay.
+    """
+    c = rec.control
+    if c.mode == "passive":
+        return np.zeros_like(rec.q)
+    if c.mode == "torque":
+        tau = rec.tau_cmd
+    elif c.mode == "position" and rec.q_cmd is not None and c.kp is not None and c.kd is not None:
+        goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
+        speed = smooth(rec.time, rec.q, HEARD_HZ)[1] if rec.dq is None else rec.dq
+        tau = position(rec.q_cmd, goal, rec.q, speed, c.kp, c.kd)
+    elif c.mode == "osc" and rec.ee_cmd is not None:
+        tau = as_asked(rec, robot).tau_cmd
+    else:
+        return None
+    if tau is None:
+        return None
+    if c.gravity_compensation == "model":
+        q = np.nan_to_num(rec.q)
+        parts = [q[k : k + ROWS] for k in range(0, len(q), ROWS)]
+        tau = tau + np.concatenate([nominal_of(robot, len(part)).operational(part)[4] for part in parts])
+    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+    out = np.empty_like(tau)
+    for n in np.unique(number):
+        rows = np.flatnonzero(number == n)
+        time = rec.time[rows]
+        out[rows] = np.stack([np.interp(time, time + 0.5 / c.rate_hz, joint) for joint in tau[rows].T], axis=1)
+    return out
+
+
+def driven(rec: Recording) -> Recording | None:
+    """Return the recording with its drive as its torque, low-passed as the motion will be; None where none is known.
+
+    A joint that a controller moves is driven by what that sent, whatever was measured beside it: a sensor behind the
+    gear does not see friction in it.
+    """
+    rec = in_hand(rec, nominal_robot(rec), LEAST)
+    command = sent(rec, robot_of(rec))
+    if command is None and (rec.tau is None or rec.torque_sensor == "none"):
+        return None
+    tau = rec.tau if command is None else command
+    assert tau is not None
+    sensor = rec.torque_sensor if command is None else "motor"
+    low = smooth(rec.time, tau, MOTION_HZ)[0]
+    return replace(rec, control=Control("unknown", rec.rate_hz), tau=low, torque_sensor=sensor)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A measured motion of one item: what `Effect.regressor` may use."""
+
+    sent: np.ndarray
+    rate: Callable[[np.ndarray], np.ndarray]
+    moved: Callable[[np.ndarray], np.ndarray]
+
+
+class Drives:
+    """Recordings in torque space: what each joint's drive gave, and what worlds say that it must have given.
+
+    Args:
+        recordings: those whose drive is not known are left out.
+
+    Attributes:
+        recordings: those whose drive is known.
+        torque: (n, nj) N m, of all items end to end, low-passed.
+        dq: (n, nj) rad/s.
+        valid: (n, nj) bool.
+        measured: whether all of it was measured, by a sensor.
+    """
+
+    def __init__(self, recordings: Sequence[Recording]):
+        known = {i: d for i, d in enumerate(map(driven, recordings)) if d is not None}
+        self.recordings = [recordings[i] for i in known]
+        nj = len(recordings[0].joints)
+        self.evidence = TorqueEvidence([*known.values()], np.ones(nj)) if known else None
+        self.items = [] if self.evidence is None else self.evidence.items
+        self.which = [*range(len(self.items))]
+        self.measured = all(r.control.mode in ("unknown", "servo") for r in recordings)
+        if self.items:
+            # what worlds need follows from a motion that was low-passed, and passes the filter again: so does this
+            twice = [smooth(i.segment.time, np.nan_to_num(i.measured), MOTION_HZ)[0] for i in self.items]
+            self.torque = np.concatenate(twice)
+            self.dq = np.concatenate([i.segment.dq for i in self.items])
+            self.valid = np.concatenate([i.valid for i in self.items])
+
+    def each(self) -> list[Drives]:
+        """Return its items one by one."""
+        ends = np.cumsum([len(i.segment.time) for i in self.items])[:-1]
+        out = []
+        for k, rows in enumerate(np.split(np.arange(len(self.torque)), ends)):
+            one = copy(self)
+            one.items, one.which = [self.items[k]], [self.which[k]]
+            one.torque, one.dq, one.valid = self.torque[rows], self.dq[rows], self.valid[rows]
+            out.append(one)
+        return out
+
+    def __bool__(self) -> bool:
+        return bool(self.items)
+
+    def needed(self, worlds: Sequence[World]) -> np.ndarray:
+        """Return the torque (nworld, n, nj) N m that the drives must have given by each world."""
+        parts = []
+        for i, item in zip(self.which, self.items, strict=True):
+            low = np.concatenate([self._needed(i, world) for world in worlds], axis=1)
+            low = smooth(item.segment.time, low, MOTION_HZ)[0]
+            parts.append(np.stack(np.split(low, len(worlds), axis=1)))
+        return np.concatenate(parts, axis=1)
+
+    def _needed(self, i: int, world: World) -> np.ndarray:
+        """The same of one world and item (m, nj), not low-passed."""
+        assert self.evidence is not None
+        plain = World(effects=tuple(e for e in world.effects if not effect(e.effect).overrides("regressor")))
+        out = self.evidence.torque_of(i, plain)
+        late = [a for a in activate(self.evidence.items[i].robot, [world]) if a.effect.overrides("regressor")]
+        if late:
+            look = self._motion(i, plain)
+            out = out + sum(a.effect.regressor(look, a.p) for a in late)
+        return out
+
+    def _motion(self, i: int, world: World) -> Motion:
+        assert self.evidence is not None
+        item = self.evidence.items[i]
+        seg = item.segment
+        ddq = seg.cache["ddq"]
+
+        def derivatives(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return smooth(seg.time, values, MOTION_HZ)[1:]
+
+        def links(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+            mass, bias = rigid_body(item.robot, world, q, dq)
+            return np.einsum("nij,nj->ni", mass, ddq) + bias
+
+        def moved(shift: np.ndarray) -> np.ndarray:
+            rate, acc = derivatives(shift)
+            return links(seg.q + shift, seg.dq + rate, ddq + acc) - links(seg.q, seg.dq, ddq)
+
+        return Motion(np.nan_to_num(item.measured), lambda values: derivatives(values)[0], moved)
+
+
+def noise(recordings: Sequence[Recording], world: World, seed: int = 0) -> np.ndarray:
+    """Return the RMS (nj,) N m of what noise alone makes of torque less needed torque, from one simulated repeat."""
+    rng = np.random.default_rng(seed)
+    again = []
+    for rec in recordings:
+        sigma = noise_of(rec)
+        more = {"q": rec.q + sigma["q"] * rng.standard_normal(rec.q.shape)}
+        if rec.tau is not None and "tau" in sigma:
+            more["tau"] = rec.tau + sigma["tau"] * rng.standard_normal(rec.q.shape)
+        again.append(replace(rec, **more))
+    first, second = Drives(recordings), Drives(again)
+    gap = (second.torque - second.needed([world])[0]) - (first.torque - first.needed([world])[0])
+    both = first.valid & second.valid
+    return np.sqrt(np.where(both, gap**2, 0.0).sum(axis=0) / np.maximum(both.sum(axis=0), 1))
