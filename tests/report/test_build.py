@@ -72,7 +72,7 @@ def _page(out) -> _Page:
 def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     out = run(diagnosis(verdict), evidence(n=600, recordings=1, nj=4))
     page = _page(out)
-    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures")]
+    assert page.sections == [name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "proposal")]
     expected = {
         "adequate": "No effect is named.",
         "identified": "explain the held-out recordings down to the noise floor",
@@ -142,7 +142,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
 @pytest.mark.parametrize("verdict", ["adequate", "identified", "ambiguous", "unexplained", None, "odd"])
 def test_a_record_with_nothing_but_a_verdict(run, verdict):
     assert _page(run({"verdict": verdict})).sections == [
-        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "unseen")
+        name for name in DIAGNOSIS if name not in ("rendered", "explore", "pictures", "unseen", "proposal")
     ]
 
 

@@ -23,7 +23,7 @@ from vispeg.diagnosis import run
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.rooms.conduct import RoomName
-from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.live.arm import arm_arrays
@@ -111,6 +111,7 @@ def diagnose(
     part: str | Path | None = None,
     rooms: Sequence[RoomName] = (),
     say: Callable[[str], None] = lambda text: None,
+    likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
 ) -> DiagnosisResult:
     """Names the physical effects that a model lacks and adds them.
@@ -136,6 +137,8 @@ def diagnose(
         rooms: the evidence to diagnose: `joints`, `contact`, `pictures`; by default all that a robot's own bench has.
             In a cell all if the recordings have joint torques, a wrench and pictures, else pictures or wrench.
         say: called with a line on each step.
+        likely: called within seconds with what torques call for, before the search confirms or corrects it: the
+            `proposal` of docs/formats.md.
         reading: progress display of reading a recording.
 
     Raises:
@@ -166,7 +169,7 @@ def diagnose(
     looking = _rooms(rooms, inputs) if before is None else ()
     if len(looking) > 1:
         both = inputs.fitted, inputs.held_out
-        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, **options)
+        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, likely=likely, **options)
     elif before is None and looking == ("pictures",):
         seeing = {"seed": seed, "say": say, "progress": progress}
         result = pictures.diagnose(inputs.world, inputs.fitted, inputs.held_out, **seeing)
@@ -176,10 +179,10 @@ def diagnose(
         result.arrays.update(worst_moment(result.arrays, inputs.held_out))
     elif before is None:
         some = ([choose(rec, seconds) for rec in group] for group in (inputs.fitted, inputs.held_out))
-        result = run.diagnose(inputs.world, *some, **options)
+        result = run.diagnose(inputs.world, *some, likely=likely, **options)
     else:
         was = (*before.fitted, *before.held_out)
-        result = diagnose_change(inputs.world, was, inputs.fitted, inputs.held_out, **options)
+        result = diagnose_change(inputs.world, was, inputs.fitted, inputs.held_out, likely=likely, **options)
     for at in ("", "room/joints/"):
         if f"{at}joints" in result.arrays:
             drawn = arm_arrays(inputs.world, result.arrays[f"{at}joints"])

@@ -6,6 +6,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -175,8 +177,20 @@ def _left(pace: Pace) -> str:
     return "" if seconds is None else f"about {duration(seconds)} left"
 
 
+@dataclass(frozen=True)
+class Stages:
+    """What tells the present stage; `keep` says what is to stay on the screen."""
+
+    tell: Callable[[str], object]
+    keep: Callable[[str], object]
+
+    def __call__(self, text: str) -> None:
+        """Tell the present stage."""
+        self.tell(text)
+
+
 @contextmanager
-def stages(quiet: bool = False) -> Iterator[Callable[[str], None]]:
+def stages(quiet: bool = False) -> Iterator[Stages]:
     """One line that changes on a terminal, with the time that it took so far; lines elsewhere. Nobody knows how many
     stages there will be, so nothing is said of the time that remains. Yields what tells the present stage.
     """
@@ -185,15 +199,17 @@ def stages(quiet: bool = False) -> Iterator[Callable[[str], None]]:
     from rich.table import Column
 
     if quiet:
-        yield lambda text: None
+        yield Stages(lambda text: None, lambda text: None)
     elif sys.stderr.isatty():
         stage = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
         columns = (SpinnerColumn(), TimeElapsedColumn(), stage)
         with Progress(*columns, console=Console(stderr=True), transient=True) as display:
             row = display.add_task("", total=None)
-            yield lambda text: display.update(row, description=text)
+            keep = partial(display.console.print, markup=False, highlight=False)
+            yield Stages(lambda text: display.update(row, description=text), keep)
     else:
-        yield lambda text: print(text, file=sys.stderr, flush=True)
+        write = partial(print, file=sys.stderr, flush=True)
+        yield Stages(write, write)
 
 
 def duration(seconds: float) -> str:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis, diagnose
+from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
@@ -27,6 +28,7 @@ def diagnose_change(
     seed: int = 0,
     nthread: int = 2,
     say: Callable[[str], None] = lambda _: None,
+    likely: Callable[[ProposalRecord], None] = lambda _: None,
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -39,6 +41,7 @@ def diagnose_change(
         baseline: of the robot as it was, two or more: the last one is judged on, never fitted.
         fitted, held_out: of the robot as it is.
         seed, nthread, say, plan_next, progress: as in `diagnose`.
+        likely: is told what torques call for beyond the baseline.
 
     Raises:
         UserError: fewer than two recordings of the baseline; as `diagnose`.
@@ -53,7 +56,7 @@ def diagnose_change(
     say("what changed")
     marked = {e.label: e for e in arm.world.effects}
     held = replace(arm.world, effects=tuple(replace(e, partial=False) for e in arm.world.effects))
-    change = diagnose(held, fitted, held_out, plan_next=plan_next, progress=both, **options)
+    change = diagnose(held, fitted, held_out, plan_next=plan_next, likely=likely, progress=both, **options)
     effects = tuple(
         replace(e, partial=marked[e.label].partial) if e.label in marked else e for e in change.world.effects
     )

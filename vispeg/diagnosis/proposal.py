@@ -17,9 +17,9 @@ one, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of i
 
 N is the number of candidates. One effect more must raise L + H, and H too. All moves cost one Gram matrix.
 
-It proposes: what is bent, or acts only in closed loop, is not in it. Rollouts confirm. Sources: Gautier and Khalil, IEEE
-Transactions on Robotics and Automation 6(3), 1990, on what is linear in torque; MacKay, Neural Computation 4(3), 1992,
-on evidence.
+It proposes: what is bent, or acts only in closed loop, is not in it. Rollouts confirm. Sources: Gautier and Khalil,
+IEEE Transactions on Robotics and Automation 6(3), 1990, on what is linear in torque; MacKay, Neural Computation 4(3),
+1992, on evidence.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from scipy.linalg import cho_factor, cho_solve
 from vispeg.core.effect import Effect, EffectInstance, effect, searchable
 from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
 from vispeg.diagnosis.evidence.signatures import STEP, Probe, Signature, probes
+from vispeg.diagnosis.schema import Likely, Place, ProposalRecord
 from vispeg.identify.channels import shows
 from vispeg.identify.drives import Drives, noise
 from vispeg.identify.inverse import MOTION_HZ
@@ -60,8 +61,8 @@ class Named:
 
     Attributes:
         placed: with its values.
-        share: of the squared torque that the given model lacks (in variances of noise and form) what it takes away where
-            those that take most away come first.
+        share: of the squared torque that the given model lacks (in variances of noise and form) what it takes away
+            where those that take most away come first.
         equals: (effect, where) of those that would do as well in its place.
     """
 
@@ -77,8 +78,8 @@ class Proposal:
     Attributes:
         named: the effects, those that explain most first.
         joints: names.
-        before, after, floor: (nj,) RMS N m, held out and where a joint moves: the torque that the given model lacks, that
-            one with the effects lacks, and what noise alone leaves.
+        before, after, floor: (nj,) RMS N m, held out and where a joint moves: the torque that the given model lacks,
+            that one with the effects lacks, and what noise alone leaves.
         measured: whether the torques were measured; else they are what the controller sent.
         path: the moves of the search.
     """
@@ -95,6 +96,28 @@ class Proposal:
     def errors(self) -> tuple[float, float]:
         """RMS over all joints of `before` and of `after`, N m."""
         return float(np.sqrt(np.mean(self.before**2))), float(np.sqrt(np.mean(self.after**2)))
+
+    @property
+    def record(self) -> ProposalRecord:
+        """What diagnosis.json holds of it."""
+        effects: list[Likely] = []
+        for n in self.named:
+            params = {
+                name: {"value": float(v.value), "unit": effect(n.placed.effect).params[name].unit}
+                for name, v in n.placed.params.items()
+            }
+            equals: list[Place] = [{"effect": name, "where": where} for name, where in n.equals]
+            place = {"effect": n.placed.effect, "where": n.placed.where}
+            effects.append({**place, "params": params, "share": round(n.share, 4), "equals": equals})
+        rows = zip(self.joints, self.before, self.after, self.floor, strict=True)
+        return {
+            "effects": effects,
+            "torque": "measured" if self.measured else "sent by the controller",
+            "before": self.errors[0],
+            "after": self.errors[1],
+            "unit": "N m RMS",
+            "joints": [{"joint": j, "before": float(b), "after": float(a), "noise": float(n)} for j, b, a, n in rows],
+        }
 
 
 def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]) -> Proposal | None:
@@ -144,7 +167,7 @@ class _Side:
 
 def _candidates(world: World, drives: Drives) -> list[Probe]:
     """Effects whose torque a motion shows, at every place, with the shapes that the data suggest."""
-    item, joints = drives.items[0], drives.items[0].robot.joints
+    item = drives.items[0]
     predicted = drives.needed([world])[0]
     ends = np.cumsum([len(i.segment.time) for i in drives.items])[:-1]
     missing = [missing_torque(i, y) for i, y in zip(drives.items, np.split(predicted, ends), strict=True)]
@@ -156,7 +179,7 @@ def _candidates(world: World, drives: Drives) -> list[Probe]:
         for where in (["all"] if kind.shared else kind.targets(item.robot))
         if (name, where) not in taken and (name, "all") not in taken
     ]
-    return probes(places, item, joint_data(missing, [*drives.items])) if joints else []
+    return probes(places, item, joint_data(missing, [*drives.items]))
 
 
 class Linear:
@@ -190,7 +213,9 @@ class Linear:
         limits = [effect(s.probe.effect).limits(arm, s.probe.where) for s in self.entries]
         self.bounds = np.concatenate([_bounds(*pair) for pair in zip(self.entries, limits, strict=True)], axis=1)
         self.first = np.repeat([rows[0] for rows in self.of], [len(rows) for rows in self.of])
-        self.shift = np.concatenate([np.arange(len(rows)) >= len(s.names) for s, rows in zip(self.entries, self.of, strict=True)])
+        self.shift = np.concatenate(
+            [np.arange(len(rows)) >= len(s.names) for s, rows in zip(self.entries, self.of, strict=True)]
+        )
         keys = [s.key for s in self.entries]
         self.apart = np.array([[not _exclude(a, b) for b in keys] for a in keys])
         self.prior = np.concatenate([_width(s) for s in self.entries])

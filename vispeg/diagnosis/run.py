@@ -20,6 +20,7 @@ from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.proposal import propose
 from vispeg.diagnosis.record import (
     arrays,
     candidates,
@@ -32,7 +33,7 @@ from vispeg.diagnosis.record import (
     screening,
     with_origin,
 )
-from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import FARTHEST, Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
@@ -63,11 +64,13 @@ def diagnose(
     seed: int = 0,
     nthread: int = 2,
     say: Callable[[str], None] = lambda _: None,
+    likely: Callable[[ProposalRecord], None] = lambda _: None,
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Finds the effects that `world` lacks; every error in the record is on `held_out`, or see `evidence.roles`.
 
+    `likely` is told within seconds what torques call for, before the search confirms or corrects it (`proposal`).
     `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
@@ -83,6 +86,10 @@ def diagnose(
         if roles.held_out is not judged.recordings:
             fitted, held_out = roles.fitted, roles.held_out
             evidence, judged = evidence_for(world, fitted, nthread), evidence_for(world, held_out, nthread, h_max=1e-3)
+    say("asking the torques what is missing")
+    proposal = propose(world, fitted, held_out)
+    if proposal is not None:
+        likely(proposal.record)
     judge = Judge(judged)
     search = Search(evidence, judge, say, progress)
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
@@ -158,6 +165,7 @@ def diagnose(
         "residual_peaks": peaks(drawn, joints, final_maps),
         "unexplained": verdict.unexplained,
         "remainder": sizes(held[1], joints) if verdict.partial else [],
+        "proposal": None if proposal is None else proposal.record,
         "channels": channels(judged, predicted, least),
         "next_experiment": upcoming,
         "candidates": candidates(state, rivals, n_fixed),

@@ -204,6 +204,36 @@ class ComparisonRecord(TypedDict):
     provenance: NotRequired[Provenance]
 
 
+class Likely(Place):
+    """An effect that a linear model of torques calls for, the share of the missing torque that it takes away, and what
+    would do as well in its place.
+    """
+
+    params: Mapping[str, Mapping[str, object]]
+    share: float
+    equals: list[Place]
+
+
+class LeftTorque(TypedDict):
+    """RMS torque that one joint lacks in the held-out recordings, N m: given, with what is likely, and by noise."""
+
+    joint: str
+    before: float
+    after: float
+    noise: float
+
+
+class ProposalRecord(TypedDict):
+    """What torques call for, found in seconds and not confirmed by the search; `torque` is where they are from."""
+
+    effects: list[Likely]
+    torque: str
+    before: float
+    after: float
+    unit: str
+    joints: list[LeftTorque]
+
+
 class RoomRecord(TypedDict):
     """What one room of several said: its name, the other rooms' effects that it was given, and its own record."""
 
@@ -242,6 +272,7 @@ class DiagnosisRecord(Summary):
     residual_peaks: NotRequired[list[Peak]]
     remainder: NotRequired[list[Remainder]]
     cost: NotRequired[Mapping[str, object]]
+    proposal: NotRequired[ProposalRecord | None]
     channels: NotRequired[list[Channel]]
     screening: NotRequired[list[Screened]]
     correlations: NotRequired[Correlations | None]

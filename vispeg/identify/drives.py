@@ -1,4 +1,4 @@
-"""What drove each joint along a measured motion: the torque that a known controller must have sent, or the measured one.
+"""What drove each joint along a measured motion: what a known controller must have sent, or the measured torque.
 
 A recording is turned into one whose torque is known, so that inverse dynamics applies to nearly every recording. Motion
 and torque pass one low-pass filter without phase, so a law that is linear in its torques holds between what is left.
@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.control.laws import position
 from vispeg.core.effect import effect
-from vispeg.identify.inverse import MOTION_HZ, TorqueEvidence, rigid_body
+from vispeg.identify.inverse import ENDS, MOTION_HZ, TorqueEvidence, rigid_body
 from vispeg.identify.loops.runaway import in_hand
 from vispeg.identify.loops.soft import as_asked
 from vispeg.identify.nominal import nominal_robot, robot_of
@@ -77,6 +77,8 @@ def driven(rec: Recording) -> Recording | None:
     tau = rec.tau if command is None else command
     assert tau is not None
     sensor = rec.torque_sensor if command is None else "motor"
+    if np.ptp(rec.time) <= 2 * ENDS:
+        return None  # a filter's ends take all of it
     low = smooth(rec.time, tau, MOTION_HZ)[0]
     return replace(rec, control=Control("unknown", rec.rate_hz), tau=low, torque_sensor=sensor)
 

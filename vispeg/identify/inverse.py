@@ -25,7 +25,7 @@ from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import dense
-from vispeg.sim.physics import EffectLoop
+from vispeg.sim.physics import EffectLoop, derive
 from vispeg.sim.placement import activate
 from vispeg.sim.segments.segment import Segment
 from vispeg.sim.state import DriveState, Fields
@@ -123,6 +123,8 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
     for a in activate(robot, [rigid]):
         a.effect.write(fields, {k: np.repeat(v, len(q), axis=0) for k, v in a.p.items()})
+    if "body_iquat" in fields.touched:
+        derive(batch, fields)  # a body whose inertia was along its own axes ignores what is written there until then
     batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = q, dq
     bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)

@@ -14,6 +14,7 @@ from vispeg.diagnosis import run
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.rooms.conduct import Room, RoomName, conduct, joined
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import choose
 from vispeg.render.look import Fields
@@ -58,6 +59,7 @@ def diagnose_rooms(
     seed: int = 0,
     nthread: int = 2,
     say: Callable[[str], None] = lambda text: None,
+    likely: Callable[[ProposalRecord], None] = lambda record: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Names what a model lacks, the cause looked for in every room.
@@ -70,7 +72,7 @@ def diagnose_rooms(
         world: of a cell, or of a robot whose own file shows what stands about.
         fitted, held_out: the recordings.
         seconds: of a longer recording that the joints' room uses; 0 uses all.
-        seed, nthread, say, progress: as for `diagnose`.
+        seed, nthread, say, likely, progress: as for `diagnose`.
 
     Raises:
         UserError: recordings that a room cannot compare.
@@ -84,9 +86,8 @@ def diagnose_rooms(
     def joints(start: World) -> Diagnosis:
         arm = replace(of_arm(start).only(lambda e: effect(e.effect).searchable), cell=None)
         some = [[choose(_carrying(rec, start), seconds) for rec in group] for group in both]
-        return run.diagnose(
-            arm, *some, seed=seed, nthread=nthread, say=say, plan_next=False, progress=part("joints", start)
-        )
+        options = {"seed": seed, "nthread": nthread, "say": say, "likely": likely, "plan_next": False}
+        return run.diagnose(arm, *some, **options, progress=part("joints", start))
 
     def pictured(start: World) -> Diagnosis:
         return pictures.diagnose(start, *both, seed=seed, say=say, progress=part("pictures", start))

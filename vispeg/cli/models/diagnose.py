@@ -76,12 +76,14 @@ class Args:
         from vispeg.cli.progress import stages
         from vispeg.cli.reading import reading_bars
         from vispeg.core.files import reserved
+        from vispeg.report.text.proposal import likely
         from vispeg.report.text.terminal import report_line
 
         inputs = (*model_files(self.model), *self.recording, *self.validate, *self.baseline)
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
+            options |= {"likely": lambda proposal: say.keep(likely(proposal))}
             options |= {"rooms": self.rooms, "hold_out": self.hold_out}
             part, reading = self.out.with_name(self.out.name + ".part"), reading_bars(self.output.quiet)
             sides = (self.recording, self.validate)

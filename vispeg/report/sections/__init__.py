@@ -14,6 +14,7 @@ DIAGNOSIS = (
     "maps",
     "pictures",
     "unseen",
+    "proposal",
     "candidates",
     "confusions",
     "next_experiment",

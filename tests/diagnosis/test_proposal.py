@@ -1,0 +1,89 @@
+"""Effects that torques call for, before any rollout."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.core.effect import REGISTRY, EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.proposal import propose
+from vispeg.identify.drives import Drives
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.noise import NOISE
+from vispeg.recordings.recording import Control
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+HIDDEN = World().add(
+    EffectInstance.of("coulomb_friction", "joint4", torque=1.5),
+    EffectInstance.of("viscous_friction", "joint2", damping=4.0),
+    EffectInstance.of("payload", "flange", mass=0.8, x=0.02, y=0.0, z=0.06),
+    EffectInstance.of("cable_spring", "joint6", stiffness=1.5, reference=0.3),
+)
+
+
+def recorded(world, seed, mode="position", seconds=3.5):
+    robot = load("iiwa14")
+    move = motion("fourier", robot, 500.0, seconds, stream(seed, "test", "motion"))
+    control = controller(robot, mode, 500.0, centre_of(robot))
+    return record(world, move, control, NOISE, stream(seed, "test", "noise"), torque_sensor="motor", name=f"rec-{seed}")
+
+
+@pytest.fixture(scope="module")
+def sides():
+    return [recorded(HIDDEN, 1)], [recorded(HIDDEN, 2)]
+
+
+def names(proposal):
+    return {(n.placed.effect, n.placed.where) for n in proposal.named}
+
+
+def test_what_a_controller_sent_names_several_effects_and_their_sizes(sides):
+    proposal = propose(World(), *sides)
+    assert {(e.effect, e.where) for e in HIDDEN.effects} <= names(proposal)
+    assert len(proposal.named) <= len(HIDDEN.effects) + 1
+    found = {n.placed.label: n.placed for n in proposal.named}
+    for e in HIDDEN.effects:
+        magnitude = next(iter(e.params))
+        assert found[e.label].params[magnitude].value == pytest.approx(e.params[magnitude].value, rel=0.06)
+    assert not proposal.measured
+    assert proposal.errors[1] < 0.1 * proposal.errors[0]
+
+
+def test_measured_torques_of_an_unknown_controller_say_the_same(sides):
+    measured = [
+        [replace(r, control=Control("unknown", 500.0), q_cmd=None, dq_cmd=None, torque_sensor="motor") for r in side]
+        for side in sides
+    ]
+    proposal = propose(World(), *measured)
+    assert proposal.measured
+    assert {(e.effect, e.where) for e in HIDDEN.effects} <= names(proposal)
+
+
+def test_nothing_is_proposed_for_the_right_model(sides):
+    assert not propose(HIDDEN, *sides).named
+
+
+def test_no_torque_no_proposal(sides):
+    blind = [[replace(r, control=Control("unknown", 500.0), tau=None, torque_sensor="none") for r in s] for s in sides]
+    assert propose(World(), *blind) is None
+
+
+@pytest.mark.parametrize("name", sorted(n for n, e in REGISTRY.items() if e.overrides("regressor")))
+def test_a_regressor_is_the_torque_that_its_effect_takes(name):
+    kind = REGISTRY[name]
+    where = "all" if kind.shared else kind.targets(load("iiwa14"))[1]
+    small = {m: p.null + 0.75 * (p.start - p.null) for m, p in kind.params.items() if not p.shape}
+    world = World().add(EffectInstance.of(name, where, **small))
+    drives = Drives([recorded(world, 3, seconds=2.0)])
+    inside = drives.valid & (np.abs(drives.dq) > 0.05)
+    without, beside = (np.where(inside, drives.torque - needed, 0.0) for needed in drives.needed([World(), world]))
+    assert np.sum(beside**2) < 0.05 * np.sum(without**2)
+
+
+def test_a_link_is_not_made_lighter_than_nothing():
+    model = load("iiwa14").compile()
+    low, _ = REGISTRY["link_mass"].limits(model, "link5")["mass"]
+    assert -model.body("link5").mass[0] < low < 0
