@@ -94,6 +94,26 @@ def test_what_cannot_be_told_apart_is_counted_alike_in_the_headline_and_in_the_r
     assert named.reason == verdict.reason, "what was said once stays"
 
 
+def test_effects_that_are_each_others_rivals_are_read_once_and_in_words():
+    """Two of a combination, one with a rival of its own, and one by itself."""
+    mass, gain = {"effect": "tool_mass", "where": "tool"}, {"effect": "wrench_gain", "where": "flange"}
+    friction = {"effect": "contact_friction", "where": "peg"}
+    found = [
+        {**mass, "indistinguishable_from": [gain]},
+        {**gain, "indistinguishable_from": [mass]},
+        {**friction, "indistinguishable_from": [{"effect": "contact_stiffness", "where": "peg"}]},
+    ]
+    reason = "these recordings determine only a combination of tool_mass(tool) and wrench_gain(flange)"
+    record = _ladder(1e-2, 1e-4, verdict="ambiguous", effects=found, reason=reason)
+    names = [words.named_effect(e) for e in found]
+    said = words.verdict(record)
+    assert [said.lower().count(name.lower()) for name in names] == [1, 1, 1], said
+    assert words.combinations(record) == [names[:2]] and len(words.rivals(record)) == 1
+    assert "(" not in words.reason(record) and all(name in words.reason(record) for name in names[:2])
+    tentative = [found[0], {**found[1], "tentative": True}]
+    assert words.combinations({**record, "effects": tentative}) == []
+
+
 def test_the_reason_has_the_error_of_the_ladder():
     """One scale, multiples of the noise floor, and one figure of it."""
     record = _ladder(1.2e-2, 1.07e-4)

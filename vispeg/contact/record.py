@@ -14,6 +14,7 @@ from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
+from vispeg.diagnosis.conclusion.least_sizes import between
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
 from vispeg.identify.channels import UNITS
@@ -180,16 +181,7 @@ def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> li
     """Of every effect between which values, of those that it may have, each of its parameters does not show in these
     recordings: a compliance or a delay from none up.
     """
-    out: list[ShowsFrom] = []
-    for (name, where), least in least_sizes.items():
-        hidden: dict[str, tuple[float, float] | None] = {}
-        for k, size in least.items():
-            param = effect(name).params[k]
-            low, high = (
-                (param.null / size, param.null * size)
-                if param.scale == "log"
-                else (param.null - size, param.null + size)
-            )
-            hidden[k] = (max(low, param.low), min(high, param.high)) if np.isfinite(size) else None
-        out.append({"effect": name, "where": where, "between": hidden})
-    return out
+    return [
+        {"effect": name, "where": where, "between": between(name, least)}
+        for (name, where), least in least_sizes.items()
+    ]

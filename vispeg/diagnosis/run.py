@@ -12,6 +12,7 @@ from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
+from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
 from vispeg.diagnosis.conclusion.verdict import Verdict, decide, settled_names
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
@@ -141,6 +142,8 @@ def diagnose(
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
         drawing[f"map/{axis}/after"] = final_maps[axis][1]
+    say("working out what could not have been seen")
+    hidden = joints_show_from(search, state)
     upcoming, more = (None, {})
     if plan_next:
         say("choosing what to record next")
@@ -168,6 +171,7 @@ def diagnose(
         "proposal": None if proposal is None else proposal.record,
         "channels": channels(judged, predicted, least),
         "next_experiment": upcoming,
+        "shows_from": hidden,
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

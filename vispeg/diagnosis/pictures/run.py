@@ -131,6 +131,7 @@ def diagnose_pictures(
         "parameters_moved": [],
         "windows": [],
         "notes": [*blind, *_notes(evidence, lost)],
+        "shows_from": [*search.shows_from(state), *(row for s in sensed for row in s.shows_from)],
         "views": {
             "cameras": [c.name for c in cameras],
             "frames": {"fit": sum(map(len, mine)), "validate": sum(map(len, theirs))},

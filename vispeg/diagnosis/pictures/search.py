@@ -14,8 +14,10 @@ import numpy as np
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
 from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
+from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.schema import ShowsFrom
 from vispeg.diagnosis.selection.accept import equal, ranked
 from vispeg.diagnosis.selection.judge import Judge, present
 from vispeg.diagnosis.selection.loop import Loop
@@ -99,6 +101,11 @@ class PictureSearch(Loop[State, Trial], Shown):
         """By how much an effect has to change the pictures."""
         return self.least
 
+    def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
+        """The multiple of an effect, which one of two worlds has more than the other, that changes pictures enough."""
+        changed = self.judged.change(world, without)
+        return self.least_of(placed) / changed if changed > 0 else np.inf
+
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Adds what a trial tried, one of `trials`."""
         self.say(f"{trial.score.label}: {self.judged.error(trial.fit.world):.2f} {self.judged.unit} left")
@@ -123,6 +130,22 @@ class PictureSearch(Loop[State, Trial], Shown):
             rest = base - columns @ np.linalg.lstsq(columns, base, rcond=1e-6)[0]
             out.append(Score(self._start(name, where), float(base @ base - rest @ rest)))
         return sorted(out, key=lambda s: -s.gain)
+
+    def shows_from(self, state: State) -> list[ShowsFrom]:
+        """For each effect that a state has not, the values of its magnitudes that these pictures do not show."""
+
+        def tried() -> list[Tried]:
+            out = []
+            for at in PictureSearch.places(self, state.world):  # also those that no step would try, nothing being odd
+                secants = self._secants(*at)
+                worlds = [state.world.add(e) for e in secants.values()]
+                columns = np.stack([state.residual - r for r in self.evidence.residuals(worlds)], axis=1)
+                for k, ((name, placed), world) in enumerate(zip(secants.items(), worlds, strict=True)):
+                    others = np.delete(columns, k, axis=1)
+                    out.append(Tried(placed, name, columns[:, k], others, self.least_times(placed, world, state.world)))
+            return out
+
+        return shows_from(self, state, tried)
 
     def tested(self, state: State) -> int:
         """How many places share the level of the test where one of them is tried beside a state."""

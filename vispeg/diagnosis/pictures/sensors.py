@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
@@ -12,7 +14,7 @@ from vispeg.diagnosis.pictures.parts import in_parts
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.schema import Channel, NoiseFloor, Rung
+from vispeg.diagnosis.schema import Channel, NoiseFloor, Rung, ShowsFrom
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.depth_figures import ERROR
 from vispeg.identify.pictures.evidence import BorderEvidence
@@ -44,6 +46,14 @@ class SensorSearch(PictureSearch):
                 out.append(at)
         return out
 
+    def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
+        """As `PictureSearch`, and until a figure is out of the ordinary whichever way it is off by itself."""
+        evidence = self.evidence
+        assert isinstance(evidence, SensorEvidence)
+        off, moves = evidence.off(without), evidence.moves(world, without)
+        odd = [(ODD + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
+        return max(super().least_times(placed, world, without), min(odd, default=np.inf))
+
     def excitations(self, world: World) -> list[Excitation]:
         """What every effect's numbers, one by one at a typical size, change in the frames to judge on."""
         return [self._excitation(world, *at) for at in super().places(world)]
@@ -60,8 +70,8 @@ class SensorSearch(PictureSearch):
 class Sensed:
     """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on.
 
-    `excitations` says which effects these pictures could show, `alike` what they cannot tell apart within one effect,
-    `evidence` what was fitted.
+    `excitations` says which effects these pictures could show, `shows_from` from which size on; `alike` what they
+    cannot tell apart within one effect, `evidence` what was fitted.
     """
 
     kind: Kind
@@ -71,6 +81,7 @@ class Sensed:
     judged: SensorEvidence
     before: World
     excitations: list[Excitation]
+    shows_from: list[ShowsFrom]
     alike: tuple[str, ...] = ()
 
     @property
@@ -173,7 +184,8 @@ def sensor_search(
         state, alike = in_parts(search, confirmed(search, state, n_fixed), n_fixed)
         here = {e.label for e in state.world.effects}
         rivals = [r for r in rivals if r.label in here]
-        out.append(Sensed(kind, state, rivals, evidence, judged, world, search.excitations(world), alike))
+        hidden = search.shows_from(state)
+        out.append(Sensed(kind, state, rivals, evidence, judged, world, search.excitations(world), hidden, alike))
     return out
 
 

@@ -47,10 +47,10 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
         return "the held-out error does not fall"
     share = t.gain.mean / state.scale
     stays = without(state.world, t.score.out).effects if not t.score.beside else ()
-    alike = [e for e in stays if _alike(e, t.score.placed)]
-    beside = max(alike, key=state.removed_by, default=None)
+    same = [e for e in stays if same_kind(e, t.score.placed)]
+    beside = max(same, key=state.removed_by, default=None)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
-    of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in alike)
+    of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in same)
     clear = CLEAR_OF_ANGLE if of_angle else CLEAR
     if beside is not None and refines < REFINEMENT and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
@@ -153,6 +153,6 @@ def equal(
     return hardly or half or (gain.z < 2.0 and not judge.apart(gain))
 
 
-def _alike(a: EffectInstance, b: EffectInstance) -> bool:
+def same_kind(a: EffectInstance, b: EffectInstance) -> bool:
     """Two effects of one kind at one joint."""
     return a.where == b.where and effect(a.effect).family == effect(b.effect).family == "joint"

@@ -8,6 +8,7 @@ A fold is a recording, or a quarter of the only one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -71,3 +72,13 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
         residual = residual + rest @ step
     low, high = fit.space.bounds
     return np.clip(u, low, high), residual, rest
+
+
+def on_held_out(judge: Judge, fit: Fit) -> Fit:
+    """The same fit with its residual and its derivatives on the held-out recordings."""
+    steps = fit.space.steps(fit.u)
+    moved = [fit.space.at(fit.u + step) for step in np.diag(steps)]
+    residual, *after = judge.evidence.residuals([fit.world, *moved])
+    columns = [(r - residual) / step for r, step in zip(after, steps, strict=True)]
+    jacobian = np.stack(columns, axis=1) if columns else np.empty((len(residual), 0))
+    return replace(fit, residual=residual, jacobian=jacobian)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missin
 from vispeg.diagnosis.evidence.screen import Score, candidates, screen
 from vispeg.diagnosis.evidence.signatures import Probe, Signature, probes, signatures
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.cross import Cross
+from vispeg.diagnosis.selection.cross import Cross, on_held_out
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges
 from vispeg.diagnosis.selection.state import State
@@ -105,26 +104,17 @@ class Proposals:
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are dear
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
-            results = exchanges(fitted, self._ground(self.judge, state.world, self._held_out(fit), asked))
+            results = exchanges(fitted, self._ground(self.judge, state.world, on_held_out(self.judge, fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
 
         rows = self.progress.recall(["exchanges", model_text(state.world)], work_out)
         return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in rows]
 
-    def _held_out(self, fit: Fit) -> Fit:
-        """The same fit with its residual and its derivatives on the held-out recordings."""
-        steps = fit.space.steps(fit.u)
-        moved = [fit.space.at(fit.u + step) for step in np.diag(steps)]
-        residual, *after = self.judge.evidence.residuals([fit.world, *moved])
-        columns = [(r - residual) / step for r, step in zip(after, steps, strict=True)]
-        jacobian = np.stack(columns, axis=1) if columns else np.empty((len(residual), 0))
-        return replace(fit, residual=residual, jacobian=jacobian)
-
     def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
         """Signatures beside a fit on the evidence of a judge, and the excess that is left there; never 0."""
         fitted = judge.evidence is self.evidence
         taken = (
-            self._signatures(world, fit.residual, asked)
+            self.signatures_of(world, fit.residual, asked)
             if fitted
             else signatures(judge.evidence, world, fit.residual, asked)
         )
@@ -147,9 +137,9 @@ class Proposals:
         """Signatures at these places, each once, beside a world with this residual."""
         items = self.evidence.items
         asked = probes(list(dict.fromkeys(places)), items[0], joint_data(list(missing), items))
-        return self._signatures(world, residual, asked)
+        return self.signatures_of(world, residual, asked)
 
-    def _signatures(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
+    def signatures_of(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
         """Signatures on the fitted evidence; those beside the world that was asked of last are not taken again."""
         beside = model_text(world)
         if beside != self._beside:

@@ -7,7 +7,7 @@ shifts all edges between two parts a little.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -115,6 +115,10 @@ class BorderEvidence(Evidence):
     def misplaced(self, world: World) -> list[np.ndarray]:
         """Per item, (n,) px along the normals from a world's borders to the edges; NaN where there is none."""
         return [misplacement(self.geometry, item.sight, world, item.points) for item in self.items]
+
+    def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
+        """The same as `residuals`, one by one."""
+        yield from self.residuals(worlds)
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the whitened misplacement of all points, flat."""

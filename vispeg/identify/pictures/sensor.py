@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -122,6 +122,10 @@ class SensorEvidence(Evidence):
             out.append(np.clip(away, -WILD, WILD))
         self._recent_figures = [(world, out), *self._recent_figures[:15]]
         return out
+
+    def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
+        """The same as `residuals`, one by one."""
+        yield from self.residuals(worlds)
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, all figures' residuals, flat; those that are not known 0."""

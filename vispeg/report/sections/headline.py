@@ -38,7 +38,7 @@ def context(record: Record) -> Mapping[str, object]:
         "ladder": ladder_rows(record),
         "fitted": any(number(row.get("fit_error")) is not None for row in record.rows("ladder")),
         "onward": words.onward(values) if record.kind == "diagnosis" else "",
-        "reason": str(values.get("reason") or "").rstrip("."),
+        "reason": words.reason(values),
         "judged": _judged(record),
         "left": contact_words.left(values) if values.get("unexplained") else "",
         "robot": "" if record.robot is None else data_link(record.robot),

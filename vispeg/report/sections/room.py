@@ -19,6 +19,6 @@ def context(record: Record, room: str) -> Mapping[str, object]:
         "fall": words.fall(values),
         "phases": contact_words.phases(values),
         "left": contact_words.left(values) if values.get("unexplained") else "",
-        "reason": str(values.get("reason") or "").rstrip("."),
+        "reason": words.reason(values),
         "picture": drawn if len(record.rows("ladder")) > 1 else "",
     }

@@ -31,5 +31,5 @@ def room_row(said: Mapping[str, Any]) -> dict[str, str]:
         "floor": quantity(floor.get("value"), str(floor.get("unit") or unit)),
         "named": ", ".join(label(e) for e in rows(record, "effects")),
         "given": ", ".join(label(e) for e in rows(said, "given")),
-        "reason": str(record.get("reason") or ""),
+        "reason": words.reason(record),
     }

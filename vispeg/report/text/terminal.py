@@ -89,6 +89,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
             out.append(Line(words.PARTIAL))
         if unsure := words.tentative(diagnosis):
             out.append(Line(unsure))
+        for some in words.combinations(diagnosis):
+            out.append(Line(f"only a combination of {words.join(some)} is determined"))
         for chosen, *others in words.rivals(diagnosis):
             out.append(Line(f"{chosen} cannot be told from {words.join(others, 'or')}"))
     if diagnosis.get("restarts"):

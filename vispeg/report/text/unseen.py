@@ -71,7 +71,9 @@ def _between(between: Any, param: Param | None) -> tuple[str, float]:
     factor, name = prefix(max(abs(low), abs(high)), unit(param.unit) if param is not None else "")
     if param is None:
         return f"{plain(low, 2)} to {plain(high, 2)}", 0.0
-    texts = [plain(factor * v, 2) for v in (low, high)]
+    near = 0.0 < high - low < low  # a factor near 1, which is told by how far it is from it
+    decimals = max(0, -int(np.floor(np.log10(factor * (high - low))))) if near else 0
+    texts = [f"{factor * v:.{decimals}f}" if near else plain(factor * v, 2) for v in (low, high)]
     if low == param.low == param.null:
         text = f"up to {texts[1]} {name}"
     elif high == param.high == param.null:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from vispeg.core.effect import REGISTRY
 from vispeg.diagnosis.scale import times
 from vispeg.report.record import rows
 from vispeg.report.text import joint_errors
@@ -111,7 +113,7 @@ def verdict(values: Mapping[str, Any]) -> str:
     if kind == "adequate":
         if down or last is None or floor is None or not values.get("reason"):
             return "The model is adequate: no known effect improves its prediction of the held-out recordings."
-        return f"The model is adequate: {values['reason']}."
+        return f"The model is adequate: {reason(values)}."
     if kind == "identified":
         verb = "explain" if len(names) > 1 else "explains"
         times = against_floor(last, floor) if last is not None else ""
@@ -187,12 +189,48 @@ def price(values: Mapping[str, Any]) -> str:
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
     """The classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
-    classes = []
+    return [
+        [sized(effect), *map(named_effect, others)]
+        for effect in rows(values, "effects")
+        if (others := [o for o in _others(effect) if not _mutual(values, effect, o)]) and not effect.get("tentative")
+    ]
+
+
+def combinations(values: Mapping[str, Any]) -> list[list[str]]:
+    """Sets of named effects, in words, of which each is a rival of the others: only their combination is determined."""
+    sets: list[list[str]] = []
     for effect in rows(values, "effects"):
-        others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
-        if others and not effect.get("tentative"):
-            classes.append([sized(effect), *others])
-    return classes
+        if effect.get("tentative"):
+            continue
+        found = [e for e in rows(values, "effects") if e is effect or _mutual(values, effect, e)]
+        members = [sized(e) for e in found]
+        if len(members) > 1 and members not in sets:
+            sets.append(members)
+    return sets
+
+
+def reason(values: Mapping[str, Any]) -> str:
+    """Why the verdict is what it is, its effects in words in place of `name(place)`; empty where none is stated."""
+
+    def in_words(label: re.Match[str]) -> str:
+        return named_effect({"effect": label[1], "where": label[2]}) if label[1] in REGISTRY else label[0]
+
+    return re.sub(r"(\w+)\(([^()]+)\)", in_words, str(values.get("reason") or "")).rstrip(".")
+
+
+def _others(effect: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return rows(effect, "indistinguishable_from")
+
+
+def _mutual(values: Mapping[str, Any], effect: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two effects are named and each is among the rivals of the other."""
+
+    def is_at(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
+        return (a.get("effect"), a.get("where")) == (b.get("effect"), b.get("where"))
+
+    named_too = [e for e in rows(values, "effects") if is_at(e, other) and not e.get("tentative")]
+    here = any(is_at(o, other) for o in _others(effect))
+    return here and any(is_at(o, effect) for e in named_too for o in _others(e))
 
 
 def depends_on(row: Mapping[str, Any]) -> str:
@@ -245,27 +283,32 @@ def _from_the_start(values: Mapping[str, Any]) -> str:
 
 
 def _ambiguous(values: Mapping[str, Any], reach: str) -> str:
-    classes = rivals(values)
-    if not classes:
-        names, why = _names(values), values.get("reason") or "these recordings cannot tell its members"
+    classes, sets = rivals(values), combinations(values)
+    if not classes and not sets:
+        names, why = _names(values), reason(values) or "these recordings cannot tell its members"
         who = named(names) if names else "A class of effects"
         verb = "explain" if len(names) > 1 else "explains"
         return f"{who} {verb} the held-out recordings {reach}; {why}."
     effects = rows(values, "effects")
+    sure = [e for e in effects if not e.get("tentative")]
+    clear = [sized(e) for e in sure if not _others(e)]
     if len(effects) > MOST_NAMED:
-        tentative = len(_tentative(values))
+        tentative = len(effects) - len(sure)
         counts = [
-            (len(effects) - len(classes) - tentative, "named"),
-            (len(classes), "that these recordings cannot tell from others"),
+            (len(clear), "named"),
+            (len(sure) - len(clear), "that these recordings cannot tell from others"),
             (tentative, "tentative"),
         ]
         kinds = join([f"{n} {kind}" for n, kind in counts if n])
         return f"{len(effects)} effects explain the held-out recordings {reach}: {kinds}."
-    clear = [sized(e) for e in effects if not rows(e, "indistinguishable_from")]
     beside = f", beside {join(clear)}" if clear else ""
-    either = "; and ".join(f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes)
-    either = either[0].upper() + either[1:]
-    return f"{either} explains the held-out recordings {reach}{beside}; these recordings cannot tell which."
+    either = [f"a combination of {join(some)}" for some in sets]
+    either += [f"{'either ' if len(c) == 2 else 'one of '}{join(c, 'or')}" for c in classes]
+    who = "; and ".join(either)
+    untold = ["the members of a combination from each other"] if sets else []
+    untold += ["which"] if classes else []
+    text = f"{who[0].upper()}{who[1:]} explains the held-out recordings {reach}{beside}"
+    return f"{text}; these recordings cannot tell {' or '.join(untold)}."
 
 
 def _depends(values: Mapping[str, Any]) -> str:

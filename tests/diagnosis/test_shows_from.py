@@ -1,0 +1,138 @@
+"""What could not have been seen: an effect that is larger than said is found, one that is well below is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from loops import ARM, drive, pendulum, recorded
+from scipy import stats
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.conclusion.least_sizes import POWER, Needs, Trace, between, least_coefficient
+from vispeg.diagnosis.run import diagnose
+from vispeg.report.text.unseen import sentence, unseen
+from vispeg.robots.model import load
+from vispeg.worlds.world import World
+
+LEVEL = 3.0
+
+
+def trace(column: np.ndarray, residual: np.ndarray, others: int = 0) -> Trace:
+    """Of a column and of so many others, in blocks of 25 readings."""
+    beside = np.random.default_rng(5).normal(size=(len(column), others))
+    return Trace.of(column, beside, residual, np.arange(len(column)) // 25)
+
+
+def test_the_promised_power_is_what_draws_of_noise_have():
+    """Each test alone, against its own distribution: the drop, the interval, and ranks over blocks."""
+    random = np.random.default_rng(3)
+    column, noise = random.normal(size=1000), random.normal(size=1000)
+    drawn = random.normal(size=(4000, 1000))
+    seen = trace(column, noise)
+    drop = 30.0
+    least = least_coefficient(seen, seen, Needs(drop, drop, -np.inf, 1e9))
+    drops = least**2 * column @ column + 2.0 * least * drawn @ column
+    assert np.mean(drops > drop) == pytest.approx(POWER, abs=0.04)
+    clear = trace(10.0 * column, noise)  # held out: no other test asks for as much
+    least = least_coefficient(seen, clear, Needs(0.0, 0.0, -np.inf, 1e9))
+    error = 1.0 / np.sqrt(column @ column)
+    found = least + drawn @ column * error**2
+    assert POWER - 0.03 < np.mean(found > 1.96 * error) < POWER + 0.07, (
+        "these few blocks put the error above that of white noise"
+    )
+    least = least_coefficient(seen, seen, Needs(0.0, 0.0, LEVEL, 1e9))
+    gains = (least**2 * column**2 + 2.0 * least * column * drawn[:400]).reshape(400, 40, 25).sum(2)
+    other = (least**2 * column**2 + 2.0 * least * column * drawn[400:800]).reshape(400, 40, 25).sum(2)
+    p = stats.wilcoxon(
+        np.concatenate([gains, other], axis=1), alternative="greater", axis=1, method="asymptotic"
+    ).pvalue
+    assert np.mean(p < stats.norm.sf(LEVEL)) == pytest.approx(POWER, abs=0.06)
+
+
+def test_what_other_parameters_may_take_shows_from_a_greater_size():
+    random = np.random.default_rng(4)
+    column, noise = random.normal(size=1000), random.normal(size=1000)
+    alone = trace(column, noise)
+    taken = Trace.of(column, column[:, None] + 0.1 * random.normal(size=(1000, 1)), noise, np.arange(1000) // 25)
+    needs = Needs(0.0, 0.0, -np.inf, 1e9)
+    assert least_coefficient(taken, taken, needs) > 5.0 * least_coefficient(alone, alone, needs)
+    loud = trace(column, noise + 0.5 * column)
+    assert least_coefficient(loud, loud, needs) > 2.0 * least_coefficient(alone, alone, needs), "what is left counts"
+    nothing = trace(np.zeros(1000), noise)
+    assert not np.isfinite(least_coefficient(nothing, nothing, needs))
+
+
+def test_sizes_stay_within_what_a_parameter_may_be():
+    limit = effect("torque_limit").params["limit"]
+    assert between("torque_limit", {"limit": 50.0})["limit"] == (limit.null / 50.0, limit.high)
+    assert between("viscous_friction", {"damping": 0.5})["damping"] == (0.0, 0.5)
+    assert between("viscous_friction", {"damping": 1e9})["damping"] is None
+    row = {"effect": "torque_gain", "where": "joint1", "between": {"gain": (0.9997, 1.0003)}}
+    assert unseen({"shows_from": [row]})[0].sizes == "gain 0.9997 to 1.0003"
+
+
+def swung(*hidden: EffectInstance, seed: int) -> list:
+    """Three recordings of a pendulum with hidden effects."""
+    robot, out = pendulum(), []
+    for i in range(3):
+        t = np.arange(400) * 5e-3
+        command = 0.4 * (1 - np.cos(2 * np.pi * (0.7 + 0.2 * i) * t))[:, None]
+        s = drive(robot, "position", 0.0, command=command, seconds=2.0, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, World().add(*hidden), s, stream(seed, i)))
+    return out
+
+
+def found(recordings: list) -> dict:
+    return diagnose(World(recordings[0].robot), recordings[:2], recordings[2:], nthread=1, plan_next=False).record
+
+
+@pytest.mark.slow
+def test_what_is_larger_is_found_and_what_is_smaller_is_not():
+    """Recordings of an adequate model, and others with a damping of 0.4 and of 1.5 times what they say."""
+    record = found(swung(seed=5))
+    assert record["verdict"] == "adequate" and "not seen if no larger" in sentence(record)
+    (row,) = [r for r in record["shows_from"] if r["effect"] == "viscous_friction"]
+    ends = row["between"]["damping"]
+    assert ends is not None
+    for times, named in ((0.4, []), (1.5, [("viscous_friction", "hinge")])):
+        hidden = EffectInstance.of("viscous_friction", "hinge", damping=times * ends[1])
+        assert [(e["effect"], e["where"]) for e in found(swung(hidden, seed=9))["effects"]] == named
+
+
+SMALL = {  # of a shoulder and an elbow
+    "coulomb_friction": ("elbow", "torque"),
+    "viscous_friction": ("shoulder", "damping"),
+    "joint_bias": ("elbow", "torque"),
+    "rotor_inertia": ("elbow", "inertia"),
+    "cable_spring": ("elbow", "stiffness"),
+    "actuator_lag": ("elbow", "time_constant"),
+    "encoder_offset": ("elbow", "offset"),
+    "torque_gain": ("shoulder", "gain"),
+    "sensor_delay": ("elbow", "delay"),
+}
+
+
+def moved(folder, *hidden: EffectInstance, seed: int) -> list:
+    """Three recordings of a shoulder and an elbow with hidden effects."""
+    path, out = folder / "arm.xml", []
+    path.write_text(ARM)
+    robot = load(path)
+    for i in range(3):
+        t = np.arange(600) * 5e-3
+        swing = 1 - np.cos(2 * np.pi * np.outer(t, [0.7 + 0.2 * i, 1.1 - 0.2 * i]))
+        s = drive(robot, "position", 0.0, command=0.4 * swing, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
+        out.append(recorded(robot, robot.source, World().add(*hidden), s, stream(seed, i)))
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_every_kind_of_effect_is_found_from_half_more_on_and_not_at_two_fifths(tmp_path):
+    rows = {(r["effect"], r["where"]): r["between"] for r in found(moved(tmp_path, seed=5))["shows_from"]}
+    for name, (where, parameter) in SMALL.items():
+        ends, null = rows[name, where][parameter], effect(name).params[parameter].null
+        for times, named in ((0.4, []), (1.5, [(name, where)])):
+            hidden = EffectInstance.of(name, where, **{parameter: null + times * (ends[1] - null)})
+            record = found(moved(tmp_path, hidden, seed=9))
+            assert [(e["effect"], e["where"]) for e in record["effects"]] == named, (name, times)

@@ -1,0 +1,133 @@
+"""The least size of an effect at which a search would find it: by what it does to readings, to first order.
+
+An effect of `c` times a trial's size lowers the squared residual of a block of readings by c^2 d^2 + 2 c d e, where d
+is the length of its trace there, beside what the model's effects may take of it, and e an error along that trace. From
+which c on that passes the tests of the search is worked out with errors as large as the residual has along the trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.selection.accept import HELD_OUT, HELD_OUT_LARGE, LARGE
+
+POWER = 0.9  # with which an effect is found that is as large as said
+DRAWS = 200  # of the errors of all blocks: one in ten of them says what `POWER` leaves
+REACH = (1e-4, 1e4)  # of a trial's size, between which the least one is sought
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What one parameter at a trial's size does to the blocks of some readings.
+
+    Attributes:
+        square: (nblock,) squared length of the whitened trace, beside what the effects of the model take of it.
+        alone: the same of all blocks, beside what the other parameters of its own effect take, too.
+        error: standard deviation along the trace of what is left, 1 or more: of white noise 1.
+    """
+
+    square: np.ndarray
+    alone: float
+    error: float
+
+    @classmethod
+    def of(cls, column: np.ndarray, others: np.ndarray, residual: np.ndarray, blocks: np.ndarray) -> Trace:
+        """Of a whitened trace (n,), beside `others` (n, k) of its own effect, and what is left (n,) at present."""
+        square = np.bincount(blocks, column**2)
+        along = np.bincount(blocks, column * residual)
+        rest = column - others @ np.linalg.lstsq(others, column, rcond=1e-6)[0] if others.shape[1] else column
+        error = float(np.sqrt(max(1.0, np.sum(along**2) / max(square.sum(), 1e-300))))
+        return cls(square[square > 0], float(rest @ rest), error)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a search asks for before it accepts an effect.
+
+    Attributes:
+        fitted, held_out: drop of the squared residual of either recordings.
+        level: standard errors of the gain over the blocks of both.
+        loss: held-out squared residual without the effect; of a gain that is `LARGE` beside it less is asked.
+    """
+
+    fitted: float
+    held_out: float
+    level: float
+    loss: float
+
+
+def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
+    """Of a trial's size the least multiple that passes with the probability `POWER`; infinite where none does."""
+    ends = 1.96 + float(stats.norm.ppf(POWER))  # half an interval that leaves out none, and how its middle may lie
+    totals = ((fitted, needs.fitted), (held_out, needs.held_out))
+    least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
+    least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
+    if least > REACH[1]:
+        return float("inf")
+    low, high = np.log(least), np.log(REACH[1])
+    if _ranks(fitted, held_out, needs, least):
+        return float(least)
+    for _ in range(24):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _ranks(fitted, held_out, needs, float(np.exp(middle))) else (middle, high)
+    return float(np.exp(high)) if high < np.log(REACH[1]) - 1e-3 else float("inf")
+
+
+def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, float] | None]:
+    """The values of each of an effect's parameters that do not show, by how far from none it does: as far as it may go.
+
+    Args:
+        name: of the effect.
+        least: by parameter the distance from its null; of a scale its factor; infinite where no size shows.
+    """
+    hidden: dict[str, tuple[float, float] | None] = {}
+    for key, size in least.items():
+        param = effect(name).params[key]
+        ends = (
+            (param.null / size, param.null * size) if param.scale == "log" else (param.null - size, param.null + size)
+        )
+        reached = np.isfinite(size) and (ends[0] >= param.low or ends[1] <= param.high)
+        hidden[key] = (max(ends[0], param.low), min(ends[1], param.high)) if reached else None
+    return hidden
+
+
+def distance(placed: EffectInstance, key: str, times: float) -> float:
+    """So many times as far from none as a trial's parameter; of a scale the trial's own factor where that shows."""
+    param, value = effect(placed.effect).params[key], placed.params[key].value
+    if param.scale == "log":  # no line leads from null to such a value
+        return max(value / param.null, param.null / value) if times <= 1.0 else float("inf")
+    return float(times * abs(value - param.null))
+
+
+def _surely(trace: Trace, drop: float) -> float:
+    """Squared trace that lowers the squared residual by so much with the probability `POWER`."""
+    error = float(stats.norm.ppf(POWER)) * trace.error
+    return float((error + np.sqrt(error**2 + drop)) ** 2)
+
+
+def _ranks(fitted: Trace, held_out: Trace, needs: Needs, times: float) -> bool:
+    """Whether Wilcoxon's signed ranks over blocks pass, of all blocks and of the held-out ones alone."""
+    large = times**2 * held_out.square.sum() >= LARGE * (needs.loss + times**2 * held_out.square.sum())
+    level = float(stats.norm.isf(0.05)) if large else needs.level
+    draw = np.random.default_rng(0)  # the same errors for every size, so that a greater one shows no less
+    gains = [
+        times**2 * t.square + 2.0 * times * t.error * np.sqrt(t.square) * draw.normal(size=(DRAWS, len(t.square)))
+        for t in (held_out, fitted)
+    ]
+    return _passes(np.concatenate(gains, axis=1), level) and _passes(gains[0], HELD_OUT_LARGE if large else HELD_OUT)
+
+
+def _passes(gains: np.ndarray, level: float) -> bool:
+    """Whether the signed ranks of gains (draws, nblock) are above a level with the probability `POWER`."""
+    n = gains.shape[1]
+    if not n:
+        return False
+    ranks = np.argsort(np.argsort(np.abs(gains), axis=1), axis=1) + 1.0
+    total = np.sum(ranks * (gains > 0), axis=1)
+    scores = (total - n * (n + 1) / 4) / np.sqrt(n * (n + 1) * (2 * n + 1) / 24)
+    return float(np.quantile(scores, 1.0 - POWER)) >= level
