@@ -52,7 +52,7 @@ def found(*hidden: EffectInstance, flat: float = 0.0) -> Sensed:
     state = search.run(LIT)
     rivals = search.rivals(state, 1)
     state, alike = in_parts(search, confirmed(search, state, 1), 1)
-    return Sensed("depth", state, rivals, search.evidence, search.judged, LIT, [], alike)
+    return Sensed("depth", state, rivals, search.evidence, search.judged, LIT, [], search.shows_from(state), alike)
 
 
 def test_an_offset_is_no_scale_and_no_lean():
