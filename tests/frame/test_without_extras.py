@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 MODULES = {
     "stable_baselines3": "stable-baselines3",
     "rerun": "rerun-sdk",
+    "mujoco_menagerie": "mujoco-menagerie",
 }  # whose packages have other names
 
 WORKS = """
@@ -74,6 +75,7 @@ compare iiwa14 --recording rig-a --rerun compared.rrd --out compared
 evaluate expert --rerun judged.rrd --out judged
 """,
     "wandb": "train peg-state --wandb peg --out run-2",
+    "menagerie": "compare panda --recording rig-a --out compared-2",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",
 }
 

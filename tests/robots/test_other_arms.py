@@ -154,7 +154,7 @@ def test_each_guard_ends_an_episode_with_its_own_category(tmp_path):
 def test_an_arm_that_is_not_installed_is_refused_in_one_line(monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
-    with pytest.raises(UserError, match="'ur5e' is not installed.*MENAGERIE_ROOT.*mujoco-menagerie"):
+    with pytest.raises(UserError, match="'ur5e' is not here.*pip install.*menagerie.*MENAGERIE_ROOT"):
         load_world("ur5e")
 
 

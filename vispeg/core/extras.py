@@ -17,6 +17,7 @@ EXTRAS = {
     "view": ("viser", "websockets"),
     "viz": ("rerun",),
     "wandb": ("wandb",),
+    "menagerie": ("mujoco_menagerie",),
 }
 
 

@@ -10,16 +10,14 @@ import os
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.core.extras import install
 
 SHORT = {
     "panda": "franka_emika_panda/panda_nohand",
     "fr3": "franka_fr3/fr3",
     "ur5e": "universal_robots_ur5e/ur5e",
 }
-HOW = (
-    "a robot that is here: set MENAGERIE_ROOT to a checkout of MuJoCo Menagerie, or `pip install mujoco-menagerie`, "
-    "or name a path to an .xml (MJCF) or .urdf"
-)
+HOW = f"{install('menagerie')}, MENAGERIE_ROOT set to a checkout of it, or a path to an .xml (MJCF) or .urdf"
 
 
 def folders() -> dict[str, Path]:
@@ -50,7 +48,9 @@ def find(robot: str) -> Path | None:
     if path is not None:
         return _entry(path, entry)
     if robot in SHORT or folder in (full.partition("/")[0] for full in SHORT.values()):
-        raise UserError(f"the robot '{robot}' is not installed", expected=HOW)
+        raise UserError(
+            f"the robot '{robot}' is not here: it is of MuJoCo Menagerie, of the extra 'menagerie'", expected=HOW
+        )
     return None
 
 
