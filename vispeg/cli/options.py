@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -71,6 +71,19 @@ def subcommands(kind: type[Any]) -> dict[str, type[Any]]:
 def subcommand(kind: type[Any]) -> object:
     """Tyro's mark of a sub-command: its name, and the first line of its docstring for the list of them."""
     return tyro.conf.subcommand(kind.__name__.lower(), description=(kind.__doc__ or "").partition("\n")[0])
+
+
+def changed(args: Any, besides: Collection[str] = ()) -> list[Option]:
+    """The options of a command, those in its groups included, whose value is not the default; none of `besides`."""
+    out = list[Option]()
+    hints = get_type_hints(type(args), include_extras=True)
+    for field in fields(args):
+        value = getattr(args, field.name)
+        if is_dataclass(value):
+            out += changed(value, besides)
+        elif field.name not in besides and value != field.default:
+            out.append(_option(field, hints[field.name]))
+    return out
 
 
 def describe(kind: type[Any]) -> None:
