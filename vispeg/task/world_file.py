@@ -83,6 +83,14 @@ def built_in() -> list[str]:
     return sorted(p.stem for p in BUILT_IN.glob("*.yaml"))
 
 
+def by_name() -> dict[str, Path]:
+    """Name -> file of all worlds that come with the package: the built-in ones, and one an arm of MuJoCo Menagerie,
+    which loads where that arm is installed.
+    """
+    named = {name: BUILT_IN / f"{name}.yaml" for name in built_in()}
+    return named | {arm.stem: arm for arm in sorted((BUILT_IN / "arms").glob("*.yaml"))}
+
+
 def is_world(source: str | Path) -> bool:
     """Whether a text names a built-in world, or a file that says it is one. Raises UserError: it is no YAML."""
     path = Path(source)
@@ -233,8 +241,7 @@ def _path(source: str | Path, beside: Path | None) -> Path:
     if not isinstance(source, str | Path) or not text:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
     if Path(text).suffix.lower() not in (".yaml", ".yml"):
-        named = {name: BUILT_IN / f"{name}.yaml" for name in built_in()}
-        named |= {arm.stem: arm for arm in sorted((BUILT_IN / "arms").glob("*.yaml"))}  # where that arm is installed
+        named = by_name()
         if beside is not None:  # a part is something to build on, no world by itself
             named |= {part.stem: part for part in sorted((BUILT_IN / "parts").glob("*.yaml"))}
         if text in named:

@@ -14,7 +14,7 @@ from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene, build
 from vispeg.task.registry import FIRST, kind_of, task
 from vispeg.task.rig.expert import EXPERT
-from vispeg.task.world_file import BUILT_IN, WORLD, built_in
+from vispeg.task.world_file import WORLD, by_name
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ def effects(
 
 
 def worlds() -> list[Entry]:
-    """The built-in worlds: `fixed` ones draw nothing, `randomized` ones draw every episode anew."""
+    """The worlds that --world takes by name: `fixed` ones draw nothing, `randomized` ones draw every episode anew."""
     entries = []
-    for name in built_in():
-        data = WORLD.read(BUILT_IN / f"{name}.yaml")
+    for name, file in by_name().items():
+        data = WORLD.read(file)
         bases = data.get("base") or []
         bases = [bases] if isinstance(bases, str) else list(bases)
         family = "randomized" if bases or data.get("effects") or data.get("model") else "fixed"
