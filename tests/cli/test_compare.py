@@ -31,6 +31,13 @@ def test_missing_friction_is_seen_at_its_joint(vispeg, rigs, tmp_path):
     assert peaks["phase"]["joint"] == "joint4" and peaks["phase"]["times_noise"] > 1
 
 
+def test_a_model_that_is_none_is_what_is_blamed(vispeg, rigs, tmp_path):
+    (tmp_path / "report.html").write_text("<html></html>")
+    for model in ("report.html", "."):
+        code, _, err = vispeg("compare", model, "--recording", rigs["friction"], "--out", "c")
+        assert code == 2 and f"got '{model}'" in err and "recording.yaml" not in err
+
+
 def test_the_right_model_is_at_the_floor(vispeg, rigs, tmp_path):
     vispeg("add", "iiwa14", "coulomb_friction", "joint4", "--set", "torque=1.2", "--out", "m.yaml")
     both = ["--recording", rigs["friction"], "--recording", rigs["friction2"]]

@@ -13,6 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.search import Search
 from vispeg.recordings.write import write
+from vispeg.report.text.terminal import written_lines
 
 COMMAND = ["--recording", "a", "--recording", "b", "--validate", "c", "--quiet", "--threads", "1"]
 
@@ -112,3 +113,14 @@ def test_one_recording_judges_on_its_own_end(vispeg, swings, refused, tmp_path):
     assert [e["effect"] for e in record["effects"]] == ["coulomb_friction"]
     assert record["ladder"][-1]["heldout_error"] < 0.1 * record["ladder"][0]["heldout_error"]
     refused([*command, "--validate", "c", "--out", "e"], "--hold-out", "no --validate")
+
+
+def test_the_next_motions_file_is_named_where_it_was_written(tmp_path):
+    record = {"next_experiment": {"motion": "chirp", "why": "separates", "file": "next_experiment/samples.csv"}}
+    motion = tmp_path / "next_experiment/samples.csv"
+    report = f"report: {tmp_path / 'report.html'}"
+    assert [line.text for line in written_lines(record, tmp_path)] == [report]
+    motion.parent.mkdir()
+    motion.write_text("time\n")
+    assert [line.text for line in written_lines(record, tmp_path)] == [f"next motion: {motion}", report]
+    assert [line.text for line in written_lines({"next_experiment": None}, tmp_path)] == [report]

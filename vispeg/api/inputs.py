@@ -248,6 +248,7 @@ def read_model(source: str) -> World:
         return of_world(source)
     world = load_model(source)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
+        load_robot(world.robot)  # here, where no recording is to blame for a file that is no model
         return world
     if not world.robot:  # the world that its cell names knows the arm
         world = replace(world, robot=believed(world.cell, source).config.robot.model)

@@ -77,7 +77,7 @@ class Args:
         from vispeg.cli.reading import reading_bars
         from vispeg.core.files import reserved
         from vispeg.report.text.proposal import likely
-        from vispeg.report.text.terminal import report_line
+        from vispeg.report.text.terminal import written_lines
 
         inputs = (*model_files(self.model), *self.recording, *self.validate, *self.baseline)
         with reserved(self.out, self.overwrite, holds="diagnosis", inputs=inputs), stages(self.output.quiet) as say:
@@ -89,5 +89,5 @@ class Args:
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)
             result.save(self.out, overwrite=self.overwrite)
-        self.output.give(result.record, [*result.summary, report_line(self.out)])
+        self.output.give(result.record, [*result.summary, *written_lines(result.record, self.out)])
         return 0

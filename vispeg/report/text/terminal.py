@@ -131,7 +131,15 @@ def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
 
 def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
     """Prints the summary and where the report lies."""
-    print_summary([*diagnosis_summary(diagnosis), report_line(out)])
+    print_summary([*diagnosis_summary(diagnosis), *written_lines(diagnosis, out)])
+
+
+def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:
+    """Where the next motion lies, if one was made, and where the report lies."""
+    following = diagnosis.get("next_experiment")
+    motion = out / str(following.get("file") or "") if isinstance(following, Mapping) else out
+    there = [Line(f"next motion: {motion}", path=True)] if motion.is_file() else []
+    return [*there, report_line(out)]
 
 
 def report_line(out: Path) -> Line:
