@@ -107,8 +107,8 @@ class Proposal:
                 for name, v in n.placed.params.items()
             }
             equals: list[Place] = [{"effect": name, "where": where} for name, where in n.equals]
-            place = {"effect": n.placed.effect, "where": n.placed.where}
-            effects.append({**place, "params": params, "share": round(n.share, 4), "equals": equals})
+            name, where, share = n.placed.effect, n.placed.where, round(n.share, 4)
+            effects.append({"effect": name, "where": where, "params": params, "share": share, "equals": equals})
         rows = zip(self.joints, self.before, self.after, self.floor, strict=True)
         return {
             "effects": effects,
@@ -241,13 +241,13 @@ class Linear:
     def score(self, chosen: Sequence[int]) -> tuple[float, float, np.ndarray]:
         """L and H of a set of entries, and its coefficients in widths of their priors."""
         if not len(chosen):
-            return 0.0, -0.5 * self.held[2], np.zeros(0)
+            return 0.0, -0.5 * float(self.held[2]), np.zeros(0)
         i = self._rows(chosen)
         factor = cho_factor(self.matrix[np.ix_(i, i)], lower=True)
         c = cho_solve(factor, self.slope[i])
         evidence = 0.5 * c @ self.slope[i] - np.log(np.diag(factor[0])).sum() - self.price * len(chosen)
         gram, slope, total = self.held
-        return float(evidence), -0.5 * _left(c, i, gram, slope, total), c
+        return float(evidence), -0.5 * _left(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
         """Entries that may come beside the chosen ones, those that raise L most first; at most LOOKED."""
@@ -355,7 +355,7 @@ class Linear:
 
     def _loss(self, chosen: Sequence[int]) -> float:
         """Weighted squared torque that a set leaves in the fitted recordings."""
-        return _left(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, self.total)
+        return _left(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, float(self.total))
 
     def _rows(self, chosen: Sequence[int]) -> np.ndarray:
         return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)

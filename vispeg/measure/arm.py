@@ -108,7 +108,7 @@ class Arm:
         """The joint's answer (n,) at t s to a unit step of its goal at 0."""
         poles, shares, end = self.modes(loop)
         late = t - loop.delay
-        return np.where(late > 0, end + (np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares).real, 0.0)
+        return np.where(late > 0, end + np.real(np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares), 0.0)
 
     def dry(
         self, loop: Loop, friction: float, goals: np.ndarray, dt: float, wound: np.ndarray

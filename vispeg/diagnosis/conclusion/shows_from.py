@@ -65,6 +65,7 @@ class Searched(Protocol):
 
     def tested(self, state: State) -> int:
         """How many places share the level of the test."""
+        ...
 
 
 def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
