@@ -51,7 +51,6 @@ def test_nothing_hidden_nothing_named(name, tmp_path):
     assert record["verdict"] == "adequate" and record["effects"] == []
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_disturbance_outside_the_library_gets_no_name(tmp_path):
     record = verdict("vibration/joint2/large", tmp_path)

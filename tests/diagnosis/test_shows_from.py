@@ -31,17 +31,17 @@ def test_the_promised_power_is_what_draws_of_noise_have():
     drawn = random.normal(size=(4000, 1000))
     seen = trace(column, noise)
     drop = 30.0
-    least = least_coefficient(seen, seen, Needs(drop, drop, -np.inf, 1e9))
+    least = least_coefficient(seen, seen, Needs(drop, -np.inf, 1e9))
     drops = least**2 * column @ column + 2.0 * least * drawn @ column
     assert np.mean(drops > drop) == pytest.approx(POWER, abs=0.04)
     clear = trace(10.0 * column, noise)  # held out: no other test asks for as much
-    least = least_coefficient(seen, clear, Needs(0.0, 0.0, -np.inf, 1e9))
+    least = least_coefficient(seen, clear, Needs(0.0, -np.inf, 1e9))
     error = 1.0 / np.sqrt(column @ column)
     found = least + drawn @ column * error**2
     assert POWER - 0.03 < np.mean(found > 1.96 * error) < POWER + 0.07, (
         "these few blocks put the error above that of white noise"
     )
-    least = least_coefficient(seen, seen, Needs(0.0, 0.0, LEVEL, 1e9))
+    least = least_coefficient(seen, seen, Needs(0.0, LEVEL, 1e9))
     gains = (least**2 * column**2 + 2.0 * least * column * drawn[:400]).reshape(400, 40, 25).sum(2)
     other = (least**2 * column**2 + 2.0 * least * column * drawn[400:800]).reshape(400, 40, 25).sum(2)
     p = stats.wilcoxon(
@@ -55,7 +55,7 @@ def test_what_other_parameters_may_take_shows_from_a_greater_size():
     column, noise = random.normal(size=1000), random.normal(size=1000)
     alone = trace(column, noise)
     taken = Trace.of(column, column[:, None] + 0.1 * random.normal(size=(1000, 1)), noise, np.arange(1000) // 25)
-    needs = Needs(0.0, 0.0, -np.inf, 1e9)
+    needs = Needs(0.0, -np.inf, 1e9)
     assert least_coefficient(taken, taken, needs) > 5.0 * least_coefficient(alone, alone, needs)
     loud = trace(column, noise + 0.5 * column)
     assert least_coefficient(loud, loud, needs) > 2.0 * least_coefficient(alone, alone, needs), "what is left counts"

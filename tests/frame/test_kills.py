@@ -27,12 +27,12 @@ configurations:
 # The command, and what is appended to go on. QUICK ones die at a given write, in CI; all die at random times, slowly.
 FIT = "fit iiwa14 --recording rig --effects stribeck_friction:joint4 --iterations 2 --quiet --out OUT"
 QUICK = {
+    "fit": (FIT, "--resume"),
     "render": ("render --world nominal --frames 6 --size 32 --workers 0 --no-labels --out OUT", ""),
     "evaluate": ("evaluate expert --world unknown_hole --episodes 3 --videos 0 --out OUT", ""),
 }
 ALL = {
     **QUICK,
-    "fit": (FIT, "--resume"),
     "fit-cma": ("fit iiwa14 --recording rig --effects backlash:joint2 --iterations 2 --quiet --out OUT", "--resume"),
     "fit-starts": (f"{FIT} --starts 3 --validate rig2", "--resume"),
     "diagnose": ("diagnose iiwa14 --recording rig --validate rig2 --quiet --out OUT", ""),
@@ -59,6 +59,7 @@ ALL = {
     ),
 }
 WRITES = {
+    "fit": (2,),
     "render": (1, 3),
     "evaluate": (1,),
 }  # of the program, at which it is killed: each file and folder that takes its name is one

@@ -64,7 +64,7 @@ def test_every_motion_keeps_each_joint_within_its_range_and_its_speed_limit(touc
 def test_no_seed_of_a_motion_asks_for_angles_out_of_range(name):
     scene, stiffness = SCENE.scene, SCENE.config.stiffness
     near = elbow_turned(scene) if name == "press-elbow" else posture(scene)
-    for seed in range(2):
+    for seed in range(4):
         path = with_room(PATHS[name](Place(scene, np.random.default_rng(seed))), scene, stiffness, near)
         angles = foreseen(path, scene, stiffness, near)[1]
         assert np.minimum(angles - scene.range[:, 0], scene.range[:, 1] - angles).min() >= ROOM

@@ -253,7 +253,7 @@ def _loop_of_steps(
                 repeats=len(responses),
             )
         )
-    return loop
+    return Loop.of(np.array([x.value for x in inputs[:4]]))  # as the numbers that are stated
 
 
 def _loop_of_frequencies(

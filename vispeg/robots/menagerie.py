@@ -49,7 +49,7 @@ def find(robot: str) -> Path | None:
         return _entry(path, entry)
     if robot in SHORT or folder in (full.partition("/")[0] for full in SHORT.values()):
         raise UserError(
-            f"the robot '{robot}' is not here: it is of MuJoCo Menagerie, of the extra 'menagerie'", expected=HOW
+            f"the robot '{robot}' is not here; it is an arm of the extra 'menagerie' (MuJoCo Menagerie)", expected=HOW
         )
     return None
 

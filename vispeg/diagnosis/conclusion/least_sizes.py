@@ -50,12 +50,11 @@ class Needs:
     """What a search asks for before it accepts an effect.
 
     Attributes:
-        fitted, held_out: drop of the squared residual of either recordings.
+        held_out: drop of the squared residual of the held-out recordings; of the fitted ones any drop is enough.
         level: standard errors of the gain over the blocks of both.
         loss: held-out squared residual without the effect; of a gain that is `LARGE` beside it less is asked.
     """
 
-    fitted: float
     held_out: float
     level: float
     loss: float
@@ -64,7 +63,7 @@ class Needs:
 def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
     """Of a trial's size the least multiple that passes with the probability `POWER`; infinite where none does."""
     ends = 1.96 + float(stats.norm.ppf(POWER))  # half an interval that leaves out none, and how its middle may lie
-    totals = ((fitted, needs.fitted), (held_out, needs.held_out))
+    totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
     least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
     if least > REACH[1]:

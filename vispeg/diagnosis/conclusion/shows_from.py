@@ -160,7 +160,7 @@ def _needs(search: Searched, state: State, placed: EffectInstance, worth: float)
     if same:
         drop = max(drop, REFINEMENT * max(map(state.removed_by, same)) * count)
     level = float(stats.norm.isf(DISCOVERIES / max(search.tested(state), 1)))
-    return Needs(0.0, drop, level, loss)
+    return Needs(drop, level, loss)
 
 
 def _worth_it(search: Searched, state: State, t: Tried, times: float) -> bool:

@@ -1,0 +1,55 @@
+"""What is hidden in a simulated joint, recorded, measured and put into the model makes the recording again."""
+
+import numpy as np
+import pytest
+
+from vispeg.api.measure.joint import measure_joint
+from vispeg.api.recording.record import record
+from vispeg.identify.record import centre_of
+from vispeg.robots.model import load
+from vispeg.worlds.measurement_file import load_measurement
+
+HOW = {"control": "servo", "torque_sensor": "none", "noise": {"q": 2e-5}}  # rad
+RATE = 500.0
+
+
+def motion(path, size, joint, hold=0.7):
+    """Steps of one size both ways, as those of `measure plan`."""
+    robot = load("iiwa14")
+    offset = np.repeat([0.0, size, 0.0, -size, 0.0], round(hold * RATE))
+    q = np.tile(centre_of(robot), (len(offset), 1))
+    q[:, robot.joints.index(joint)] += offset
+    head = ",".join(["time", *(f"q_cmd.{n}" for n in robot.joints), *(f"dq_cmd.{n}" for n in robot.joints)])
+    rows = np.column_stack([np.arange(len(offset)) / RATE, q, 0.0 * q])
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.9g")
+    return path
+
+
+def recorded(folder, effects, joint, sizes=(0.1, 0.04)):
+    paths = []
+    for size in sizes:
+        name = f"s{1e3 * size:.0f}"
+        file = motion(folder / f"{name}.csv", size, joint)
+        record("iiwa14", file, effects=effects, name=name, **HOW).save(folder / name)
+        paths.append(folder / name)
+    return paths
+
+
+def test_a_servo_survives_the_round_trip(tmp_path):
+    truth = ["servo:joint1:natural_frequency=25,damping_ratio=0.7", "coulomb_friction:joint1:torque=1.5"]
+    paths = recorded(tmp_path, truth, "joint1")
+    measure_joint(paths, tmp_path / "found", joint="joint1")
+    found = load_measurement(tmp_path / "found" / "measurement.yaml")
+    by_name = {q.quantity: q for q in found.results}
+    for name, value in (("servo_natural_frequency", 25.0), ("servo_damping_ratio", 0.7), ("coulomb_friction", 1.5)):
+        assert by_name[name].low <= value <= by_name[name].high, name
+        assert by_name[name].value == pytest.approx(value, rel=0.02)
+    assert {e.effect for e in found.effects} == {"servo", "coulomb_friction"}
+    # the file of MuJoCo has the same loop, and the same friction beside it
+    text = (tmp_path / "found" / "actuator.xml").read_text()
+    friction = next(e for e in found.effects if e.effect == "coulomb_friction").params["torque"].value
+    assert f'frictionloss="{friction:.6g}"' in text and f" -{by_name['loop_stiffness'].value:.6g}" in text
+    between = motion(tmp_path / "s60.csv", 0.06, "joint1")
+    q = [record("iiwa14", between, effects=e, **HOW).recording.q[:, 0] for e in (truth, list(found.effects), [])]
+    rms = [float(np.sqrt(np.mean((x - q[0]) ** 2))) for x in q[1:]]
+    assert rms[0] < 0.01 * rms[1] and rms[0] < 1.5e-4  # rad; two noises are 3e-5
