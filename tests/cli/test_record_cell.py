@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from vispeg.api.inputs import read_model
@@ -96,6 +97,14 @@ def test_check_says_what_contact_a_recording_excites(vispeg, tmp_path):
     assert press["seconds"]["press"] > 5 and press["excited"]["contact_stiffness"] == ""
     assert free["excited"]["tool_mass"] == "" and free["seconds"]["free"] > 9 and free["peak_force"] < 2
     assert press["begins_free"] > 1 and set(press["excited"]) <= set(effects.REGISTRY)
+    samples = pd.read_parquet(tmp_path / "press" / "samples.parquet")
+    wrench = [name for name in samples if name.startswith("ft.")]
+    for wrong in (-1.0, 1e3):  # the force on the other side, millinewtons: both commands say the same
+        turned = samples.assign(**{name: wrong * samples[name] for name in wrench})
+        turned.to_parquet(tmp_path / "press" / "samples.parquet")
+        said = [vispeg(*c) for c in (["check", "press"], ["compare", "peg-cell", "--recording", "press", "--out", "x"])]
+        assert [code for code, _, _ in said] == [2, 2] and said[0][2] == said[1][2]
+        assert "not what the tool weighs" in said[0][2] and not (tmp_path / "x").exists()
 
 
 def test_a_cell_of_one_s_own_is_found_again_beside_its_recordings(vispeg, tmp_path):

@@ -66,6 +66,18 @@ def test_bad_input_is_one_line_and_writes_nothing(vispeg, tmp_path, args, words)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("where", "value"), [("x", 1000.0), ("height", 1000.0), ("roll", 9.0)])
+def test_a_position_that_cannot_be_is_refused_before_an_old_result_is_cleared(vispeg, tmp_path, where, value):
+    """The file that states it is named, whichever of task and effects refuses it; nothing is written."""
+    listed = f"positions:\n- {{name: near, x: 0.01}}\n- {{name: far, {where}: {value}}}\n"
+    (tmp_path / "far.yaml").write_text(f"format: vispeg-positions/1\nname: far\n{listed}")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "perturb.json").write_text('{"format": "vispeg-perturb/1"}')
+    code, _, err = vispeg("perturb", "expert", "--positions", "far.yaml", "--out", "out", "--overwrite")
+    assert code == 2 and f"far.yaml: positions[1].{where}" in err and len(err.strip().splitlines()) == 1, err
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["perturb.json"]
+
+
 def test_a_folder_of_something_else_is_left_alone(vispeg, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")

@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.items import Touching
 from vispeg.contact.torques import estimated, sensed
 from vispeg.recordings.cell import WrenchSensor, canonical
 from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
+from vispeg.sim.external import External
 from vispeg.task.belief import recorded_cell
+from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True)
+class Touching:
+    """A recording of contact.
+
+    Attributes:
+        recording: with measured angles.
+        scene: the cell as the user believes it.
+        believed: effects that are part of that belief.
+        wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
+        torques: what joint torques tell of it where no sensor read it; None where one did.
+    """
+
+    recording: Recording
+    scene: Scene
+    wrench: np.ndarray
+    believed: World = field(default_factory=World)
+    torques: External | None = None
 
 
 def touching(rec: Recording) -> Touching:

@@ -3,57 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from vispeg.contact.beginning import BLOCK, beginnings, episode_numbers, no_free_air, tared
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
 from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.hand import Grasp
-from vispeg.contact.path import Path, along
-from vispeg.contact.phases import Phases, phases, tool_mass
+from vispeg.contact.inputs import Touching
+from vispeg.contact.path import Path
+from vispeg.contact.phases import Phases
 from vispeg.contact.sensor import hand_world, readings, stands_for
 from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
 from vispeg.contact.yielding import given_way
-from vispeg.core.errors import UserError
 from vispeg.identify.channels import Channel, Item
 from vispeg.recordings.cell import WrenchSensor
-from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.recording import Control
 from vispeg.recordings.regimes import INSIDE, PRESS, REGIMES, SLIDE
 from vispeg.robots.scene import Scene
-from vispeg.sim.external import External
 from vispeg.sim.segments.segment import Segment
-from vispeg.sim.touch import Touch, touch
+from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
-BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
-# a tool may weigh otherwise and a sensor have a zero, but not turn a weight round (sign, frame), nor scale it (unit):
-FELT, TOWARDS, SCALE = 2.0, 0.5, 4.0  # N of weight that tells; least cosine of the angle between; most of the ratio
 PUSH, LEVER = 0.2, 0.1  # N, m: of a wrong reading, about what sensors are off by; of a torque
-ZEROED = 8.0  # N at most where the sensor was zeroed there
-H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
-
-
-@dataclass(frozen=True)
-class Touching:
-    """A recording of contact.
-
-    Attributes:
-        recording: with measured angles.
-        scene: the cell as the user believes it.
-        believed: effects that are part of that belief.
-        wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
-        torques: what joint torques tell of it where no sensor read it; None where one did.
-    """
-
-    recording: Recording
-    scene: Scene
-    wrench: np.ndarray
-    believed: World = field(default_factory=World)
-    torques: External | None = None
 
 
 @dataclass(frozen=True)
@@ -158,29 +133,22 @@ def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: in
         UserError: no episode begins in free air, or the wrench there is not what the tool weighs.
     """
     rec = t.recording
-    number = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     calmed = rec if t.torques is None else calm(rec, t.torques)
     felt = touch(replace(calmed, wrench=rec.wrench or WrenchSensor()), t.scene)
     assert felt is not None  # `touching` refused a recording without a wrench
-    episodes = np.unique(number)
-    each = seconds / len(episodes)
-    out = [_item(t, felt, scene, np.flatnonzero(number == n), each, hold, nthread) for n in episodes]
-    out = [i for i in out if i is not None]
-    if not out:
-        raise _no_free_air(t)
-    if t.torques is None:
-        _refuse_foreign(t, out[0])
-    return out
+    begun = beginnings(t, felt)
+    each = seconds / len(np.unique(episode_numbers(rec)))
+    out = [_item(t, path, phase, scene, each, hold, nthread) for path, phase in begun]
+    found = [i for i in out if i is not None]
+    if not found:
+        raise no_free_air(t)
+    return found
 
 
 def _item(
-    t: Touching, felt: Touch, scene: Scene, rows: np.ndarray, seconds: float, hold: Grasp, nthread: int
+    t: Touching, path: Path, phase: Phases, scene: Scene, seconds: float, hold: Grasp, nthread: int
 ) -> ContactItem | None:
-    rec = t.recording
-    path = along(t.scene, rec, t.wrench, rows, H_MAX, t.believed)
-    phase = phases(felt, path, t.scene, BLOCK)
-    if phase is None:
-        return None
+    rec, rows = t.recording, path.rows
     phase = without(thinned(phase, seconds), _read(t, path))
     if not phase.resting.any():
         return None
@@ -195,7 +163,7 @@ def _item(
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
     answer, response = displaced(item, nominal, nthread), pushed(item, nominal, nthread)
-    counts = phase.valid & ~(phase.resting & _tared(rec))  # a zero that was set tells nothing
+    counts = phase.valid & ~(phase.resting & tared(rec))  # a zero that was set tells nothing
     valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
@@ -207,46 +175,3 @@ def _read(t: Touching, path: Path) -> np.ndarray:
     rows = path.rows[np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int)]
     read = np.concatenate([t.wrench[rows], t.recording.q[rows]], axis=1)
     return np.isfinite(read.sum(axis=1))
-
-
-def _no_free_air(t: Touching) -> UserError:
-    return UserError(
-        "no episode begins in free air",
-        file=t.recording.path,
-        expected="0.3 s or more at rest, then 1 mm or more of a move, before the first contact",
-        got="a wrench that changes by 2 N or more before the tool has moved, or no rest",
-    )
-
-
-def _refuse_foreign(t: Touching, item: ContactItem) -> None:
-    """Raise UserError for a wrench that is not what the recording's `wrench` says.
-
-    At rest in free air it is then farther off the tool's weight than an error of mass or zero is.
-    """
-    reads, mass = item.path.wrench[item.phase.rest, :3].mean(axis=0), tool_mass(t.scene)
-    axes = Rotation.from_quat(item.path.frame, scalar_first=True)
-    axes *= Rotation.from_euler("XYZ", item.path.place[item.phase.rest.start, 3:])
-    weight = -mass * axes.inv().apply(np.array(t.scene.spec().option.gravity))
-    size, wanted = np.linalg.norm(reads), np.linalg.norm(weight)
-    if _tared(t.recording):
-        foreign, says = size > ZEROED, "nothing"
-    else:
-        along = float(reads @ weight) < TOWARDS * size * wanted
-        foreign = wanted > FELT and (along or not wanted / SCALE < size < SCALE * wanted)
-        says = f"about the tool's weight, {_newtons(weight)} N (flange x, y, z)"
-    if foreign:
-        raise UserError(
-            "`ft` at rest in free air is not what the tool weighs",
-            file=t.recording.path,
-            expected=f"{says}: sign, unit, frame and tare as `wrench` says",
-            got=f"{_newtons(reads)} N",
-        )
-
-
-def _newtons(force: np.ndarray) -> str:
-    return ", ".join(f"{f:.1f}" for f in np.round(force, 1) + 0.0)
-
-
-def _tared(rec: Recording) -> bool:
-    """Whether the tool's weight at the start was taken off with the sensor's zero."""
-    return rec.wrench is not None and rec.wrench.tared is True

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.contact.again.blows import blows, restarts
+from vispeg.contact.beginning import refuse_foreign
+from vispeg.contact.inputs import touching
+from vispeg.contact.torques import sensed
 from vispeg.control.laws import rotated
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.contact_check import ContactCheck, Touched, examine
@@ -21,7 +24,7 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     None without a wrench, or where nothing says how to read it.
 
     Raises:
-        UserError: a cell, robot or tool that cannot be built.
+        UserError: a cell, robot or tool that cannot be built; in a task's cell, a wrench that no comparison would take.
     """
     if rec.ft is None or (rec.wrench is None and rec.cell is None):
         return None
@@ -37,6 +40,8 @@ def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
     contact = touch(rec, robot)
     if contact is None:
         return None
+    if isinstance(robot, Scene) and sensed(rec):
+        refuse_foreign(touching(rec), contact)
     quat = contact.flange[:, 3:]
     axis, side = (rotated(quat, np.tile(e, (len(quat), 1))) for e in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode

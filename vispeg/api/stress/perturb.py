@@ -71,8 +71,10 @@ def perturb(
     if not 0 <= force[0] <= force[1] or not duration > 0:
         raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=force)
     who, file = ready(policies), load_world(world)
-    hard = pushed.positions(None if positions is None else Path(positions), task_of(config_of(file.task)))
-    read = [file.path, *([Path(positions)] if positions is not None else []), *folders(who)]
+    listed = None if positions is None else Path(positions)
+    hard = pushed.positions(listed, task_of(config_of(file.task)))
+    pushed.check(hard, listed, file)
+    read = [file.path, *([] if listed is None else [listed]), *folders(who)]
     with workplace(out, "perturb.json", overwrite, read) as place:
         settings = pushed.settings(str(world), file.name, hard, Pushes(force, duration))
         settings = [replace(s, task={**s.task, **(task or {})}) for s in settings]

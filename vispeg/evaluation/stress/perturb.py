@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
+from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.evaluation.jobs import Pushes, Setting
 from vispeg.evaluation.lists import read_list
@@ -22,8 +23,8 @@ from vispeg.evaluation.statistics import RULE, decide, difference, rate
 from vispeg.evaluation.table import rows
 from vispeg.formats.format import Format, copy, enrol
 from vispeg.task.contract import Task
-from vispeg.task.registry import FIRST, scene_of, task
-from vispeg.task.world_file import load_world
+from vispeg.task.registry import FIRST, config_of, scene_of, task
+from vispeg.task.world_file import WorldFile, load_world
 
 FORMAT = "vispeg-perturb/1"
 LIST = Format("vispeg-positions/1", "a list of positions", keys=("name", "about", "positions"))
@@ -63,10 +64,30 @@ def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Push
             tilt = {k: float(v) for k, v in p.items() if k in ("roll", "pitch", "yaw") and isinstance(v, int | float)}
             changes = [Change(scene.offset, {"x": float(p.get("x", 0.0)), "y": float(p.get("y", 0.0)), "z": 0.0})]
             changes += [Change(scene.tilt, tilt)] if tilt else []
-            height = {"start_height": [float(p["height"])] * 2} if "height" in p else {}
-            task = {"start_radius": 0.0, **height}
-            entries.append(Setting(world, name, p["name"] + suffix, tuple(changes), task, push))
+            entries.append(Setting(world, name, p["name"] + suffix, tuple(changes), _starts(p), push))
     return entries
+
+
+def check(listed: Sequence[HardPosition], file: Path | None, world: WorldFile) -> None:
+    """Raise UserError, naming the file, for a position that the world's task cannot start from."""
+    scene = scene_of(world.task)
+    bounds = {key: effect(scene.offset).params[key] for key in ("x", "y")}
+    bounds |= {key: effect(scene.tilt).params[key] for key in ("roll", "pitch", "yaw")}
+    for i, p in enumerate(listed):
+        for key, param in bounds.items():
+            value = float(p.get(key, param.null))  # type: ignore[arg-type]
+            if not param.low <= value <= param.high:
+                expected = f"{param.low:g} to {param.high:g} {param.unit}"
+                raise UserError("out of bounds", file=file, key=f"positions[{i}].{key}", expected=expected, got=value)
+        try:
+            config_of({**world.task, **_starts(p)})
+        except UserError as error:
+            raise UserError(str(error), file=file, key=f"positions[{i}].height") from error
+
+
+def _starts(p: HardPosition) -> dict[str, Any]:
+    """Give the task's settings by which episodes start right above a position."""
+    return {"start_radius": 0.0} | ({"start_height": [float(p["height"])] * 2} if "height" in p else {})
 
 
 def summarise(episodes: Sequence[Episode]) -> PushRecord:

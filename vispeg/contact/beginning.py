@@ -1,0 +1,116 @@
+"""How a recording of contact begins: at rest in free air, where a wrench reads what the tool weighs and its own zero.
+
+One function decides for `check`, `compare` and `diagnose` alike whether a wrench can be what the recording says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.contact.inputs import Touching
+from vispeg.contact.path import Path, along
+from vispeg.contact.phases import SHORTEST, Phases, phases, tool_mass
+from vispeg.core.errors import UserError
+from vispeg.recordings.recording import Recording
+from vispeg.robots.scene import Scene
+from vispeg.sim.touch import Touch
+
+BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
+H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
+# a tool may weigh otherwise and a sensor have a zero, but not turn a weight round (sign, frame), nor scale it (unit):
+FELT, TOWARDS, SCALE = 2.0, 0.5, 4.0  # N of weight that tells; least cosine of the angle between; most of the ratio
+ZEROED = 8.0  # N at most where the sensor was zeroed there
+MILLI = 1e3  # what millinewtons are too large by: no arm presses with so many times the weight of its tool
+
+
+def beginnings(t: Touching, felt: Touch) -> list[tuple[Path, Phases]]:
+    """Give path and phases of each episode that begins in free air.
+
+    Raises:
+        UserError: there is none, or the wrench there is not what the tool weighs.
+    """
+    paths = _paths(t, felt)
+    _refuse_foreign(t, paths)
+    begun = [(path, phase) for path, phase in paths if phase is not None]
+    if not begun:
+        raise no_free_air(t)
+    return begun
+
+
+def refuse_foreign(t: Touching, felt: Touch) -> None:
+    """Raise UserError for a wrench that is not what the recording's `wrench` says, as `beginnings` does.
+
+    A recording that begins in contact passes: it cannot be compared by its wrench, but nothing speaks against that.
+    """
+    _refuse_foreign(t, _paths(t, felt))
+
+
+def episode_numbers(rec: Recording) -> np.ndarray:
+    """(n,) int: the episode of each sample."""
+    return np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
+
+
+def tared(rec: Recording) -> bool:
+    """Whether the tool's weight at the start was taken off with the sensor's zero."""
+    return rec.wrench is not None and rec.wrench.tared is True
+
+
+def no_free_air(t: Touching) -> UserError:
+    """The error of a recording whose every episode begins in contact."""
+    return UserError(
+        "no episode begins in free air",
+        file=t.recording.path,
+        expected="0.3 s or more at rest, then 1 mm or more of a move, before the first contact",
+        got="a wrench that changes by 2 N or more before the tool has moved, or no rest",
+    )
+
+
+def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
+    """Each episode's path, with its phases if it begins in free air."""
+    number = episode_numbers(t.recording)
+    rows = [np.flatnonzero(number == n) for n in np.unique(number)]
+    paths = [along(t.scene, t.recording, t.wrench, some, H_MAX, t.believed) for some in rows]
+    return [(path, phases(felt, path, t.scene, BLOCK)) for path in paths]
+
+
+def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) -> None:
+    """Raise UserError where the wrench is farther off the tool's weight than an error of mass or zero is.
+
+    It is read at rest in free air. Where no episode seems to begin there, the sensor's noise itself may pass for
+    contact, because it is in millinewtons: then the start reads the weight times a thousand.
+    """
+    if t.torques is not None:
+        return
+    begun = next(((path, phase.rest) for path, phase in paths if phase is not None), None)
+    path, rest = begun or (paths[0][0], slice(0, max(1, round(SHORTEST / paths[0][0].step))))
+    reads, weight = path.wrench[rest, :3].mean(axis=0), _weight(t.scene, path, rest)
+    size, wanted = np.linalg.norm(reads), np.linalg.norm(weight)
+    says = f"about the tool's weight, {_newtons(weight)} N (flange x, y, z)"
+    if tared(t.recording):
+        foreign, says = begun is not None and size > ZEROED, "nothing"
+    elif begun is not None:
+        towards = float(reads @ weight) >= TOWARDS * size * wanted
+        foreign = wanted > FELT and not (towards and wanted / SCALE < size < SCALE * wanted)
+    else:
+        foreign = wanted > FELT and wanted / SCALE < size / MILLI < SCALE * wanted
+    if foreign:
+        raise UserError(
+            "`ft` at rest in free air is not what the tool weighs",
+            file=t.recording.path,
+            expected=f"{says}: sign, unit, frame and tare as `wrench` says",
+            got=f"{_newtons(reads)} N",
+        )
+
+
+def _weight(scene: Scene, path: Path, rest: slice) -> np.ndarray:
+    """(3,) N, flange axes: what holds the scene's tool at rest along a part of a path."""
+    axes = Rotation.from_quat(path.frame, scalar_first=True)
+    axes *= Rotation.from_euler("XYZ", path.place[rest, 3:][0])
+    return -tool_mass(scene) * axes.inv().apply(np.array(scene.spec().option.gravity))
+
+
+def _newtons(force: np.ndarray) -> str:
+    return ", ".join(f"{f:.1f}" for f in np.round(force, 1) + 0.0)
