@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made import recording
 
+from vispeg.api.recording.convert import convert
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.bagimages import camera_name
@@ -122,6 +123,41 @@ def test_pictures_of_a_bag(kind, tmp_path):
     camera = frames.cameras["wrist_color"]
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 7.5, 5.5) and camera.pose is None
     assert camera.distortion == (0.1, -0.02, 1e-3, 2e-3, 0.0)
+
+
+ARM = """<mujoco><worldbody><body name="one"><joint name="joint1" axis="0 0 1" range="-3 3"/>
+<geom size="0.05" mass="1"/><body name="two" pos="0.3 0 0"><joint name="joint2" axis="0 1 0" range="-3 3"/>
+<geom size="0.05" mass="1"/></body></body></worldbody><compiler angle="radian"/></mujoco>"""
+
+
+def test_the_kind_of_a_depth_camera_is_in_the_recording(tmp_path):
+    """Of all that have depth, or of one; with it the noise that a diagnosis takes for ordinary is that camera's own."""
+    pytest.importorskip("rosbags")
+    source = bag(tmp_path / "run", "mcap")
+    arm, topics = tmp_path / "arm.xml", Topics(images=("all",))
+    arm.write_text(ARM)
+    convert(source, str(arm), tmp_path / "all", depth_camera="d405", topics=topics)
+    frames = load(tmp_path / "all").frames
+    deep = {"d435_color", "deep", "side_depth", "wrist_depth"}
+    assert {name for name, camera in frames.cameras.items() if camera.sensor == "d405"} == deep == set(frames.deep)
+    convert(
+        source, str(arm), tmp_path / "two", depth_camera=("deep=d435", "side_depth=structured_light"), topics=topics
+    )
+    back = load(tmp_path / "two").frames
+    said = {name: camera.sensor for name, camera in back.cameras.items() if camera.sensor}
+    assert said == {"deep": "d435", "side_depth": "structured_light"}
+    assert {frame.camera.sensor for frame in back.of("deep")} == {"d435"}
+    for stated, images, said in (
+        ("d455", topics, "did you mean"),
+        (("deep=d405", "deep=d435"), topics, "twice"),
+        (("deep=d405", "d435"), topics, "twice"),
+        ("png=d435", topics, "no such camera with depth"),
+        ("d435", Topics(images=("/png/compressed",)), "no camera has depth"),
+        ("d435", None, "taken over with images"),
+    ):
+        with pytest.raises(UserError, match=said):
+            convert(source, str(arm), tmp_path / "not", topics=images, depth_camera=stated)
+    assert not (tmp_path / "not").exists()
 
 
 def test_what_is_wrong_with_a_bags_pictures_is_said(tmp_path):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import Literal, get_args
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.camera import RecordedCamera, Sensor
 from vispeg.recordings.importers.mapping import ColumnMap, read_map
 from vispeg.recordings.importers.objects import import_object
 from vispeg.recordings.importers.plausible import refuse_units
@@ -33,6 +34,7 @@ def convert(
     mapping: ColumnMap | Path | None = None,
     topics: Topics | None = None,
     cameras: Path | Sequence[Path] = (),
+    depth_camera: str | Sequence[str] = (),
     torque_sensor: Literal["joint", "motor", "none"] | None = None,
     insist: bool = False,
     table: Literal["csv", "parquet"] = "csv",
@@ -48,6 +50,8 @@ def convert(
         mapping: names and units, or the YAML file with them; by default the recording format's own names.
         topics: of a bag.
         cameras: camera files with what the source does not say of its cameras; the robot's own file is asked before.
+        depth_camera: kind of the depth cameras, by whose noise their depth is judged: `d405`, `d435`,
+            `structured_light`, or NAME=KIND for one of several.
         torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
         insist: take the stated units even where they cannot be true.
         table: format of the samples.
@@ -60,7 +64,7 @@ def convert(
     source, robot = Path(source), placed(robot)
     if not source.exists():
         raise UserError("does not exist", file=source)
-    model = load(robot)
+    kinds, model = _kinds(depth_camera), load(robot)
     files = [cameras] if isinstance(cameras, str | Path) else [*cameras]
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
     with TemporaryDirectory() as scratch:
@@ -75,6 +79,8 @@ def convert(
             scratch=Path(scratch),
             progress=progress,
         )
+        if kinds:
+            rec = _stated(rec, kinds, source)
         if not insist:
             file = mapping if isinstance(mapping, Path) else source
             refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map", needs_of(model, rec))
@@ -120,6 +126,38 @@ def convert_object(
 def placed(robot: str) -> str:
     """A robot's name, or the absolute path of its file: a recording may be read from another folder."""
     return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
+
+
+def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:
+    """Kind of depth camera by camera, "" for all of them. Raises UserError: an unknown kind, or two of one camera."""
+    out: dict[str, Sensor] = {}
+    for text in [stated] if isinstance(stated, str) else stated:
+        name, equals, kind = text.rpartition("=")
+        known = next((k for k in get_args(Sensor) if k == kind), None)
+        if known is None or (equals and not name):
+            expected = "KIND or NAME=KIND"
+            choices = get_args(Sensor)
+            raise UserError(
+                "no kind of depth camera", key="--depth-camera", expected=expected, got=text, choices=choices
+            )
+        if name in out or (out and "" in (name, *out)):
+            raise UserError("a camera is stated twice", key="--depth-camera", got=text)
+        out[name] = known
+    return out
+
+
+def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Recording:
+    """The recording whose cameras state their kinds. Raises UserError: a camera that has no depth."""
+    frames = rec.frames
+    deep = [] if frames is None else frames.deep
+    if frames is None or not deep:
+        expected = "pictures of depth, taken over with --images"
+        raise UserError("no camera has depth", file=source, key="--depth-camera", expected=expected)
+    for name in kinds:
+        if name and name not in deep:
+            raise UserError("no such camera with depth", file=source, key="--depth-camera", got=name, choices=deep)
+    every = kinds.get("")
+    return replace(rec, frames=frames.of_kinds(dict.fromkeys(deep, every) if every else kinds))
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:

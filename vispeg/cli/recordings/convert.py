@@ -68,6 +68,9 @@ class Args:
     (observation.images.wrist), or all."""
     cameras: tuple[Path, ...] = ()
     """Camera files with the intrinsics and poses that the source lacks, and the robot's own file too."""
+    depth_camera: tuple[str, ...] = ()
+    """Kind of the depth cameras, by whose noise their depth is judged: d405, d435 or structured_light; NAME=KIND where
+    they differ."""
     torque_sensor: Literal["joint", "motor", "none"] | None = None
     """Where torque was measured: behind the gear (joint) or from the current (motor); default: torque is not used."""
     table: Literal["csv", "parquet"] = "csv"
@@ -100,6 +103,7 @@ class Args:
                 mapping=mapping,
                 topics=Topics(self.topic, self.command_topic, self.pose_topic, self.wrench_topic, self.images),
                 cameras=self.cameras,
+                depth_camera=self.depth_camera,
                 torque_sensor=self.torque_sensor,
                 insist=self.insist,
                 table=self.table,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.camera import RecordedCamera, Sensor
 from vispeg.recordings.frames.png import read_colour, read_steps
 
 Source = Path | np.ndarray | None
@@ -77,6 +77,18 @@ class Frames:
     def of(self, camera: str) -> Frames:
         """Those of one camera."""
         return self.some(np.array([frame.camera.name == camera for frame in self], bool))
+
+    def of_kinds(self, kinds: Mapping[str, Sensor]) -> Frames:
+        """The same with the kind of depth camera stated of some cameras, by name."""
+        cameras = {n: replace(c, sensor=kinds[n]) if n in kinds else c for n, c in self.cameras.items()}
+        frames = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in self)
+        return replace(self, cameras=cameras, frames=frames)
+
+    @property
+    def deep(self) -> list[str]:
+        """Names of the cameras that have depth, in the order of `cameras`."""
+        there = {frame.camera.name for frame in self if frame.depth_source is not None}
+        return [name for name in self.cameras if name in there]
 
     @property
     def times(self) -> np.ndarray:
