@@ -7,12 +7,16 @@ import pytest
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("coacd")
 
+from vispeg.core.effect import EffectInstance, effect  # noqa: E402
 from vispeg.core.errors import UserError  # noqa: E402
+from vispeg.effects.appearance.distractors import KEEP_OUT  # noqa: E402
+from vispeg.render.look import Fields  # noqa: E402
 from vispeg.robots import user_shapes  # noqa: E402
 from vispeg.robots.scene import SceneConfig, build  # noqa: E402
 from vispeg.task.peg.config import PegConfig  # noqa: E402
 from vispeg.task.peg.env import PegInHoleVec  # noqa: E402
 from vispeg.task.world_file import load_world, world_text  # noqa: E402
+from vispeg.worlds.places import values  # noqa: E402
 
 APOTHEM, LENGTH, DEPTH, HALF = 8.0, 80.0, 25.0, 30.0  # mm: peg, hole, half the block's width
 CLEARANCE, CONCAVITY = 2.0, 0.02  # mm, CoACD's threshold
@@ -240,6 +244,51 @@ def test_a_short_peg_is_refused_before_anything_is_taken_apart(files, monkeypatc
     with pytest.raises(UserError, match="65 mm along z or more: .* handle") as refused:
         SceneConfig(**given(files, peg_mesh=str(files / "short.stl")))
     assert "short.stl" in str(refused.value) and not (files / "other").exists()
+
+
+def test_things_of_a_world_s_own_stand_on_its_table(tmp_path, monkeypatch):
+    """In their own size, on their lowest point, off the hole, seen by rays; paths and content as of peg and hole."""
+    (tmp_path / "w").mkdir()
+    wedge = trimesh.convex.convex_hull([[0, 0, 0], [40, 0, 0], [0, 20, 0], [0, 0, 30], [40, 20, 5]])
+    wedge.export(tmp_path / "wedge.stl")
+    sheet = trimesh.Trimesh([[0, 0, 7], [50, 0, 7], [50, 30, 7], [0, 30, 7]], [[0, 1, 2], [0, 2, 3]])
+    sheet.export(tmp_path / "sheet.ply")  # without a thickness, and so not closed
+    task = "{distractor_meshes: [../wedge.stl, ../sheet.ply], mesh_scale: 0.001}"
+    text = f"format: vispeg-world/1\nname: own\nbase: nominal\ntask: {task}\n"
+    (tmp_path / "w" / "a.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    world = load_world("w/a.yaml")
+    moved = tmp_path / "elsewhere.yaml"
+    moved.write_text(world_text(world))
+    assert load_world(moved).hash == world.hash != load_world("nominal").hash
+    scene = build(PegConfig.of(world.task).scene())
+    things = scene.parts["distractors"]
+    assert len(things) == 2
+    for seed in range(6):
+        fields = Fields(scene.compile(), scene)
+        placed = EffectInstance.of("distractors", "scene", count=5, seed=seed)
+        effect("distractors").write(fields, values(effect("distractors"), [(placed,)], scene))
+        model, data = fields.model, mujoco.MjData(fields.model)
+        mujoco.mj_forward(model, data)
+        for name, size in zip(things, ((40, 20, 30), (50, 30, 0)), strict=True):
+            g, m = model.geom(name).id, model.geom_dataid[model.geom(name).id]
+            corners = model.mesh_vert[model.mesh_vertadr[m] :][: model.mesh_vertnum[m]]
+            points = corners @ data.geom_xmat[g].reshape(3, 3).T + data.geom_xpos[g]
+            low, high = points[:, 2].min(), points[:, 2].max()
+            assert 0 < low < 2e-4 and high - low == pytest.approx(size[2] / 1e3, abs=1e-6)
+            flat = points[:, :2] - points[:, :2].mean(axis=0)
+            reach = np.linalg.norm(flat[:, None] - flat[None], axis=2).max()
+            assert reach == pytest.approx(np.hypot(*size[:2]) / 1e3, abs=1e-6), "a turn about z keeps its size"
+            assert np.linalg.norm(points[:, :2] - data.site("hole").xpos[:2], axis=1).min() > KEEP_OUT
+            assert model.geom_rgba[g, 3] == 1 and not model.geom_contype[g] and not model.geom_conaffinity[g]
+            hit, above = np.zeros(1, np.int32), [*points[:, :2].mean(axis=0), 0.06]
+            mujoco.mj_ray(model, data, above, [0, 0, -1.0], np.array([1, 0, 0, 0, 0, 0], np.uint8), 1, -1, hit)
+            assert hit[0] == g, "rays see it where it is"
+    wedge.apply_scale([1, 1, 1.1]).export(tmp_path / "wedge.stl")
+    assert load_world("w/a.yaml").hash != world.hash
+    wedge.apply_scale([1, 1, 3]).export(tmp_path / "wedge.stl")
+    with pytest.raises(UserError, match="wedge.stl.*distractor_meshes.*60 mm"):
+        load_world("w/a.yaml")
 
 
 def test_a_world_sees_its_meshes_from_its_own_file_and_hashes_what_is_in_them(files, tmp_path, monkeypatch):

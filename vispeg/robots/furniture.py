@@ -5,10 +5,15 @@ Parts share a material and a texture of their own, which is what randomized look
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
+
+from vispeg.robots.user_shapes import UserThing, add_seen
 
 G = mujoco.mjtGeom
 CONTACT = {"contype": 1, "conaffinity": 0}
+BELOW = 2.0  # m under the table, where a mesh that is not drawn lies: unlike a shape it cannot be made small
 TEXTURE = 128  # px, every part's texture
 SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)
 COLOURS = {
@@ -57,8 +62,8 @@ def material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = part
 
 
-def room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
-    """Adds table, floor, wall and distractors; geom names of each part."""
+def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tuple[str, ...]]:
+    """Adds table, floor, wall and distractors, the user's things where there are any; geom names of each part."""
     world = spec.worldbody
     world.add_geom(
         name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT
@@ -66,17 +71,14 @@ def room(spec: mujoco.MjSpec) -> dict[str, tuple[str, ...]]:
     flat = {"contype": 0, "conaffinity": 0}
     world.add_geom(name="floor", type=G.mjGEOM_PLANE, size=(4, 4, 0.1), pos=(0, 0, -0.75), material="floor", **flat)
     world.add_geom(name="wall", type=G.mjGEOM_BOX, size=(0.02, 3, 2), pos=(1.6, 0, 1.0), material="wall", **flat)
-    for i, shape in enumerate(SHAPES):
+    names = tuple(f"distractor{i}" for i in range(len(things or SHAPES)))
+    parked = {"rgba": (0.5, 0.5, 0.5, 0.0), "material": "distractors"}
+    for name, thing in zip(names, things, strict=False):
+        add_seen(spec, world, name, thing.vertices, thing.faces, {"pos": (0.9, 0.0, -BELOW), **parked})
+    for i, (name, shape) in enumerate(zip(names, () if things else SHAPES, strict=False)):
         world.add_geom(
-            name=f"distractor{i}",
-            type=shape,
-            size=(0.001, 0.001, 0.001),
-            pos=(0.9, 0.1 * i - 0.2, 0.0),
-            rgba=(0.5, 0.5, 0.5, 0.0),
-            material="distractors",
-            **flat,
+            name=name, type=shape, size=(0.001, 0.001, 0.001), pos=(0.9, 0.1 * i - 0.2, 0.0), **parked, **flat
         )
-    names = tuple(f"distractor{i}" for i in range(len(SHAPES)))
     return {"table": ("table",), "floor": ("floor",), "wall": ("wall",), "distractors": names}
 
 

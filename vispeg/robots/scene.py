@@ -21,7 +21,7 @@ from vispeg.robots.furniture import COLOURS, LIGHTS
 from vispeg.robots.hole import TOUCHED, UNTOUCHED
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene_config import SceneConfig
-from vispeg.robots.user_shapes import UserShape
+from vispeg.robots.user_shapes import UserShape, UserThing
 
 G = mujoco.mjtGeom
 GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
@@ -103,11 +103,17 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
         UserError: geometry that cannot be, mesh files that cannot be used.
     """
     config = config or SceneConfig()
-    return _build(config, cameras, *user_cell.shapes(config))
+    return _build(config, cameras, *user_cell.shapes(config), user_cell.things(config))
 
 
 @lru_cache(maxsize=32)
-def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None, block: UserShape | None) -> Scene:
+def _build(
+    config: SceneConfig,
+    cameras: tuple[str, ...],
+    peg: UserShape | None,
+    block: UserShape | None,
+    things: tuple[UserThing, ...],
+) -> Scene:
     _check_names(config.robot)
     config = user_cell.placed(config, block)
     arm = user_cell.arm_with(config, f"peg{round(config.diameter * 1000)}")
@@ -124,7 +130,7 @@ def _build(config: SceneConfig, cameras: tuple[str, ...], peg: UserShape | None,
     parts = {"arm": visible(spec)}
     parts |= _hand(spec, config)
     parts |= _fixture(spec, config, block)
-    parts |= furniture.room(spec)
+    parts |= furniture.room(spec, things)
     furniture.lights(spec)
     _sensors(spec)
     base: dict[str, Any] = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}

@@ -32,6 +32,8 @@ class PegGeometry:
         mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
         hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
         peg_density: of a peg from a file, kg/m^3.
+        distractor_meshes: mesh files of the things that the effect `distractors` puts on the table, in place of the
+            built-in shapes; in their own size.
     """
 
     clearance_mm: float = None  # type: ignore[assignment]
@@ -48,6 +50,7 @@ class PegGeometry:
     mesh_concavity: float = 0.02
     hole_origin: tuple[float, ...] = ()
     peg_density: float = tools.STEEL
+    distractor_meshes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +109,7 @@ class SceneConfig(PegGeometry):
                 got=self.fixture,
             )
 
+        user_cell.things(self)  # raises where a file cannot be used
         if self.peg_mesh or self.hole_mesh:  # last, for it takes meshes apart
             object.__setattr__(self, "clearance_mm", user_cell.fitted(self))
 

@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.robots import hole, tools, user_shapes
 from vispeg.robots.model import RobotModel, load
-from vispeg.robots.user_shapes import UserShape, gap, play, read
+from vispeg.robots.user_shapes import UserShape, UserThing, gap, play, read
 
 if TYPE_CHECKING:
     from vispeg.robots.scene import SceneConfig
@@ -24,6 +24,7 @@ LEVELS = 24  # heights at which the outlines of peg and hole are compared
 FLIP = np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
 PEG_CONTACT = {"contype": 0, "conaffinity": 1}
 WIDTH = 0.005, 0.08  # m, of a peg
+MOST_THINGS = 40  # meshes of distractors: each stands in every compiled cell, drawn or not
 
 
 def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
@@ -41,6 +42,18 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
     peg = read(c.peg_mesh, "peg_mesh", c.mesh_scale, c.mesh_concavity, tip=True) if c.peg_mesh else None
     block = read(c.hole_mesh, "hole_mesh", c.mesh_scale, c.mesh_concavity, c.hole_origin) if c.hole_mesh else None
     return peg, block
+
+
+def things(config: SceneConfig) -> tuple[UserThing, ...]:
+    """Give the user's things for the table; none where the built-in ones are meant.
+
+    Raises:
+        UserError: files that cannot be used, or too many.
+    """
+    files = config.distractor_meshes
+    if len(files) > MOST_THINGS:
+        raise UserError("too many meshes", key="distractor_meshes", expected=f"at most {MOST_THINGS}", got=len(files))
+    return tuple(user_shapes.thing(f, f"distractor_meshes[{i}]", config.mesh_scale) for i, f in enumerate(files))
 
 
 def _holdable(extent: np.ndarray, config: SceneConfig) -> None:

@@ -1,7 +1,8 @@
-"""Pegs and holes given as mesh files: read, measured, taken apart into convex pieces for contact.
+"""Pegs, holes and things on the table given as mesh files: read, measured, taken apart into convex pieces for contact.
 
-Frames: both files are drawn as assembled, z up and out of the hole. A peg's axis is its file's z axis, its tip its
-lowest point; the centre of a hole's mouth is the middle of its mesh's bounding box at the top, or a stated origin.
+Frames: files of peg and hole are drawn as assembled, z up and out of the hole. A peg's axis is its file's z axis, its
+tip its lowest point; the centre of a hole's mouth is the middle of its mesh's bounding box at the top, or a stated
+origin. A thing on the table stands on its lowest point, z up.
 """
 
 # trimesh loads anything; what is not a mesh is refused before these lines.
@@ -12,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,6 +26,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
 
+FLAT = 0.06  # m, height of a thing on the table, which the gripper moves over
 FAR = 0.02  # m: what lies further from a peg is no wall of its hole; the greatest clearance is 20 mm
 CONVEX = 1e-6  # share of its hull's volume that a convex mesh may lack
 MESH = mujoco.mjtGeom.mjGEOM_MESH
@@ -61,19 +64,58 @@ class UserShape:
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
         """Adds geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
-        corners = place(self.vertices)[self.faces].reshape(-1, 3)  # faces apart, so that edges stay sharp
-        indices = np.arange(len(corners))
-        spec.add_mesh(
-            name=name,
-            uservert=corners.ravel().tolist(),
-            userface=indices.tolist(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        body.add_geom(name=name, type=MESH, meshname=name, contype=0, conaffinity=0, mass=0.0, **visual)
+        add_seen(spec, body, name, place(self.vertices), self.faces, visual)
         for i, piece in enumerate(self.pieces):
             spec.add_mesh(name=f"{name}_piece{i}", uservert=place(piece).ravel().tolist())
             settings = {"group": 3, "mass": 0.0, **contact}
             body.add_geom(name=f"{name}_piece{i}", type=MESH, meshname=f"{name}_piece{i}", **settings)
+
+
+@dataclass(frozen=True, eq=False)
+class UserThing:
+    """A mesh that is seen and not touched: the middle of its bottom is the origin, z up, m.
+
+    Attributes:
+        vertices, faces: (v, 3) m and (f, 3).
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def add_seen(
+    spec: mujoco.MjSpec, body: Any, name: str, vertices: np.ndarray, faces: np.ndarray, visual: Mapping[str, Any]
+) -> None:
+    """Add geom `name`, a mesh (v, 3) m with faces (f, 3) that is seen and touches nothing."""
+    corners = vertices[faces].reshape(-1, 3)  # faces apart, so that edges stay sharp
+    spec.add_mesh(
+        name=name,
+        uservert=corners.ravel().tolist(),
+        userface=np.arange(len(corners)).tolist(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    body.add_geom(name=name, type=MESH, meshname=name, contype=0, conaffinity=0, mass=0.0, **visual)
+
+
+def thing(file: str, key: str, scale: float) -> UserThing:
+    """Read a mesh that stands about, whose surface may have gaps.
+
+    Raises:
+        UserError: not a mesh, or too large for a thing that the gripper moves over.
+    """
+    return _thing(*_found(file, key), key, scale)
+
+
+@lru_cache(maxsize=64)
+def _thing(file: str, stamp: int, key: str, scale: float) -> UserThing:
+    mesh = _mesh(file, stamp, key, scale, closed=False)
+    low, high = mesh.bounds
+    if high[2] - low[2] > FLAT:
+        expected = f"at most {1e3 * FLAT:g} mm along z, so that the gripper moves over it"
+        got = f"{1e3 * (high[2] - low[2]):.3g} mm"
+        raise UserError("too high for a distractor", file=file, key=key, expected=expected, got=got)
+    foot = np.array([*(low + high)[:2] / 2, low[2]])
+    return UserThing(np.array(mesh.vertices) - foot, np.array(mesh.faces))
 
 
 def read(
@@ -110,8 +152,8 @@ def _found(file: str, key: str) -> tuple[str, int]:
 
 
 @lru_cache(maxsize=16)
-def _mesh(file: str, stamp: int, key: str, scale: float) -> Any:
-    """The closed mesh of a file, in m."""
+def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) -> Any:
+    """The mesh of a file, in m; `closed` refuses one with gaps."""
     import trimesh
 
     data = Path(file).read_bytes()
@@ -122,15 +164,15 @@ def _mesh(file: str, stamp: int, key: str, scale: float) -> Any:
         raise UserError("cannot be read as a mesh", file=file, key=key, got=str(error)[:80]) from error
     if not len(mesh.faces):
         raise UserError("holds no triangles", file=file, key=key)
-    if not mesh.is_watertight or not mesh.is_winding_consistent:
+    if closed and not (mesh.is_watertight and mesh.is_winding_consistent):
         raise UserError("the mesh is not watertight", file=file, key=key, expected="a closed surface without gaps")
-    if mesh.volume < 0:
+    if closed and mesh.volume < 0:
         mesh.invert()
     mesh.apply_scale(scale)
     low, high = mesh.bounds
     if not 0.002 <= (high - low).max() <= 0.4:
         hint = "2 to 400 mm at its longest (mesh_scale is m per unit of the file: 0.001 for mm)"
-        raise UserError("no size for a peg or a hole", file=file, key=key, expected=hint, got=(high - low).round(6))
+        raise UserError("no size for a part of the cell", file=file, key=key, expected=hint, got=(high - low).round(6))
     return mesh
 
 

@@ -39,7 +39,7 @@ class TaskConfig:
     Class attributes:
         rewards: the task's reward terms.
         tolerance: the setting that makes the task easier or harder; None where there is none.
-        files: settings that name a file: seen from the world file, and by their content in the world's hash.
+        files: settings that name a file, or several: seen from the world file, by their content in the world's hash.
 
     Attributes:
         name: of the task, see vispeg.task.registry.
@@ -125,8 +125,9 @@ class TaskConfig:
         if not 0 <= self.start_radius <= 0.2:
             raise UserError("impossible start", key="start_radius", expected="0 to 0.2 m", got=self.start_radius)
         for key in self.files:  # absolute, so that settings mean the same wherever they are written down
-            if stated := getattr(self, key):
-                object.__setattr__(self, key, str(Path(stated).expanduser().absolute()))
+            stated = getattr(self, key)
+            placed = tuple(str(Path(file).expanduser().absolute()) for file in _each(stated) if file)
+            object.__setattr__(self, key, placed if isinstance(stated, tuple) else "".join(placed))
         if not self.cameras or len(set(self.cameras)) < len(self.cameras):
             raise UserError("wrong cameras", key="cameras", expected="names, each once", got=self.cameras)
         if self.image_size != 0 and not 8 <= self.image_size <= 1024:

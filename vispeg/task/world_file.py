@@ -39,7 +39,7 @@ FILES = 100  # that a world may be put together from: bases that name bases can 
 # fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
 # so that theirs stays what it was; whoever adds a field adds it here
 LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward", "robot", "avoid_limits")
-LATER += ("guard_velocity", "guard_limit", "guard_singularity")
+LATER += ("guard_velocity", "guard_limit", "guard_singularity", "distractor_meshes")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
 
 
@@ -147,7 +147,7 @@ def world_hash(
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
     usual = type(config)
     settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
-    settings |= {k: _digest(settings[k]) for k in config.files if settings.get(k)}
+    settings |= {k: _digests(settings[k]) for k in config.files if settings.get(k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
         settings["robot"] |= {"model": robot, "tool": identity(config.robot.tool)}
@@ -258,7 +258,9 @@ def _beside(text: str, file: Path) -> Path:
 
 
 def _placed(stated: Any, file: Path) -> Any:
-    """A file that a setting of the task names, from wherever its world is read again; what is no path as it is."""
+    """The files that a setting of the task names, from wherever its world is read again; what is no path as it is."""
+    if isinstance(stated, list | tuple):
+        return [_placed(one, file) for one in stated]
     return str(_beside(stated, file).resolve()) if isinstance(stated, str) and stated else stated
 
 
@@ -295,6 +297,11 @@ def _renderer(section: Any, path: Path) -> Mapping[str, Any]:
             choices = [str(c).lower() for c in RENDERER[key]]
             raise UserError("unknown choice", file=path, key=f"renderer.{key}", got=value, choices=choices)
     return dict(section)
+
+
+def _digests(stated: str | Sequence[str]) -> str | list[str]:
+    """What is in the file that a setting names, or in each of several."""
+    return _digest(stated) if isinstance(stated, str) else [_digest(file) for file in stated]
 
 
 def _digest(file: str) -> str:

@@ -1,5 +1,7 @@
 """Distractors: up to five things that lie on the table, to be seen and not to be touched.
 
+They are built-in shapes, or the meshes that a world's `distractor_meshes` names, in the size that their files have.
+
 Kinds, sizes, colours and places follow from `seed` alone: flat enough (at most 6 cm) and far enough from the goal
 (`KEEP_OUT`, outside the fixture) to stay clear of the gripper and what it holds. A place that overlaps another thing is
 drawn again.
@@ -20,6 +22,7 @@ from vispeg.effects.common.colour import rgb_of_hsv
 KEEP_OUT = 0.09  # m, from the goal's axis to the nearest point of a thing
 AREA = np.array([[0.35, 0.90], [-0.35, 0.35]])  # m, of the table around the goal, x and y in the base frame
 TRIES = 50
+LIFT = 1e-4  # m, of a mesh over the table: of a sheet without thickness no picture could tell which is above
 G = mujoco.mjtGeom
 
 
@@ -45,21 +48,26 @@ class Distractors(SceneLook):
             for g in rng.permutation(geoms)[: count[row]]:
                 half = rng.uniform((0.012, 0.012, 0.008), (0.04, 0.04, 0.03)) * p["size"][row, 0]
                 half[2] = min(half[2], 0.03)
-                size, bounds, quat = _shape(int(model.geom_type[g]), half, rng.uniform(0, 2 * np.pi))
-                reach = float(np.hypot(*bounds[:2]))
+                kind, yaw = int(model.geom_type[g]), rng.uniform(0, 2 * np.pi)
+                if kind == G.mjGEOM_MESH:
+                    stands, quat, reach = _mesh(model, int(model.geom_dataid[g]), yaw)
+                else:
+                    size, bounds, quat = _shape(kind, half, yaw)
+                    stands, reach = np.array([0, 0, bounds[2]]), float(np.hypot(*bounds[:2]))
+                    local = size_bounds(kind, size)
                 place = _place(rng, taken, reach)
                 colour = rgb_of_hsv(rng.uniform(), rng.uniform(), rng.uniform(0.15, 1))
                 if place is None:  # no room: it stays away
                     continue
                 taken.append((place, reach))
-                local = size_bounds(int(model.geom_type[g]), size)
-                fields["geom_pos"][row, g] = (*place, bounds[2])
+                fields["geom_pos"][row, g] = stands + [*place, 0]
                 fields["geom_quat"][row, g] = quat
-                fields["geom_size"][row, g] = size
                 fields["geom_rgba"][row, g] = (*colour, 1.0)
-                fields["geom_rbound"][row, g] = np.linalg.norm(local)
-                fields["geom_aabb"][row, g] = (0, 0, 0, *local)
                 fields["geom_sameframe"][row, g] = 0
+                if kind != G.mjGEOM_MESH:
+                    fields["geom_size"][row, g] = size
+                    fields["geom_rbound"][row, g] = np.linalg.norm(local)
+                    fields["geom_aabb"][row, g] = (0, 0, 0, *local)
 
 
 def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -74,6 +82,25 @@ def _shape(kind: int, half: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndar
         mujoco.mju_mulQuat(quat, turn, np.array([np.sqrt(0.5), 0, np.sqrt(0.5), 0]))
         return np.array([radius, half[0], 0]), np.array([half[0] + radius, radius, radius]), quat
     return half.copy(), half, turn  # box, ellipsoid
+
+
+def _mesh(model: mujoco.MjModel, mesh: int, yaw: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Place, m, and quaternion of a mesh's geom that stands turned on the table's origin, and how far it reaches, m.
+
+    The compiler moved the mesh's vertices into its own principal axes, by `mesh_pos` and `mesh_quat`.
+    """
+    turn, quat, stands, matrix = (
+        np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]),
+        np.empty(4),
+        np.empty(3),
+        np.empty(9),
+    )
+    mujoco.mju_mulQuat(quat, turn, model.mesh_quat[mesh])
+    mujoco.mju_rotVecQuat(stands, model.mesh_pos[mesh], turn)
+    mujoco.mju_quat2Mat(matrix, quat)
+    start = model.mesh_vertadr[mesh]
+    vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ matrix.reshape(3, 3).T + stands
+    return stands + [0, 0, LIFT], quat, float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
 
 
 def size_bounds(kind: int, size: np.ndarray) -> np.ndarray:

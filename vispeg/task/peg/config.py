@@ -26,7 +26,7 @@ class PegConfig(PegGeometry, TaskConfig):
 
     rewards: ClassVar[Rewards] = REWARDS
     tolerance: ClassVar[Tolerance | None] = Tolerance("clearance_mm", "clearance")
-    files: ClassVar[tuple[str, ...]] = ("peg_mesh", "hole_mesh")
+    files: ClassVar[tuple[str, ...]] = ("peg_mesh", "hole_mesh", "distractor_meshes")
 
     name: str = "peg"
     solref: tuple[float, float] = (0.004, 1.0)
