@@ -13,6 +13,7 @@ from vispeg.datasets.layout import colour_of
 from vispeg.datasets.opening import open_dataset
 from vispeg.view.frames import Frames
 from vispeg.view.opened import opened
+from vispeg.view.place import CELL
 from vispeg.view.run_folder import read
 
 COLUMNS = "steps,seconds,updates,success,reward,failures,critic_loss"
@@ -109,3 +110,6 @@ def test_curves_grow_while_a_run_trains_and_its_policy_plays(run, page_of, serve
     pytest.importorskip("torch", reason="the extra 'learn' is not installed")
     page.get_by_role("button", name="Play this checkpoint").click()
     page.wait_for_selector("[data-episode] h2")
+    assert np.allclose(app.server.initial_camera.position, CELL[0]), (
+        "from between the cell's walls, not from behind one"
+    )

@@ -28,7 +28,7 @@ def test_each_window_has_its_system_s_colours_until_somebody_chooses(rigs, page_
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1440), ("dark", 400)])
-def test_axe_has_no_serious_finding_on_any_page(rigs, page_of, served, scheme, width):
+def test_no_page_has_a_serious_finding_of_axe_or_lacks_a_panel(rigs, page_of, served, scheme, width):
     app = served(rigs / "arm.xml")
     page = page_of(app, width, 800, color_scheme=scheme)
     page.wait_for_selector("text=Drop your model and your logs")
@@ -40,3 +40,15 @@ def test_axe_has_no_serious_finding_on_any_page(rigs, page_of, served, scheme, w
         page.wait_for_timeout(500)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.evaluate(GRAVE) == [], one.title
+        button = page.get_by_text("Maps, plots and pictures of this page")
+        if one.title == "Import":  # its second panel is there from the start: in a narrow window under the first, open
+            second = page.get_by_text("Columns, units and the reasons for them")
+            assert button.is_visible() == (width == 400)
+            if width == 400:
+                button.click()
+                page.wait_for_function("document.querySelector('.mantine-Tabs-root').getBoundingClientRect().top < 790")
+                box = second.bounding_box()
+                assert box is not None and 0 <= box["x"] and box["x"] + box["width"] <= width < box["width"] + 100
+                page.get_by_text("Diagnose", exact=True).first.scroll_into_view_if_needed()
+        elif one.title == "Training":  # without a run it has none
+            assert not button.is_visible()

@@ -14,7 +14,7 @@ from vispeg.view.diagnose.page import StudyPage
 from vispeg.view.gate import HOST, Gate, free_port, limit_uploads
 from vispeg.view.import_page import ImportPage
 from vispeg.view.opened import Opened
-from vispeg.view.place import ARM, Page, Place
+from vispeg.view.place import ARM, WIDE, Page, Place
 from vispeg.view.policy_page import PolicyPage
 from vispeg.view.run_page import RunPage
 from vispeg.view.world_page import WorldPage
@@ -44,14 +44,14 @@ class App:
         self.url = gate.url(self.server.get_port())
         gui = self.server.gui
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(370)
+        gui.main_panel.set_width(WIDE)
         gui.add_html(html.style())
         place = Place(self.server, out, threads)
         place.look(ARM)
-        titles = [kind.title for kind in (ImportPage, StudyPage, WorldPage, PolicyPage, DataPage, RunPage)]
         titles = [kind.title for kind in (StudyPage, ImportPage, WorldPage, PolicyPage, DataPage, RunPage)]
         self.chooser = gui.add_button_group("Page", titles)
         self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
+        gui.add_html(html.below())
         self.study = StudyPage(place, opened.model, list(opened.recordings), self._dropped)
         self.logs = ImportPage(place, opened.logs, opened.model, self._recorded)
         self.policies = PolicyPage(place, opened.policy, opened.world)

@@ -52,8 +52,7 @@ class DataPage(Page):
             self.gallery = Gallery(place)
         with self.left.add_tab("All draws"):
             self.draws = gui.add_html(html.note("How drawn values spread over the episodes comes here."))
-        self.left.dock_left()
-        self.left.set_width(370)
+        place.beside(self.left)
         self.make.on_click(lambda _: self._make())
         self.number.on_update(lambda _: self.look())
         self.episode.on_update(lambda _: self._to_episode())

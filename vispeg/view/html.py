@@ -35,6 +35,11 @@ def style() -> str:
     return _page("style")
 
 
+def below() -> str:
+    """Of a narrow window: what leads to the page's second panel, which stands under the first there."""
+    return _page("below")
+
+
 def window(target: str) -> str:
     """What runs once a window, see window.js; it types into the field whose label is for `target`."""
     made = templates("vispeg.view")

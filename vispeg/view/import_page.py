@@ -82,8 +82,7 @@ class ImportPage(Page):
             self.signal = gui.add_dropdown("Signal", ("q",), initial_value="q")
             self.plots = gui.add_folder(None)
             self.table = gui.add_html(html.note("Columns, units and the reasons for them come here."))
-        self.left.dock_left()
-        self.left.set_width(370)
+        place.beside(self.left)
         self.plot: Any = None
         self._wire()
         self._moded()

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 View = tuple[tuple[float, float, float], tuple[float, float, float]]
 ARM: View = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)  # of an arm alone
+WIDE = 370  # px of a panel
 FRESH = 3.0  # s that a look at the working folder holds: pages ask one after the other
 CELL: View = (1.55, -1.35, 0.9), (0.45, -0.1, 0.25)  # between the walls of a cell
 
@@ -65,6 +66,12 @@ class Place:
                     known.places.setdefault(kind, []).extend(paths)
             self.seen[here] = time.monotonic(), known
         return known
+
+    def beside(self, panel: Any) -> None:
+        """Put a page's second panel on the left; in a narrow window it is the end of the one sheet, and open too."""
+        panel.dock_left()
+        panel.set_width(WIDE)
+        panel.expand()
 
     def look(self, view: View) -> None:
         """Turns every window, and those that are opened later, to a point: position of the viewer, and the point, m."""

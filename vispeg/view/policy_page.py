@@ -80,8 +80,7 @@ class PolicyPage(Page):
         with self.left.add_tab("What the policy sees"):
             self.gallery = Gallery(place)
             self.plots = gui.add_folder(None)
-        self.left.dock_left()
-        self.left.set_width(370)
+        place.beside(self.left)
         self.plot: Any = None
         self.start.on_click(lambda _: self.begin())
         self.slider.on_update(lambda _: self.draw())
@@ -120,9 +119,11 @@ class PolicyPage(Page):
             side = self.sides[k]
             side.world = world
             colours = {g: c for g, c in COLOURS.items()}
-            self.fills = True
             if self.visible:
                 self.place.stage.rest(False)
+                if not self.fills:
+                    self.place.look(CELL)
+            self.fills = True
             side.cell = Drawing(self.place.server.scene, f"/cell{k}", model, colours=_rgb(colours))
             side.cell.root.position = (0.0, -APART * k, 0.0)
             side.cell.show(self.visible)

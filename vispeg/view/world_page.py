@@ -63,8 +63,7 @@ class WorldPage(Page):
             self.gallery = Gallery(place)
             with gui.add_folder("Drawn this time"):
                 self.drawn = gui.add_html("")
-        self.left.dock_left()
-        self.left.set_width(370)
+        place.beside(self.left)
         self.seed.on_update(lambda _: self.draw())
         self.other.on_click(lambda _: self._next())
         self.save.on_click(lambda _: self._save())

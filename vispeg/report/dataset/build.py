@@ -77,7 +77,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
         "name": data.folder.name,
         "frames": len(data),
         "episodes": len(lengths),
-        "lengths": f"{min(lengths)} to {max(lengths)}",
+        "lengths": " to ".join(dict.fromkeys((str(min(lengths)), str(max(lengths))))),
         "megabytes": f"{sum(f.stat().st_size for f in data.folder.rglob('*') if f.is_file()) / 1e6:.1f}",
         "ends": [(k, n) for k, n in ends.most_common() if k],
         "plan": {k: ", ".join(v) if isinstance(v, list) else v for k, v in plan.items() if k != "world_hash"},

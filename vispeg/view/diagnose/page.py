@@ -96,8 +96,7 @@ class StudyPage(Page):
             self.go = gui.add_text("Go to", "", hint="WHAT, RECORDING SECONDS, such as: joint4, 1 2.5")
             self.traces = Traces(place)
             self.pictures = Pictures(place, self._see)
-        self.left.dock_left()
-        self.left.set_width(370)
+        place.beside(self.left)
         self.visible = False
         self._wire()
         place.stage.rest = self.traces.stand

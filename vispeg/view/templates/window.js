@@ -23,6 +23,7 @@ const named = (element, name) => {
     element.setAttribute('aria-label', name);
   }
 };
+const bars = () => document.querySelectorAll('[role=progressbar]').forEach((e) => named(e, 'working'));
 const name = () => {
   if (!told) tell();
   for (const label of document.querySelectorAll('label[for]')) {
@@ -33,17 +34,23 @@ const name = () => {
     const label = 'Expand panel ' + e.innerText.replace(/\s+/g, ' ').trim();
     if (e.getAttribute('aria-label') !== label) e.setAttribute('aria-label', label);
   });
-  document.querySelectorAll('[role=progressbar]').forEach((e) => named(e, 'working'));
   document.querySelectorAll('button').forEach((e) => {
     if (!e.textContent.trim()) named(e, /Close/.test(e.className) ? 'close' : 'more');
   });
+};
+const lead = () => { // to the second panel, where there is one
+  const there = document.querySelector('.mantine-Tabs-root') !== null;
+  document.querySelectorAll('.vp.below').forEach((e) => { if (e.hidden === there) e.hidden = !there; });
 };
 let waits = false;
 const later = () => {
   if (waits) return;
   waits = true;
-  setTimeout(() => { waits = false; name(); }, 200);
+  setTimeout(() => { waits = false; name(); lead(); }, 200);
 };
+bars();
 name();
+lead();
 dark.addEventListener('change', tell);
-new MutationObserver(later).observe(document.body, { childList: true, subtree: true });
+// a bar comes and goes while a page works: it has its name at once, the rest a moment later
+new MutationObserver(() => { bars(); later(); }).observe(document.body, { childList: true, subtree: true });
