@@ -186,7 +186,8 @@ def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
     rigid = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
     frames = [(model.site(s).name, "site", s) for s in range(model.nsite) if model.site_bodyid[s] in rigid]
     frames += [(model.body(b).name, "body", b) for b in rigid]
-    for word in FLANGE_WORDS:
+    beyond = f"link{model.njnt + 1}"  # Franka's link8 behind seven joints
+    for word in (*FLANGE_WORDS, beyond):
         for name, kind, index in frames:
             if word in re.split(r"[^a-z0-9]+", name.lower()):
                 if kind == "site":

@@ -160,6 +160,9 @@ def _file(robot: str) -> Path | None:
         if not is_file(robot):
             raise UserError("no such robot file", file=robot)
         return Path(robot).expanduser().resolve()
+    if Path(robot).suffix.lower() == ".xacro":
+        out = Path(robot).name.partition(".")[0] + ".urdf"
+        raise UserError("needs xacro", file=robot, expected=f"its result: xacro {Path(robot).name} > {out}")
     path = menagerie.find(robot)
     if path is None:
         hint = "a name, or a path to an .xml (MJCF) or .urdf"

@@ -6,8 +6,11 @@ is not: the numbers found there are rarely measured, and friction is an effect, 
 
 from __future__ import annotations
 
+import math
 import os
+import warnings
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
@@ -21,6 +24,12 @@ from vispeg.robots.urdf_check import check_urdf
 
 READABLE = (".stl", ".obj", ".msh")
 SPECK = 1e-9, 1e-12  # kg, kg m^2: what a massless link between joints gets, as MuJoCo asks for some
+LEAST = 1e-15  # kg m^2: mjMINVAL, below which MuJoCo refuses a moment of inertia
+MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+# what the rest of this module relies on: fuse nothing, so that massless frames (flange, tool0) stay, and keep shapes;
+# and no mass is guessed from shapes unless the file asks for it
+OURS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
+USUAL = {"inertiafromgeom": "false"}
 
 
 def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
@@ -32,14 +41,16 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     root = read_xml(path)
     if root.tag != "robot":
         raise UserError("not a URDF", file=path, expected="<robot>", got=f"<{root.tag}>")
+    _refuse_xacro(root, path)
     check_urdf(root, path)
     limits = {j.get("name", ""): _limits(j, path) for j in root.iter("joint") if j.find("limit") is not None}
-    _strip(root, path)
+    options = _options(root, path)
+    _strip(root, path, options.get("meshdir", ""))
+    _mend(root, path, options)
     for old in root.findall("mujoco"):
         root.remove(old)
-    # fuse nothing: massless frames (flange, tool0) stay; no mass is guessed from shapes
-    options = {"strippath": "false", "fusestatic": "false", "discardvisual": "false", "inertiafromgeom": "false"}
-    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", options)
+    compiler = USUAL | {key: text for key, text in options.items() if key != "meshdir"} | OURS
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", compiler)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except REFUSALS as error:
@@ -70,14 +81,80 @@ def _limits(joint: ET.Element, path: Path) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def _strip(root: ET.Element, path: Path) -> None:
-    """Makes mesh paths absolute; drops shapes whose file is missing or of a kind that MuJoCo does not read."""
+def _refuse_xacro(root: ET.Element, path: Path) -> None:
+    """Raises UserError for a file that is a program which writes a URDF."""
+    if any(str(element.tag).startswith("xacro:") for element in root.iter()):
+        out = path.name.partition(".")[0] + ".urdf"
+        raise UserError("needs xacro", file=path, expected=f"its result: xacro {path.name} > {out}")
+
+
+def _options(root: ET.Element, path: Path) -> dict[str, str]:
+    """What the file tells MuJoCo's compiler. Raises UserError: a number that is not finite."""
+    out: dict[str, str] = {}
+    for compiler in root.findall("mujoco/compiler"):
+        out |= compiler.attrib
+    for key in ("boundmass", "boundinertia", "settotalmass"):
+        try:
+            finite = math.isfinite(float(out.get(key, "0")))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise UserError("is not finite", file=path, key=f"compiler.{key}", expected="a number", got=out[key])
+    return out
+
+
+def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
+    """Replaces inertias that MuJoCo refuses by those of its own cures, and names the links.
+
+    `balanceinertia` gives all three moments their mean where the largest exceeds the sum of the others, `boundinertia`
+    raises what is too small; a moment below zero is raised too, which neither of them does. What the file asks for
+    itself is not said.
+    """
+    asked = {"balance": options.get("balanceinertia") == "true", "bound": float(options.get("boundinertia", "0")) > 0}
+    said: list[str] = []
+    for link in root.findall("link"):
+        inertia, mass = link.find("inertial/inertia"), link.find("inertial/mass")
+        if inertia is None:
+            continue
+        tensor = np.zeros((3, 3))
+        for key, (i, k) in MOMENTS.items():
+            tensor[i, k] = tensor[k, i] = float(inertia.get(key) or 0)
+        if not tensor.any() and (mass is None or not float(mass.get("value") or 0)):
+            continue  # a frame without mass
+        moments, axes = np.linalg.eigh(tensor)
+        small, unequal = moments[0] < LEAST, False
+        moments = np.maximum(moments, SPECK[1]) if small else moments
+        if moments[0] + moments[1] < moments[2]:
+            unequal, moments = True, np.full(3, moments.mean())
+        if not small and not unequal:
+            continue
+        mended = axes @ np.diag(moments) @ axes.T if moments[0] != moments[2] else np.diag(moments)
+        for key, place in MOMENTS.items():
+            inertia.set(key, repr(float(mended[place])))
+        if (small and not asked["bound"]) or (unequal and not asked["balance"]):
+            said.append(f"{link.get('name')} ({'too small' if small else 'A + B < C'})")
+    if said:
+        warnings.warn(
+            f"{path}: inertias that no body has are mended as MuJoCo's balanceinertia and boundinertia do: "
+            f"{', '.join(said)}",
+            stacklevel=2,
+        )
+
+
+def _strip(root: ET.Element, path: Path, meshes: str) -> None:
+    """Makes mesh paths absolute; drops shapes whose file is missing or of a kind that MuJoCo does not read.
+
+    `meshes` is the file's own `meshdir`, where a mesh is looked for by its path or by its name alone.
+    """
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
-            file = locate(mesh.get("filename", ""), path.parent)
+            name = mesh.get("filename", "")
+            file = locate(name, path.parent)
+            if file is None and meshes:
+                file = locate(name, path.parent / meshes) or locate(Path(name).name, path.parent / meshes)
             if file is None or file.suffix.lower() not in READABLE:
                 link.remove(shape)
             else:
