@@ -85,9 +85,9 @@ def test_every_effect_at_every_size_leaves_noise_once_it_is_known():
 
 def test_a_tool_of_any_weight_begins_in_free_air_and_one_that_presses_does_not():
     """What stands free reads the same until it has moved; a reading turned round or of another unit is refused."""
-    heavy = recorded((WEIGHED[0],))
-    assert evidence_of([heavy]).items[0].phase.resting.any()
-    plain = recorded()
+    near = EffectInstance.of("grip_pose", "peg", z=0.003)  # 1 mm above the surface
+    plain, heavy, close = recorded_together([(), (WEIGHED[0],), (near,)])
+    assert all(evidence_of([rec]).items[0].phase.resting.any() for rec in (heavy, close))
     pressing = int(np.argmax(plain.time > 0.95))  # it stands pressed for 0.5 s, then is lifted
     stands = np.r_[np.full(250, pressing), np.arange(pressing, len(plain.time))]
     rng = np.random.default_rng(0)
@@ -102,3 +102,19 @@ def test_a_tool_of_any_weight_begins_in_free_air_and_one_that_presses_does_not()
     for wrong in (-1.0, 1000.0, 1e-3):
         with pytest.raises(UserError, match="not what the tool weighs"):
             evidence_of([replace(plain, ft=wrong * plain.ft, noise={**plain.noise, "ft": abs(wrong) * 0.1})])
+
+
+@pytest.mark.parametrize(("stiffness", "free"), [(1e5, False), (2.5e3, False), (2e2, True)])
+def test_a_tool_that_is_lifted_off_what_it_presses_on_does_not_begin_in_free_air(stiffness, free):
+    """Pressed with 10 N on a spring, by Hooke's law; what is as soft as a cable is nothing to press on."""
+    plain = recorded()
+    path = evidence_of([plain]).items[0].path
+    gone = np.interp(plain.time, path.time, np.linalg.norm(path.place[:, :3], axis=1))
+    pressed = plain.ft.copy()
+    pressed[:, 2] -= np.maximum(10.0 - stiffness * np.maximum(gone - 5e-5, 0.0), 0.0)
+    rec = replace(plain, ft=pressed)
+    if free:
+        assert evidence_of([rec]).items[0].phase.resting.any()
+    else:
+        with pytest.raises(UserError, match=r"no episode begins in free air.* by 2 N a mm or more"):
+            evidence_of([rec])

@@ -63,8 +63,8 @@ def no_free_air(t: Touching) -> UserError:
     return UserError(
         "no episode begins in free air",
         file=t.recording.path,
-        expected="0.3 s or more at rest, then 1 mm or more of a move, before the first contact",
-        got="a wrench that changes by 2 N or more before the tool has moved, or no rest",
+        expected="0.3 s or more at rest, then a move that leaves the force as it is, before the first contact",
+        got="a force that changes with the move, by 2 N a mm or more, or no rest",
     )
 
 

@@ -10,10 +10,9 @@ import numpy as np
 from vispeg.contact.beginning import BLOCK, beginnings, episode_numbers, no_free_air, tared
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
-from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.hand import Grasp
 from vispeg.contact.inputs import Touching
-from vispeg.contact.path import Path
+from vispeg.contact.path import PLACE, TURN, Path
 from vispeg.contact.phases import Phases
 from vispeg.contact.sensor import hand_world, readings, stands_for
 from vispeg.contact.thin import thinned, without

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.path import Path
+from vispeg.contact.path import PLACE, Path
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import IMPACT, REGIMES
 from vispeg.robots.scene import Scene
@@ -17,9 +17,9 @@ NAMES = REGIMES
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
 STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
 STUCK = 0.005  # m/s, of a tip below which it sticks
-# m that a tool must go from its rest before it touches: pressed, it would read another force by `TOUCH` (2 N) before,
-# on any surface stiffer than 2 N/mm; in free air it may go anywhere, however heavy it is
-AWAY = 1e-3
+# N/m: what a tool presses on is stiffer (rubber under a peg has 10 N/mm and more), so that its reading changes by more
+# than this times its way; of the readings' scatter, standard deviations that are no such change
+SOFTEST, SIGMAS = 2e3, 3.0
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,8 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
     touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
     moving = np.maximum(speed, moves) > STILL
-    rest = _rest(path, touching, moving, size, block)
-    if rest is None:
+    rest = _rest(touching, moving, block)
+    if rest is None or not _leaves(path, slice(rest.start * size, rest.stop * size), contact, touch.touching[at]):
         return None
     time = (np.arange(m) + 0.5) * size * path.step
     everything = np.ones(m, bool), (slice(0, m * size),)
@@ -122,17 +122,32 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     return Phases(time, code, resting, steps, size, speed, middle, near, *everything)
 
 
-def _rest(path: Path, touching: np.ndarray, moving: np.ndarray, size: int, block: float) -> slice | None:
-    """Blocks at rest in free air before the first of those that touch (m,); None where there are not enough."""
+def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | None:
+    """Blocks at rest before the first of those that touch (m,); None where there are not enough."""
     first = int(np.argmax(touching)) if touching.any() else len(touching)
     for a, b in runs(~(touching | moving)[:first]):
         # a block aside of what moves: a block is of one kind by most of its samples
         begin, end = a + (a > 0), min(b - 1, a + (a > 0) + round(LONGEST / block))
         if (end - begin) * block >= SHORTEST:
-            way = path.place[end * size : max(first * size, end * size + 1)] - path.place[end * size - 1]
-            gone = np.hypot(np.linalg.norm(way[:, :3], axis=1), LEVER * np.linalg.norm(way[:, 3:], axis=1)).max()
-            return slice(begin, end) if gone > AWAY or not touching.any() else None
+            return slice(begin, end)
     return None
+
+
+def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) -> bool:
+    """Whether a tool goes away from its rest (samples) without reading what it would if it pressed there.
+
+    `contact` (n, 6) and `touching` (n,) by samples. Pressed on a surface of stiffness k, it would read another force by
+    k times its way until it is lifted; in free air it reads the same, however heavy it is. Of the way, what kinematics
+    may be off by (`PLACE`) is no way.
+    """
+    if not touching.any():
+        return True
+    still, way = contact[rest, :3], slice(rest.stop, max(int(np.argmax(touching)), rest.stop + 1))
+    gone = path.place[way] - path.place[rest.stop - 1]
+    gone = np.hypot(np.linalg.norm(gone[:, :3], axis=1), LEVER * np.linalg.norm(gone[:, 3:], axis=1))
+    change = np.linalg.norm(contact[way, :3] - still.mean(axis=0), axis=1)
+    scatter = float(np.sqrt(still.var(axis=0).sum()))
+    return bool(np.any(change + SIGMAS * scatter < SOFTEST * (gone - PLACE)))
 
 
 def tool_mass(scene: Scene) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.path import PLACE, TURN
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.diagnosis.conclusion.least_sizes import between

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
+from vispeg.contact.path import PLACE, TURN
 from vispeg.contact.phases import NAMES, STUCK
 from vispeg.contact.torques import unsure
 from vispeg.recordings.checks.quality import runs
@@ -35,9 +36,6 @@ READING, PATH, FORM = range(len(KINDS))
 # N over a recording, of a sensor that warms up; share of another channel, crosstalk that calibration leaves; m, of a
 # torque against a force
 DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1
-# m, rad: by how much a robot's forward kinematics may be off within a cell: twice what an arm repeats a pose to, see
-# `vispeg.contact.selection.repeats`, for no calibration makes an arm as true as it is repeatable
-PLACE, TURN = 2e-4, 4e-4
 TOUCH = Thresholds().touch  # N, of contact that a place binds
 LATE = 5e-4  # s
 BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
