@@ -140,6 +140,6 @@ def test_a_simulation_that_diverges_leaves_no_log(tmp_path, monkeypatch):
     model = load("iiwa14").compile()
     data = mujoco.MjData(model)
     data.qvel[0] = np.nan
-    with pytest.warns(RuntimeWarning, match="MuJoCo: "):
+    with pytest.warns(UserWarning, match="MuJoCo: "):
         mujoco.mj_step(model, data)
     assert not os.listdir(tmp_path)

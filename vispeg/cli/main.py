@@ -20,6 +20,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
 from vispeg.core.interrupt import Interrupted
 from vispeg.core.lock import release
+from vispeg.core.notes import Note, line
 from vispeg.core.provenance import command_line
 
 # Many small problems, side by side with simulations: BLAS threads of each only wait for one another (15 times the
@@ -60,10 +61,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 143 terminated, 141 the output's reader
     went away.
     """
-    warnings.showwarning = _note
     UserError.in_command = True
     try:
-        with _terminable() as stopped:
+        with warnings.catch_warnings(), _terminable() as stopped:
+            warnings.simplefilter("default", Note)  # a command's notes are its output, whatever hides Python's warnings
+            warnings.showwarning = _note
             code = _main([*(sys.argv[1:] if argv is None else argv)])
     finally:
         UserError.in_command = False
@@ -143,4 +145,4 @@ def _refuse(error: UserError) -> int:
 
 
 def _note(message: Warning | str, *_: object, **__: object) -> None:
-    print("vispeg: note:", " ".join(str(message).split()), file=sys.stderr)
+    print(line(message), file=sys.stderr)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.format import enrol
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
@@ -262,7 +262,7 @@ def _need(table: Table, header: Header, signals: dict[str, np.ndarray | None]) -
             check_share(table, values, columns)
     if columns_of("tau", header.joints)[0] in table.names and header.torque_sensor == "none":
         said = "has tau columns, but `torque_sensor` is none: no comparison or fit uses them; say joint or motor"
-        warnings.warn(f"{table.file}: {said}", stacklevel=3)
+        note(f"{table.file}: {said}")
 
 
 def _clock(table: Table, rate_hz: float) -> tuple[np.ndarray, np.ndarray | None]:
@@ -283,4 +283,4 @@ def _warn_unknown(table: Table, header: Header) -> None:
     unknown = [name for name in table.names if name not in expected]
     if unknown:
         listing = ", ".join(unknown[:8]) + (f" and {len(unknown) - 8} more" if len(unknown) > 8 else "")
-        warnings.warn(f"{table.file}: unknown columns are ignored: {listing}", stacklevel=3)
+        note(f"{table.file}: unknown columns are ignored: {listing}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
 
@@ -182,7 +182,7 @@ def header_from(data: Any, file: Path) -> Header:
     header = typed(Header, data, file)
     unknown = _unknown(header)
     if unknown:
-        warnings.warn(f"{file}: unknown keys are ignored: {', '.join(map(str, unknown))}", stacklevel=3)
+        note(f"{file}: unknown keys are ignored: {', '.join(map(str, unknown))}")
     return header
 
 

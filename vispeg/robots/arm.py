@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.robots.declare import RobotConfig
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
@@ -153,7 +153,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
                 spec.delete(equality)
         if carrying:  # a gripper's fingers carry nothing: no arm moves otherwise for them
             named = ", ".join(sorted(name or "without a name" for name in carrying))
-            warnings.warn(f"{label}: sliding joints that carry others are held where they stand: {named}", stacklevel=2)
+            note(f"{label}: sliding joints that carry others are held where they stand: {named}")
         for joint in slides:
             spec.delete(joint)
     if not list(spec.joints):

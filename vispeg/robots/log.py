@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from contextlib import suppress
 
 import mujoco
+
+from vispeg.core.notes import note
 
 
 def keep_quiet() -> None:
@@ -15,4 +16,4 @@ def keep_quiet() -> None:
 
 def _told(message: str) -> None:
     with suppress(Warning):  # called from C, where nothing may be raised
-        warnings.warn(f"MuJoCo: {message}", RuntimeWarning, stacklevel=2)
+        note(f"MuJoCo: {message}")

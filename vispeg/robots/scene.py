@@ -7,7 +7,6 @@ their own, which is what randomized looks write into. Shapes for contact are in 
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import mujoco
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.robots import furniture, hole, tools, user_cell
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.furniture import COLOURS, LIGHTS
@@ -167,7 +167,7 @@ def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
     further += [s.name for s in link.sites if any(s.pos) and s.name not in ("", "flange")]
     if still and further and not robot.flange:
         what = f"the tool is fixed in the origin of {link.name}; `flange` in the world's `robot` may name another frame"
-        warnings.warn(f"{robot.model}: {what}: {', '.join(further)}", stacklevel=2)
+        note(f"{robot.model}: {what}: {', '.join(further)}")
 
 
 def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from copy import copy
 
 import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.plausible import Needs, doubts
 from vispeg.recordings.recording import Recording
@@ -56,4 +56,4 @@ def check_units(rec: Recording) -> None:
         if doubt.sure:
             expected = f"rad, rad/s, s and N m, likely {doubt.likely}"
             raise UserError(f"a unit cannot be true: {doubt.said}", file=rec.path, key=doubt.key, expected=expected)
-        warnings.warn(f"{rec.path}: {doubt.line}", stacklevel=2)
+        note(f"{rec.path}: {doubt.line}")

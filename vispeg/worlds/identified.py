@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.worlds.distribution import Normal
 from vispeg.worlds.measurement_file import is_measurement, load_measurement
 from vispeg.worlds.model_file import load_model
@@ -129,5 +129,5 @@ def _ranged(placed: EffectInstance, stated: Identified) -> RandomizedEffect:
     if fixed:
         source += f"; no interval, so constant: {', '.join(fixed)}"
         if not stated.explicit or stated.widen > 0:
-            warnings.warn(f"{stated.file}: {constant(placed, fixed)}", stacklevel=2)
+            note(f"{stated.file}: {constant(placed, fixed)}")
     return RandomizedEffect(placed.effect, placed.where, params, source=source)

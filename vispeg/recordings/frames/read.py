@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.guard import is_file, read_text
 from vispeg.recordings.frames.camera import RecordedCamera, read_cameras
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
@@ -52,9 +52,9 @@ def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> F
     _check_order(place / INDEX, frames)
     spare = [name for name in cameras if name not in {frame.camera.name for frame in frames}]
     if spare:
-        warnings.warn(f"{place / INDEX}: no frame of the cameras {', '.join(spare)}", stacklevel=4)
+        note(f"{place / INDEX}: no frame of the cameras {', '.join(spare)}")
     if unknown:
-        warnings.warn(f"{place / CAMERAS}: unknown keys are ignored: {', '.join(unknown[:8])}", stacklevel=4)
+        note(f"{place / CAMERAS}: unknown keys are ignored: {', '.join(unknown[:8])}")
     return Frames(cameras, tuple(frames), len(rows) - len(frames))
 
 
@@ -72,7 +72,7 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
             raise UserError("has no pictures", file=file, expected="a column rgb or depth", got=", ".join(names))
         extra = [name for name in names if name not in (*COLUMNS, EPISODE)]
         if extra:
-            warnings.warn(f"{file}: unknown columns are ignored: {', '.join(extra[:8])}", stacklevel=5)
+            note(f"{file}: unknown columns are ignored: {', '.join(extra[:8])}")
         out = []
         for cells in reader:
             if not cells:
@@ -151,7 +151,7 @@ def _within(
         said = f"{outside} of {len(frames)} frames lie outside the times of the samples"
         if not inside:
             raise UserError(said, file=file, expected=f"times from {float(time.min()):g} to {float(time.max()):g} s")
-        warnings.warn(f"{file}: {said} and are left out", stacklevel=5)
+        note(f"{file}: {said} and are left out")
     return inside
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ import yaml
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
+from vispeg.core.notes import note
 from vispeg.formats.guard import refuse_special
 
 STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
@@ -99,4 +99,4 @@ def messages(reader: Any, topic: str, kind: str, path: Path) -> Iterator[tuple[f
         yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), int(at), message
     promised = sum(c.msgcount for c in connections)
     if count != promised:
-        warnings.warn(f"{path}: {topic} holds {count} of the {promised} messages that its index names", stacklevel=2)
+        note(f"{path}: {topic} holds {count} of the {promised} messages that its index names")

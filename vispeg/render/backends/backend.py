@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import warnings
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.render.backends.picture import Backend, Picture
 from vispeg.render.backends.pristine import Pristine
 from vispeg.render.backends.warp import Warp
@@ -262,5 +262,5 @@ def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: i
     except UserError as error:
         if name == "classic":
             raise
-        warnings.warn(f"pictures by ray casting, with plain colours: {error}", stacklevel=4)
+        note(f"pictures by ray casting, with plain colours: {error}")
         return Raycast(model)
