@@ -52,9 +52,9 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 def _joint(joint: ET.Element, path: Path) -> None:
     name, kind = joint.get("name"), joint.get("type")
-    if kind in ("floating", "planar"):
+    if kind == "floating":
         expected = 'a base that stands still: write type="fixed" where the arm is mounted'
-        raise UserError(f"a {kind} joint", file=path, key=name, expected=expected)
+        raise UserError("a floating joint", file=path, key=name, expected=expected)
     if kind not in JOINTS:
         raise UserError("a joint of an unknown type", file=path, key=name, got=kind, choices=JOINTS)
     axis = joint.find("axis")
