@@ -82,7 +82,7 @@ def test_doubts_are_said(tmp_path, capsys):
     assert "no name states where torque was measured" in capsys.readouterr().out
     fewer = {name: values for name, values in STYLES["universal robots"][0].items() if not name.endswith("_6")}
     assert Args(write_table(tmp_path / "six.csv", fewer), "iiwa14", guess=True).run() == 0
-    assert "the robot has 7 joints, the file 6" in capsys.readouterr().out
+    assert "the robot has 7 joints, the file 6: held at rest" in capsys.readouterr().out
 
 
 def test_a_lerobot_table_of_lists(tmp_path):

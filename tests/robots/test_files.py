@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
-from vispeg.robots.model import available, load
+from vispeg.robots.model import available, load, load_for
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
 LWR4 = SHARED / "data" / "kuka-lwr4" / "kuka_lwr4.urdf"
@@ -211,6 +211,34 @@ def test_mjcf_keeps_what_it_states_and_gets_motors(tmp_path):
 def test_mjcf_whose_mass_is_in_a_missing_mesh_is_refused(tmp_path):
     with pytest.raises(UserError, match="mass of body 'a' comes from a mesh that is missing"):
         load(write(tmp_path, MJCF.format(inertial=""), "arm.xml"))
+
+
+HAND = """<mujoco><compiler angle="radian"/><worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+<geom size=".05" pos=".2 0 0" mass="2"/><body name="b" pos=".4 0 0"><joint name="k" axis="0 1 0"/>
+<geom size=".03" pos=".1 0 0" mass="1"/><body name="f" pos=".2 0 0"><joint name="left" axis="0 1 0"/>
+<geom size=".01" pos="0 0 .03" mass=".3"/></body><body name="g" pos=".2 0 0"><joint name="right" axis="0 1 0"/>
+<geom size=".01" pos="0 0 -.03" mass=".3"/></body></body></body></worldbody>
+<equality><joint joint1="left" joint2="right"/></equality></mujoco>"""
+
+
+def test_joints_that_a_log_lacks_are_held_at_rest_and_their_mass_stays(tmp_path):
+    path = write(tmp_path, HAND, "hand.xml")
+    with pytest.warns(UserWarning, match="lacks 2 of the robot's joints: held at rest, their mass stays: left, right"):
+        arm = load_for(("j", "k"), path)
+    assert arm.joints == ("j", "k") and arm.links == ("a", "b")
+    found = []
+    for model in (arm.compile(), load(path).compile()):
+        data = mujoco.MjData(model)
+        data.qpos[:2] = 0.4, -0.7
+        mujoco.mj_forward(model, data)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        found.append((full[:2, :2], data.qfrc_bias[:2], model.site_bodyid[model.site(arm.flange).id]))
+    np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-12)
+    np.testing.assert_allclose(found[0][1], found[1][1], atol=1e-12)
+    assert arm.compile().neq == 0 and arm.compile().body(found[0][2]).name == "b"  # no finger is the flange
+    for joints in (("j", "k", "left", "right"), ("j", "other"), ()):
+        assert load_for(joints, path) is load(path)
 
 
 def test_an_edited_file_is_read_again(tmp_path):

@@ -19,7 +19,7 @@ from vispeg.core.memory import release
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.recordings.frames.read import FOLDER
 from vispeg.recordings.load import load, needed
-from vispeg.recordings.recording import Recording
+from vispeg.recordings.recording import Recording, in_order
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose, split
 from vispeg.robots.model import RobotModel
@@ -307,6 +307,7 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
             expected=world.robot,
             got=rec.robot,
         )
+    rec = in_order(rec, load_robot(world.robot).joints)
     rec = replace(rec, robot=world.robot, cell=cell_of(world, rec) or rec.cell)
     return rec if rec.frames is None else replace(rec, frames=posed(rec.frames, load_robot(world.robot)))
 

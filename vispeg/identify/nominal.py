@@ -5,7 +5,7 @@ from __future__ import annotations
 from vispeg.core.errors import UserError
 from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import RobotModel, load_for
 
 _ROBOTS: dict[tuple, RobotModel] = {}
 
@@ -20,11 +20,11 @@ def robot_of(rec: Recording) -> RobotModel:
 
 
 def nominal_robot(rec: Recording) -> RobotModel:
-    """The nominal robot of a recording, its declared tool and tilt included; checked against its joints."""
-    key = (rec.robot, repr(rec.tool), rec.base_tilt)
+    """The nominal robot of a recording, its declared tool and tilt included; joints that it lacks are held at rest."""
+    key = (rec.robot, rec.joints, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:
         try:
-            _ROBOTS[key] = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+            _ROBOTS[key] = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
         except UserError as error:
             raise UserError(str(error), file=rec.path / "recording.yaml") from error
     robot = _ROBOTS[key]

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from vispeg.effects.common.servo_loop import FAST
 from vispeg.measure.steps import Servo
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import RobotModel, load_for
 from vispeg.sim.compiled import compiled
 from vispeg.sim.servo import reference_inertia
 
@@ -180,7 +180,7 @@ def arm_of(rec: Recording, joint: str) -> Arm:
     Raises:
         UserError: an unknown robot.
     """
-    robot = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+    robot = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
     law, reference = rec.control, reference_inertia(robot)
     mass, slope, passive = about(robot, np.nanmedian(rec.q, axis=0))
     late = 0.0

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
+from vispeg.recordings.columns import JOINT_SIGNALS
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.windows import Chosen
 
@@ -101,3 +102,20 @@ class Recording:
     def name(self) -> str:
         """The folder's name."""
         return self.path.name
+
+
+def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
+    """Put a recording's joints into the order of a robot that has all of them; unchanged where it has not."""
+    wanted = tuple(joint for joint in joints if joint in rec.joints)
+    if wanted == rec.joints or len(wanted) != len(rec.joints):
+        return rec
+    order = [rec.joints.index(joint) for joint in wanted]
+    signals = {name: value[:, order] for name in JOINT_SIGNALS if (value := getattr(rec, name)) is not None}
+    control = rec.control
+    if control.mode == "position" and control.kp is not None and control.kd is not None:
+        control = replace(control, kp=control.kp[order], kd=control.kd[order])
+    if control.torque_limit is not None:
+        control = replace(control, torque_limit=control.torque_limit[order])
+    if control.nullspace is not None:
+        control = replace(control, nullspace=replace(control.nullspace, q=control.nullspace.q[order]))
+    return replace(rec, joints=wanted, control=control, **signals)

@@ -49,7 +49,9 @@ class Arm:
                 raise UserError("this joint turns no mass", file=label, key=joint, expected="a link with an inertia")
 
 
-def prepare(spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConfig) -> Arm:
+def prepare(
+    spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConfig, moved: Sequence[str] | None = None
+) -> Arm:
     """Edits `spec` in place into a torque-driven arm and says what it found.
 
     Sliding joints (grippers) are fixed where they stand, with the tendons and couplings that a description hangs on
@@ -60,6 +62,7 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConf
         limits: what is known of joint torque and velocity limits.
         label: file or name, for errors.
         declared: flange, limits and damping in place of what the description states.
+        moved: hinges that turn; the others are held as sliding joints are. None: all.
 
     Raises:
         UserError: not a fixed-base arm with hinges; a declared frame that is not beyond its last joint.
@@ -68,6 +71,8 @@ def prepare(spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConf
     _hinges_only(spec, label)
     for i, joint in enumerate(spec.joints, start=1):
         joint.name = joint.name or f"joint{i}"
+    if moved is not None:
+        _hold(spec, [joint for joint in spec.joints if joint.name not in moved])
     for i, joint in enumerate(spec.joints, start=1):
         joint.parent.name = joint.parent.name or f"link{i}"
     for pair in list(spec.pairs):
@@ -142,22 +147,28 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
     for joint in spec.joints:
         if joint.type not in (HINGE, SLIDE):
             raise UserError("a free or ball joint", file=label, key=joint.name, expected="a fixed-base arm with hinges")
-    if slides:
-        gone = {j.name for j in slides}
-        carrying = [j.name for j in slides if _carries(j)]
-        for tendon in list(spec.tendons):
-            spec.delete(tendon)
-        for equality in list(spec.equalities):
-            coupled = equality.type in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
-            if coupled and (equality.type == mujoco.mjtEq.mjEQ_TENDON or gone & {equality.name1, equality.name2}):
-                spec.delete(equality)
-        if carrying:  # a gripper's fingers carry nothing: no arm moves otherwise for them
-            named = ", ".join(sorted(name or "without a name" for name in carrying))
-            note(f"{label}: sliding joints that carry others are held where they stand: {named}")
-        for joint in slides:
-            spec.delete(joint)
+    carrying = [joint.name for joint in slides if _carries(joint)]
+    if carrying:  # a gripper's fingers carry nothing: no arm moves otherwise for them
+        named = ", ".join(sorted(name or "without a name" for name in carrying))
+        note(f"{label}: sliding joints that carry others are held where they stand: {named}")
+    _hold(spec, slides)
     if not list(spec.joints):
         raise UserError("no hinge joint", file=label, expected="an arm with revolute (hinge) joints")
+
+
+def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
+    """Fixes joints where they stand; tendons and couplings, which need them, go."""
+    if not joints:
+        return
+    gone = {joint.name for joint in joints}
+    for tendon in list(spec.tendons):
+        spec.delete(tendon)
+    for equality in list(spec.equalities):
+        of_tendon = equality.type == mujoco.mjtEq.mjEQ_TENDON
+        if of_tendon or equality.type == mujoco.mjtEq.mjEQ_JOINT and gone & {equality.name1, equality.name2}:
+            spec.delete(equality)
+    for joint in joints:
+        spec.delete(joint)
 
 
 def _carries(joint: mujoco.MjsJoint) -> bool:

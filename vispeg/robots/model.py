@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 from vispeg.robots import gripper, iiwa14, menagerie, tools
@@ -72,6 +73,7 @@ def load(
     tool: Tool = None,
     base_tilt: tuple[float, float] = (0.0, 0.0),
     declared: RobotConfig | None = None,
+    moved: tuple[str, ...] | None = None,
 ) -> RobotModel:
     """A robot by name or by file; the same arguments give the same object.
 
@@ -83,6 +85,7 @@ def load(
             is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
         declared: flange, limits, damping and home posture in place of what the file states; its model and tool are
             not looked at.
+        moved: hinges that turn; the others (of a gripper, a torso) are held at rest, and their mass stays. None: all.
 
     Raises:
         UserError: an unknown robot or tool, or a file that cannot be used.
@@ -94,9 +97,31 @@ def load(
     path = _file(str(robot))
     stamp = path.stat().st_mtime_ns if path else 0  # an edited file is read again
     turn = float(tilt[0]), float(tilt[1])
-    return _load(
-        str(robot), str(path) if path else "", (stamp, gripper.stamp(key)), key, turn, declared or RobotConfig()
+    stamps = stamp, gripper.stamp(key)
+    return _load(str(robot), str(path) if path else "", stamps, key, turn, declared or RobotConfig(), moved)
+
+
+def load_for(
+    joints: Sequence[str], robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)
+) -> RobotModel:
+    """The robot of a log with these joints: those that the log lacks are held at rest, with one note that names them.
+
+    Args:
+        joints: of the log.
+        robot, tool, base_tilt: as for `load`.
+
+    Returns:
+        The robot as `load` gives it where the log has all of its joints, or one that the robot has not.
+    """
+    whole = load(robot, tool, base_tilt)
+    held = [joint for joint in whole.joints if joint not in joints]
+    if not held or not joints or not set(joints) <= set(whole.joints):
+        return whole
+    said = (
+        f"{robot}: the log lacks {len(held)} of the robot's joints: held at rest, their mass stays: {', '.join(held)}"
     )
+    note(said)
+    return load(robot, tool, base_tilt, moved=tuple(joint for joint in whole.joints if joint in joints))
 
 
 def available() -> list[str]:
@@ -106,7 +131,13 @@ def available() -> list[str]:
 
 @lru_cache(maxsize=64)
 def _load(
-    robot: str, file: str, stamps: tuple[int, int], tool: str | None, tilt: tuple[float, float], declared: RobotConfig
+    robot: str,
+    file: str,
+    stamps: tuple[int, int],
+    tool: str | None,
+    tilt: tuple[float, float],
+    declared: RobotConfig,
+    moved: tuple[str, ...] | None,
 ) -> RobotModel:
     home: tuple[float, ...] = ()
     if file:
@@ -119,7 +150,7 @@ def _load(
         spec.body("link7").add_site(name="flange", pos=iiwa14.FLANGE, group=4)
         spec.option.gravity = (0.0, 0.0, -GRAVITY)
         home = iiwa14.HOME
-    arm = prepare(spec, limits, file or name, declared)
+    arm = prepare(spec, limits, file or name, declared, moved)
     tools.attach(spec, arm.flange, json.loads(tool) if tool and tool.startswith("{") else tool)
     spec.option.gravity = tilted(np.array(spec.option.gravity), *tilt)
     arm.check(spec, file or name)
@@ -170,4 +201,4 @@ def _file(robot: str) -> Path | None:
     return path
 
 
-__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "load", "tilted"]
+__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "load", "load_for", "tilted"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +16,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.formats.guard import is_file
 from vispeg.formats.xml_tree import read_xml
 from vispeg.robots.arm import REFUSALS
@@ -134,11 +134,8 @@ def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
         if (small and not asked["bound"]) or (unequal and not asked["balance"]):
             said.append(f"{link.get('name')} ({'too small' if small else 'A + B < C'})")
     if said:
-        warnings.warn(
-            f"{path}: inertias that no body has are mended as MuJoCo's balanceinertia and boundinertia do: "
-            f"{', '.join(said)}",
-            stacklevel=2,
-        )
+        cure = "mended as MuJoCo's balanceinertia and boundinertia do"
+        note(f"{path}: inertias that no body has are {cure}: {', '.join(said)}")
 
 
 def _strip(root: ET.Element, path: Path, meshes: str) -> None:

@@ -12,7 +12,7 @@ from vispeg.core.notes import note
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.plausible import Needs, doubts
 from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import RobotModel, load_for
 from vispeg.sim.compiled import compiled
 from vispeg.sim.nominal import UNUSED
 
@@ -47,7 +47,7 @@ def check_units(rec: Recording) -> None:
     limits, needs = Limits(*(np.full((len(rec.joints), *n), np.inf) for n in ((2,), (), ()))), None
     limits.range[:, 0] = -np.inf
     try:
-        robot = load(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
+        robot = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
     except UserError:  # is said where the robot is needed
         robot = None
     if robot is not None and set(rec.joints) <= set(robot.joints):

@@ -126,7 +126,10 @@ def propose(
     _leftover(table, meanings, out)
     if len(out.joints) < len(joints):
         out.recording["joints"] = out.joints
-        out.doubts.append(f"the robot has {len(joints)} joints, the file {len(out.joints)}: the others are left out")
+        held = ", ".join(joint for joint in joints if joint not in out.joints)
+        out.doubts.append(
+            f"the robot has {len(joints)} joints, the file {len(out.joints)}: held at rest, their mass stays: {held}"
+        )
     if "tau" in placed:
         _sensor([m.name for m in placed["tau"].values()], out)
     return out
