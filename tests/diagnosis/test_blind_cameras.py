@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from vispeg.api.pictures import border_evidence_of, diagnose
 from vispeg.api.recording.look import cameras_of, scene_of
-from vispeg.api.rooms.pictures import border_evidence_of, diagnose
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.identify.motions.look_motion import look_motion

@@ -12,8 +12,8 @@ from scipy import stats
 from scipy.interpolate import CubicSpline
 
 from vispeg.api.fit import fit
+from vispeg.api.pictures import diagnose
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
-from vispeg.api.rooms.pictures import diagnose
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import not_excited

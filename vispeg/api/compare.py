@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vispeg.api.channels import arm_of, carrying
 from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
 from vispeg.api.result import Result
-from vispeg.api.rooms.cell import readable
-from vispeg.api.rooms.pictures import shown
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import compare_contact
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.diagnosis import compare as rooms
+from vispeg.diagnosis import compare as joints
 from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.resolve import ChannelName, available, resolve, seen
 from vispeg.diagnosis.schema import ComparisonRecord, Rung
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.recording import Recording
@@ -30,7 +30,6 @@ from vispeg.report.write import finite, write_comparison
 from vispeg.task.belief import cell_of, recorded_cell, scene_of
 from vispeg.vision.compare import Compared, border_rms, compare_frames
 from vispeg.vision.show import pictures
-from vispeg.worlds.split import of_arm
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
@@ -98,6 +97,7 @@ def compare(
     model: Model,
     recordings: Source | Sequence[Source],
     *,
+    channels: Sequence[ChannelName] = (),
     seconds: float = SECONDS,
     threads: int = 2,
     reading: Reading = silent,
@@ -111,6 +111,7 @@ def compare(
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: folders, or recordings in memory, of one robot.
+        channels: `joints`, `contact`, `pictures`; by default those that `vispeg.diagnose` looks in.
         seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
         threads: of the simulation.
         reading: progress display of reading a recording.
@@ -120,38 +121,57 @@ def compare(
     """
     whole = windows(model, seconds, recordings)
     inputs = read_inputs(model, recordings, (), need_validate=False, **whole, reading=reading)
-    can = readable(inputs.world, inputs.fitted)
-    looked = [rec for rec in inputs.fitted if rec.frames is not None]
-    if can == ("pictures",):
-        result = Comparison(_seen_alone(inputs), {})
-    elif "contact" in can:
-        result = compare_contact(inputs.world, inputs.fitted, nthread=threads)
-        result.arrays.update(worst_moment(result.arrays, inputs.fitted))
-    else:
-        arm = replace(of_arm(inputs.world), cell=None)
-        some = [choose(r, seconds) for r in inputs.fitted]
-        result = rooms.compare(arm, some, nthread=threads, label=inputs.world.label)
-        result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
-    record: ComparisonRecord = {**result.record, "provenance": inputs.provenance(None)}
-    arrays = dict(result.arrays)
-    unseen = [rec.name for rec in looked if not shown(inputs.world, rec)]
-    if unseen:
-        said = f"{', '.join(unseen)}: {UNSEEN}"
-        record["notes"] = [*record.get("notes", ()), said]
-    elif looked:
-        compared = [frame for rec in looked for frame in compared_pictures(rec, inputs.world, reading)]
+    used = resolve(inputs.world, inputs.fitted, asked=channels)
+    by_channel = {name: _compared(name, inputs, seconds, threads) for name in used if name != "pictures"}
+    lead = by_channel.pop("contact", None) or by_channel.pop("joints", None) or Comparison(_seen_alone(inputs), {})
+    record: ComparisonRecord = {**lead.record, "provenance": inputs.provenance(None)}
+    arrays = dict(lead.arrays)
+    if by_channel:
+        record["by_channel"] = [
+            {"channel": name, "given": [], "record": other.record} for name, other in by_channel.items()
+        ]
+    for name, other in by_channel.items():
+        arrays |= {f"channel/{name}/{key}": value for key, value in other.arrays.items()}
+    if "pictures" in used:
+        compared = [frame for rec in inputs.fitted for frame in compared_pictures(rec, inputs.world, reading)]
         record["pictures"], drawn = pictures(compared)
         arrays |= drawn
-        if can == ("pictures",):
+        if used == ("pictures",):
             record["ladder"][0]["heldout_error"] = border_rms(compared)
+    elif not channels and (said := _unseen(inputs)):
+        record["notes"] = [*record.get("notes", ()), said]
     return ComparisonResult(finite(record), arrays, inputs.files)
 
 
+def _compared(channel: ChannelName, inputs: Inputs, seconds: float, threads: int) -> Comparison:
+    """The joints or the wrench of the recordings against the model."""
+    if channel == "contact":
+        result = compare_contact(inputs.world, inputs.fitted, nthread=threads)
+        result.arrays.update(worst_moment(result.arrays, inputs.fitted))
+        return result
+    arm, some = arm_of(inputs.world), [choose(carrying(rec, inputs.world), seconds) for rec in inputs.fitted]
+    result = joints.compare(arm, some, nthread=threads, label=inputs.world.label)
+    result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
+    return result
+
+
+def _unseen(inputs: Inputs) -> str:
+    """Why pictures that there are were not compared; empty where there are none."""
+    looked = [rec for rec in inputs.fitted if rec.frames is not None]
+    unseen = [rec.name for rec in looked if not seen(inputs.world, rec)]
+    if unseen:
+        return f"{', '.join(unseen)}: {UNSEEN}"
+    blind = [rec.name for rec in inputs.fitted if rec.frames is None]
+    return f"{', '.join(blind)}: no frames, so pictures are not compared" if looked and blind else ""
+
+
 def _seen_alone(inputs: Inputs) -> ComparisonRecord:
-    """The record of recordings that have nothing to compare but pictures, before these are."""
+    """The record of recordings of which pictures alone are compared, before these are."""
     rung: Rung = {"model": inputs.world.label, "fit_error": None, "heldout_error": None, "unit": "px RMS"}
     names = [rec.name for rec in inputs.fitted]
     note = "neither commands nor torques to compare the joints by: pictures alone are compared"
+    if "joints" in available(inputs.world, inputs.fitted):
+        note = "pictures alone are compared; the channel `joints` compares the joints"
     return {
         "format": "vispeg-compare/1",
         "ladder": [rung],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,23 +10,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.api.channels import diagnose_channels
 from vispeg.api.inputs import Inputs, Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result
-from vispeg.api.rooms import pictures
-from vispeg.api.rooms.cell import diagnose_rooms, readable
 from vispeg.api.stress.remainder import Price
-from vispeg.contact.picture import worst_moment
-from vispeg.contact.run import diagnose_contact
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
-from vispeg.diagnosis import run
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.rooms.conduct import RoomName
+from vispeg.diagnosis.resolve import ChannelName, resolve
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import SECONDS, choose
+from vispeg.recordings.windows import SECONDS
 from vispeg.report.live.arm import arm_arrays
 from vispeg.report.text.summary import Block
 from vispeg.report.text.terminal import diagnosis_summary
@@ -109,7 +106,8 @@ def diagnose(
     cell: str | Path = "nominal",
     episodes: int = 100,
     part: str | Path | None = None,
-    rooms: Sequence[RoomName] = (),
+    channels: Sequence[ChannelName] = (),
+    rooms: Sequence[ChannelName] = (),
     say: Callable[[str], None] = lambda text: None,
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
@@ -134,8 +132,9 @@ def diagnose(
         episodes: of each policy, with and without the remainder.
         part: a folder of finished steps until the result is saved; with the same arguments and folder a stopped
             diagnosis goes on.
-        rooms: the evidence to diagnose: `joints`, `contact`, `pictures`; by default all that a robot's own bench has.
-            In a cell all if the recordings have joint torques, a wrench and pictures, else pictures or wrench.
+        channels: the evidence to diagnose: `joints`, `contact`, `pictures`, `tosses`; by default all that model and
+            recordings have, but in a cell the joints only with both wrench and pictures, or with neither.
+        rooms: what `channels` was called; goes with the next release.
         say: called with a line on each step.
         likely: called within seconds with what torques call for, before the search confirms or corrects it: the
             `proposal` of docs/formats.md.
@@ -145,12 +144,14 @@ def diagnose(
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that
             cannot be played, or whose cell has another robot.
     """
+    channels = renamed(channels, rooms)
     thing, asked = object_world(model), bool(policies)
     if thing is not None:
         if asked:
             raise UserError("a policy needs a robot, not a free object", key="--policy", expected="a robot's model")
         if not isinstance(baseline, Sequence) or len(baseline):
             raise UserError("an object has no baseline", key="--baseline", expected="two diagnoses, one of each state")
+        resolve(thing, asked=channels)
         tosses = diagnose_tosses(thing, recordings, validate, seed, threads, say, None if part is None else Path(part))
         record = finite({**tosses.result.record, "provenance": tosses.provenance})
         named = tosses.result.world.effects[len(thing.effects) :]
@@ -166,24 +167,16 @@ def diagnose(
     progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
     options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    looking = _rooms(rooms, inputs) if before is None else ()
-    if len(looking) > 1:
-        both = inputs.fitted, inputs.held_out
-        result = diagnose_rooms(looking, inputs.world, *both, seconds=seconds, likely=likely, **options)
-    elif before is None and looking == ("pictures",):
-        seeing = {"seed": seed, "say": say, "progress": progress}
-        result = pictures.diagnose(inputs.world, inputs.fitted, inputs.held_out, **seeing)
-    elif before is None and looking == ("contact",):
-        of_contact = {"nthread": threads, "say": say, "progress": progress}
-        result = diagnose_contact(inputs.world, inputs.fitted, inputs.held_out, **of_contact)
-        result.arrays.update(worst_moment(result.arrays, inputs.held_out))
-    elif before is None:
-        some = ([choose(rec, seconds) for rec in group] for group in (inputs.fitted, inputs.held_out))
-        result = run.diagnose(inputs.world, *some, likely=likely, **options)
+    both = inputs.fitted, inputs.held_out
+    if before is None:
+        looking = resolve(inputs.world, *both, asked=channels)
+        result = diagnose_channels(looking, inputs.world, *both, seconds=seconds, likely=likely, **options)
     else:
+        if channels and tuple(channels) != ("joints",):
+            raise UserError("a change is told in the joints alone", key="--channels", got=" ".join(channels))
         was = (*before.fitted, *before.held_out)
-        result = diagnose_change(inputs.world, was, inputs.fitted, inputs.held_out, likely=likely, **options)
-    for at in ("", "room/joints/"):
+        result = diagnose_change(inputs.world, was, *both, likely=likely, **options)
+    for at in ("", "channel/joints/"):
         if f"{at}joints" in result.arrays:
             drawn = arm_arrays(inputs.world, result.arrays[f"{at}joints"])
             result.arrays.update({f"{at}{key}": value for key, value in drawn.items()})
@@ -199,21 +192,14 @@ def diagnose(
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
 
 
-def _rooms(asked: Sequence[RoomName], inputs: Inputs) -> tuple[RoomName, ...]:
-    """Where to look: as asked, or in every room if the recordings have something for all; `joints` where for no other.
-
-    Outside a task's cell every room that can be read is looked in.
-
-    Raises:
-        UserError: a room asked for that the recordings have nothing for.
-    """
-    can = readable(inputs.world, inputs.fitted, inputs.held_out)
-    for name in asked:
-        if name not in can:
-            raise UserError("the recordings have nothing for this room", key="--rooms", got=name, choices=can)
-    every = inputs.world.cell is None or {"pictures", "contact"} <= set(can)
-    usual: tuple[RoomName, ...] = can if every else can[-1:]
-    return tuple(name for name in can if name in (asked or usual))
+def renamed(channels: Sequence[ChannelName], rooms: Sequence[ChannelName]) -> Sequence[ChannelName]:
+    """The channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
+    if not rooms:
+        return channels
+    warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=3)
+    if channels:
+        raise UserError("is what --channels was called; both were given", key="--rooms", expected="--channels alone")
+    return rooms
 
 
 def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:

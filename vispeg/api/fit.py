@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.api.inputs import Inputs, Model, Reading, Source, read_inputs, silent, windows
+from vispeg.api.channels import arm_of, carrying
+from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent, windows
+from vispeg.api.pictures import border_evidence_of
 from vispeg.api.result import Result
-from vispeg.api.rooms.cell import readable
-from vispeg.api.rooms.pictures import border_evidence_of, photographed
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
-from vispeg.core.effect import OPTICAL, EffectInstance, effect
+from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.evidence.starts import begun
 from vispeg.diagnosis.record import arrays
+from vispeg.diagnosis.resolve import ChannelName, fitted_in, resolve
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
-from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.fitted import fit_record, fit_summary
@@ -98,6 +98,7 @@ def fit(
     effects: Sequence[str | EffectInstance] = (),
     validate: Source | Sequence[Source] = (),
     *,
+    channels: Sequence[ChannelName] = (),
     seconds: float = SECONDS,
     method: Method = "auto",
     iterations: int = ITERATIONS,
@@ -119,6 +120,8 @@ def fit(
             stated starts at the model's value, else at a typical one; a servo or a limit of which nothing is stated at
             an estimate from the recordings.
         validate: held-out recordings, never fitted.
+        channels: `joints`, `contact`, `pictures`: of those that the recordings have, the first that shows most of the
+            effects is fitted to; by default of those that `vispeg.diagnose` looks in.
         seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
         method: `auto`: least squares, with CMA-ES before it if an effect is not smooth.
         iterations: most least-squares steps; CMA-ES has ten times as many generations.
@@ -146,50 +149,66 @@ def fit(
     )
     world, free, unstated = _free(inputs.world, effects, inputs.fitted)
     stamp = inputs.provenance(seed)
-    key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"]]
+    both = inputs.fitted, inputs.held_out
+    used = resolve(world, *both, asked=channels)
+    channel = fitted_in(used, [world.effects[i].effect for i in free])
+    key = [model_text(world), *inputs.key()[1:], list(free), seconds, method, starts, seed, stamp["versions"], channel]
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    if _by_pictures(world, free, inputs):
-        evidence, judged = border_evidence_of(world, inputs.fitted, inputs.held_out)
+    whole, world, free, unstated = world, *_shown(world, channel, free, unstated)
+    if channel == "pictures":
+        evidence, judged = border_evidence_of(world, *both)
     else:
-        evidence, judged = (_evidence(world, recs, threads, seconds) for recs in (inputs.fitted, inputs.held_out))
+        evidence, judged = (_evidence(world, recs, channel, threads, seconds) for recs in both)
     assert evidence is not None  # read_inputs refuses an empty list
-    of_joints = world.cell is None and not isinstance(evidence, BorderEvidence)
-    if of_joints:
+    if channel == "joints":
         world = begun(evidence, world, unstated)
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     result = calibrate(evidence, world, free, seed=seed, **options)
     if isinstance(evidence, ContactEvidence):  # a squared residual of contact is no parabola
         result = replace(result, fit=replace(result.fit, world=intervals(evidence, result.fit)[0]))
-    record, final = fit_record(inputs.world, result, free, evidence, judged)
-    record = finite(record | {"provenance": stamp})
+    given = inputs.world if channel != "joints" else arm_of(inputs.world)
+    record, final = fit_record(given, result, free, evidence, judged)
+    record = finite(record | {"channel": channel, "provenance": stamp})
     drawn = {}
-    if of_joints:
+    if channel == "joints":
         judge = evidence if judged is None else judged
-        drawn = arrays(judge, judge.simulated([inputs.world, final]))
-        drawn |= arm_arrays(inputs.world, drawn["joints"])
-    return FitResult(record, final, tuple(final.effects[i] for i in free), inputs.files, drawn, checkpoint)
+        drawn = arrays(judge, judge.simulated([given, final]))
+        drawn |= arm_arrays(given, drawn["joints"])
+    named = tuple(final.effects[i] for i in free)
+    return FitResult(record, whole.add(*named), named, inputs.files, drawn, checkpoint)
 
 
-def _evidence(world: World, recordings: Sequence[Recording], threads: int, seconds: float) -> Evidence | None:
-    """Of the wrench where the model is of a cell, else of the joints; None without recordings."""
+def _shown(
+    world: World, channel: ChannelName, free: tuple[int, ...], unstated: tuple[int, ...]
+) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
+    """The part of the world that a channel can show, and the same effects' places in it.
+
+    Raises:
+        UserError: an effect to be fitted that it does not show.
+    """
+    if channel != "joints":
+        return world, free, unstated
+    arm = arm_of(world)
+    at = {e.label: i for i, e in enumerate(arm.effects)}
+    for i in free:
+        if (label := world.effects[i].label) not in at:
+            expected = "effects of one channel at a time; --channels chooses it"
+            raise UserError("does not show in the joints", key="--effects", got=label, expected=expected)
+    free, unstated = (tuple(at[world.effects[i].label] for i in some) for some in (free, unstated))
+    return arm, free, unstated
+
+
+def _evidence(
+    world: World, recordings: Sequence[Recording], channel: ChannelName, threads: int, seconds: float
+) -> Evidence | None:
+    """Of the wrench or of the joints; None without recordings."""
     if not recordings:
         return None
-    if world.cell is not None:
+    if channel == "contact":
         return evidence_of(recordings, threads)
-    return evidence_for(world, [choose(rec, seconds) for rec in recordings], threads, 1e-3)
-
-
-def _by_pictures(world: World, free: Sequence[int], inputs: Inputs) -> bool:
-    """Whether the free effects are fitted to pictures: always in a cell that is photographed.
-
-    On a bench where they are a camera's, or where there is nothing else to fit to.
-    """
-    if not photographed(world, inputs.fitted, inputs.held_out):
-        return False
-    seen = any(effect(world.effects[i].effect).family in OPTICAL for i in free)
-    return world.cell is not None or seen or "joints" not in readable(world, inputs.fitted, inputs.held_out)
+    return evidence_for(world, [choose(carrying(rec, world), seconds) for rec in recordings], threads, 1e-3)
 
 
 def _free(

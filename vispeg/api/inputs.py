@@ -12,7 +12,6 @@ from typing import NotRequired, TypedDict
 
 import numpy as np
 
-from vispeg.contact.torques import refuse_numb, torqued, touches
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
@@ -24,8 +23,9 @@ from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose, split
 from vispeg.robots.model import RobotModel
 from vispeg.robots.model import load as load_robot
+from vispeg.robots.objects import is_object
 from vispeg.sim.units import check_units
-from vispeg.task.belief import believed, cell_of, of_world, recorded_cell
+from vispeg.task.belief import believed, cell_of, of_world
 from vispeg.task.world_file import is_world
 from vispeg.vision.eye import posed
 from vispeg.worlds.model_file import load_model, model_text
@@ -115,6 +115,8 @@ def read_inputs(
         UserError: none given, one given twice or on both sides, or another robot's.
     """
     world = model if isinstance(model, World) else read_model(str(model))
+    if is_object(world.robot):
+        raise UserError("a free object: vispeg diagnose reads its tosses", key="model", expected="a robot or a cell")
     fit, judge = _several(recordings), _several(validate)
     if not fit:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
@@ -202,20 +204,6 @@ def _read(
 def of_cell(model: Model) -> bool:
     """Whether a model is of a cell, so that its contact is what recordings are compared by."""
     return (model if isinstance(model, World) else read_model(str(model))).cell is not None
-
-
-def felt(recordings: Sequence[Recording]) -> bool:
-    """Whether all of them have a wrench, or those without one touch something and have joint torques to tell it from.
-
-    Raises:
-        UserError: one that touches something has neither, nor frames.
-    """
-    without = [rec for rec in recordings if rec.ft is None]
-    touched = [rec for rec in without if touches(rec, recorded_cell(rec).scene)]
-    for rec in touched:
-        if rec.frames is None:
-            refuse_numb(rec)
-    return not without or (bool(touched) and all(map(torqued, without)))
 
 
 class Windows(TypedDict):

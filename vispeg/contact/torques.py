@@ -13,42 +13,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.core.errors import UserError
+from vispeg.diagnosis.resolve import refuse_numb
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
-from vispeg.sim.compiled import flange_pose
 from vispeg.sim.external import STILL, External, external
 
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
 HOLDS = 1.0  # s over which friction and hysteresis keep their sign
-NEAR = 3e-3  # m over a surface below which a tip may touch it
-ROUND = 0.05  # m about the fixture that counts as over it
-SENSORS = ("joint", "motor")
 AXES = ("x", "y", "z")
 
 
 def sensed(rec: Recording) -> bool:
     """Whether a wrench was recorded."""
     return rec.ft is not None and bool(np.isfinite(rec.ft).any())
-
-
-def torqued(rec: Recording) -> bool:
-    """Whether joint torques were."""
-    return rec.tau is not None and rec.torque_sensor in SENSORS and bool(np.isfinite(rec.tau).any())
-
-
-def refuse_numb(rec: Recording) -> None:
-    """Raises UserError for a recording of contact without joint torques, where no wrench was measured either."""
-    if not torqued(rec):
-        raise UserError(
-            "touches the cell and has no wrench, nor joint torques to tell it from",
-            file=rec.path / "recording.yaml",
-            key="ft.*",
-            expected="columns ft.fx .. ft.tz (N, N m), or tau.* and torque_sensor: joint or motor",
-        )
 
 
 def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
@@ -69,16 +49,6 @@ def calm(rec: Recording, estimate: External) -> Recording:
     still = estimate.wrench[rec.time <= rec.time[0] + STILL]
     force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
-
-
-def touches(rec: Recording, scene: Scene) -> bool:
-    """Whether the tip came so near to the fixture or the table that it may have touched."""
-    pose = flange_pose(scene.nominal, rec.q)
-    w, x, y, z = pose[:, 3:].T
-    out = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
-    tip = pose[:, :3] + scene.tip * out - scene.target
-    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + ROUND
-    return bool(np.any(np.where(over, tip[:, 2], tip[:, 2] + scene.target[2]) < NEAR))
 
 
 def unsure(item: ContactItem) -> list[np.ndarray]:

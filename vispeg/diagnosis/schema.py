@@ -22,7 +22,7 @@ class FoundEffect(Place):
     indistinguishable_from: list[Place]
     partial: NotRequired[bool]
     tentative: NotRequired[bool]
-    room: NotRequired[str]
+    channel: NotRequired[str]
 
 
 class Rung(TypedDict):
@@ -201,6 +201,7 @@ class ComparisonRecord(TypedDict):
     channels: NotRequired[list[Channel]]
     views: NotRequired[Mapping[str, object]]
     pictures: NotRequired[Mapping[str, object]]
+    by_channel: NotRequired[list[ChannelRecord]]
     provenance: NotRequired[Provenance]
 
 
@@ -234,10 +235,10 @@ class ProposalRecord(TypedDict):
     joints: list[LeftTorque]
 
 
-class RoomRecord(TypedDict):
-    """What one room of several said: its name, the other rooms' effects that it was given, and its own record."""
+class ChannelRecord(TypedDict):
+    """What one channel of several said: its name, the other channels' effects that it was given, and its own record."""
 
-    room: str
+    channel: str
     given: list[Place]
     record: Mapping[str, object]
 
@@ -292,4 +293,4 @@ class DiagnosisRecord(Summary):
     shows_from: NotRequired[list[ShowsFrom]]
     allowed: NotRequired[list[Allowed]]
     closed_loop: NotRequired[list[Replayed]]
-    rooms: NotRequired[list[RoomRecord]]
+    by_channel: NotRequired[list[ChannelRecord]]

@@ -13,7 +13,8 @@ from vispeg.formats.guard import as_written
 from vispeg.report.evidence import Evidence
 from vispeg.report.page import Section, page
 from vispeg.report.record import Record, load_record
-from vispeg.report.sections import COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, ROOMS, SHARED, VIEWS, room
+from vispeg.report.sections import CHANNELS, COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, SHARED, VIEWS
+from vispeg.report.sections import channel as channel_section
 
 KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of a record -> what it is
 
@@ -70,11 +71,13 @@ def read(out: Path) -> str:
 
 def render(record: Record) -> str:
     """The whole page as text: no link that leaves it, no request."""
-    rooms = record.rows("rooms")
-    sections = _sections(record, ROOMS if rooms else _names(record))
-    for said in rooms:
-        sections += _room(record, said)
-    sections += _sections(record, ("provenance",)) if rooms else []
+    channels = record.rows("by_channel")
+    several = channels and record.kind == "diagnosis"  # a comparison shows its lead, then the others
+    names = CHANNELS if several else _names(record)
+    sections = _sections(record, [n for n in names if not channels or n != "provenance"])
+    for said in channels:
+        sections += _channel(record, said)
+    sections += _sections(record, ("provenance",)) if channels else []
     kind = KINDS[record.kind]
     verdict = record.values.get("verdict") if record.kind == "diagnosis" else None
     return page(f"vispeg {kind}" + (f": {verdict}" if verdict else ""), kind, sections)
@@ -88,8 +91,8 @@ def _names(record: Record) -> tuple[str, ...]:
     return {"diagnosis": diagnosis, "compare": compare, "fit": FIT}[record.kind]
 
 
-def _sections(record: Record, names: Sequence[str], room: str = "") -> list[Section]:
-    """Those of the named sections that have something to show; those of a room say whose they are."""
+def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[Section]:
+    """Those of the named sections that have something to show; those of a channel say whose they are."""
     out = []
     for name in names:
         module = import_module(f"vispeg.report.sections.{name}")
@@ -97,15 +100,16 @@ def _sections(record: Record, names: Sequence[str], room: str = "") -> list[Sect
         if values is not None:  # else nothing to show
             live = () if values.get("still") else ("SCRIPTS", "STYLES")
             scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
-            title = f"{room.capitalize()}: {module.TITLE[0].lower()}{module.TITLE[1:]}" if room else module.TITLE
-            anchor = f"{room}-{name}" if room else name
+            title = f"{channel.capitalize()}: {module.TITLE[0].lower()}{module.TITLE[1:]}" if channel else module.TITLE
+            anchor = f"{channel}-{name}" if channel else name
             out.append(Section(anchor, title, f"sections/{name}", values, scripts, styles))
     return out
 
 
-def _room(record: Record, said: Mapping[str, Any]) -> list[Section]:
-    """What a room has to show: its verdict, and the sections of its kind of evidence."""
-    name = str(said.get("room"))
-    room_record = Record("diagnosis", said.get("record") or {}, record.evidence.rooms.get(name, Evidence()))
-    first = Section(f"room-{name}", name.capitalize(), "sections/room", room.context(room_record, name))
-    return [first, *_sections(room_record, [n for n in _names(room_record) if n not in SHARED], name)]
+def _channel(record: Record, said: Mapping[str, Any]) -> list[Section]:
+    """What a channel has to show: its verdict, and the sections of its kind of evidence."""
+    name = str(said.get("channel"))
+    own = Record(record.kind, said.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
+    values = channel_section.context(own, name)
+    first = Section(f"channel-{name}", name.capitalize(), "sections/channel", values)
+    return [first, *_sections(own, [n for n in _names(own) if n not in SHARED], name)]

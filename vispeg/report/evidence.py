@@ -106,7 +106,7 @@ class Evidence:
     worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
     worst_moment: str = ""
     arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # `vispeg.report.live.arm`
-    rooms: Mapping[str, Evidence] = field(default_factory=dict)  # of a diagnosis over several rooms, each one's own
+    by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # of several channels, each one's own
 
 
 def _example(folder: Path) -> Path:
@@ -133,13 +133,13 @@ def load_evidence(path: Path) -> Evidence:
         return Evidence()
     arrays = read_arrays(path)
     with as_written(path, "vispeg diagnose"):
-        rooms: dict[str, dict[str, np.ndarray]] = {}
+        channels: dict[str, dict[str, np.ndarray]] = {}
         for key, value in arrays.items():
-            if key.startswith("room/") and key.count("/") > 1:
+            if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # a room is what a channel was called
                 _, name, rest = key.split("/", 2)
-                rooms.setdefault(name, {})[rest] = value
-        each = {name: _Reader(path, inner).evidence() for name, inner in rooms.items()}
-        return replace(_Reader(path, arrays).evidence(), rooms=each)
+                channels.setdefault(name, {})[rest] = value
+        each = {name: _Reader(path, inner).evidence() for name, inner in channels.items()}
+        return replace(_Reader(path, arrays).evidence(), by_channel=each)
 
 
 def evidence_of(arrays: Mapping[str, np.ndarray]) -> Evidence:

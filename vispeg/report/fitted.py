@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class FitRecord(TypedDict):
     unidentifiable: list[str]
     windows: list[Mapping[str, object]]
     notes: list[str]
+    channel: NotRequired[str]
 
 
 def fit_record(

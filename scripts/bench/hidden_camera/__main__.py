@@ -46,7 +46,7 @@ def main() -> int:
     from plant import CELL, recording
     from score import judged, table
 
-    from vispeg.api.rooms.pictures import diagnose
+    from vispeg.api.pictures import diagnose
     from vispeg.core.effect import REGISTRY
 
     null = {f"{n}.{k}": p.null for n, e in REGISTRY.items() for k, p in e.params.items()}

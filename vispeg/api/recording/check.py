@@ -11,12 +11,12 @@ from typing import TypedDict
 
 from vispeg.api.recording.contact import check_contact
 from vispeg.api.result import Result
-from vispeg.api.rooms.pictures import shown
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import Excitation
+from vispeg.diagnosis.resolve import seen
 from vispeg.identify.pictures.read import comparable
 from vispeg.recordings.checks.check import SIGNALS, CheckReport
 from vispeg.recordings.checks.check import check as examine
@@ -196,7 +196,7 @@ def _signals(header: Header) -> tuple[str, ...]:
 def _scene_of(rec: Recording) -> Scene | None:
     """What a recording with frames states to stand around its arm, with its cameras; None where that is nothing."""
     world = World(rec.robot, rec.tool, cell=None if rec.cell is None or rec.cell.bench else rec.cell)
-    if rec.frames is None or not shown(world, rec):
+    if rec.frames is None or not seen(world, rec):
         return None
     scene = scene_of(world, rec)
     return replace(scene, cameras=tuple(rec.frames.names)) if scene.joints == tuple(rec.joints) else None

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -28,6 +29,8 @@ class Args:
     """Folder for the results."""
     recording: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     """Recordings to compare with."""
+    channels: tuple[Literal["joints", "contact", "pictures"], ...] = ()
+    """The evidence to compare; default: what `vispeg diagnose` looks in."""
     seconds: float = SECONDS
     """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     threads: int = 2
@@ -53,7 +56,7 @@ class Args:
             check_target(self.rerun, self.overwrite)
         inputs = (*model_files(self.model), *self.recording)
         with reserved(self.out, self.overwrite, holds="comparison", inputs=inputs):
-            options = {"seconds": self.seconds, "threads": self.threads}
+            options = {"channels": self.channels, "seconds": self.seconds, "threads": self.threads}
             result = compare(self.model, self.recording, reading=reading_bars(self.output.quiet), **options)
             result.save(self.out, overwrite=self.overwrite)
         if self.rerun is not None:

@@ -56,8 +56,10 @@ class Args:
     """World of the policy: a built-in world's name or a world file."""
     episodes: int = 100
     """Episodes of the policy, with and without the remaining error."""
+    channels: tuple[Literal["joints", "contact", "pictures", "tosses"], ...] = ()
+    """The evidence to diagnose; default: all that the recordings hold, in a cell the joints only beside both others."""
     rooms: tuple[Literal["joints", "contact", "pictures"], ...] = ()
-    """Cells: the evidence to diagnose; default: all that the recordings hold."""
+    """What --channels was called; goes with the next release."""
     seconds: float = SECONDS
     """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     seed: int = 0
@@ -84,7 +86,7 @@ class Args:
             options = {"seconds": self.seconds, "seed": self.seed, "threads": self.threads, "say": say}
             options |= {"policies": self.policy, "cell": self.world, "episodes": self.episodes}
             options |= {"likely": lambda proposal: say.keep(likely(proposal))}
-            options |= {"rooms": self.rooms, "hold_out": self.hold_out}
+            options |= {"channels": self.channels, "rooms": self.rooms, "hold_out": self.hold_out}
             part, reading = self.out.with_name(self.out.name + ".part"), reading_bars(self.output.quiet)
             sides = (self.recording, self.validate)
             result = diagnose(self.model, *sides, baseline=self.baseline, part=part, reading=reading, **options)

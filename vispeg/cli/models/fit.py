@@ -46,6 +46,8 @@ class Args:
     """Held-out recordings, never fitted."""
     effects: tuple[str, ...] = ()
     """Effects to fit, each EFFECT:WHERE[:param=start,...]; other starts: the model's values, else typical ones."""
+    channels: tuple[Literal["joints", "contact", "pictures"], ...] = ()
+    """The evidence to fit to; default: what `vispeg diagnose` looks in."""
     seconds: float = SECONDS
     """Of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything."""
     method: Literal["auto", "least-squares", "cma"] = "auto"
@@ -90,7 +92,7 @@ class Args:
         steps = ITERATIONS if self.iterations is None else self.iterations
         options = {"seconds": self.seconds, "method": self.method, "iterations": steps, "starts": self.starts}
         with following(self.starts, steps, self.output.quiet) as watch:
-            more = {**self._common(), **options}
+            more = {**self._common(), **options, "channels": self.channels}
             return fit(self.model, self.recording, self.effects, self.validate, watch=watch, **more)
 
     def _paper(self) -> PaperFit:

@@ -37,5 +37,5 @@ CONTACT = (
     "provenance",
 )
 CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")
-ROOMS = ("headline", "rooms", "found", "next_experiment")  # of several rooms; then what each of them shows
-SHARED = ("headline", "found", "next_experiment", "provenance")  # sections that a page of several rooms has once
+CHANNELS = ("headline", "channels", "found", "next_experiment")  # of several channels; then what each of them shows
+SHARED = ("headline", "found", "next_experiment", "provenance")  # sections that a page of several channels has once

@@ -8,8 +8,8 @@ from typing import Any
 
 from vispeg.report.drawings.ladder import ladder_rows
 from vispeg.report.record import Record, rows
+from vispeg.report.sections.channels import channel_row
 from vispeg.report.sections.found import correlations, effect_rows
-from vispeg.report.sections.rooms import room_row
 from vispeg.report.text import camera_words, contact_words, unseen, words
 from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line, print_summary
@@ -61,12 +61,12 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
     return Sheet(columns, cells, keys=2)
 
 
-def rooms_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """What each of several rooms says."""
-    columns = [Column("Rooms"), Column("Verdict"), *(Column(head, right=True) for head in ("Before", "After", "Floor"))]
-    rooms = [room_row(said) for said in rows(diagnosis, "rooms")]
-    keys = ("room", "verdict", "before", "after", "floor")
-    return Sheet(columns, [[row[key] for key in keys] for row in rooms], keys=1)
+def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
+    """What each of several channels says."""
+    heads = [Column(head, right=True) for head in ("Before", "After", "Floor")]
+    keys = ("channel", "verdict", "before", "after", "floor")
+    cells = [[row[key] for key in keys] for row in map(channel_row, rows(diagnosis, "by_channel"))]
+    return Sheet([Column("Channel"), Column("Verdict"), *heads], cells, keys=1)
 
 
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
@@ -81,8 +81,8 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(Line(said))
     if diagnosis.get("unexplained") and (said := contact_words.left(diagnosis)):
         out.append(Line(said))
-    if diagnosis.get("rooms"):
-        out.append(rooms_table(diagnosis))
+    if diagnosis.get("by_channel"):
+        out.append(channels_table(diagnosis))
     if diagnosis.get("effects"):
         out.append(effects_table(diagnosis))
         if any(effect.get("partial") for effect in rows(diagnosis, "effects")):
@@ -99,7 +99,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
         out.append(Line(f"note: {a} and {b} are correlated by {r}: trust their combination more than either"))
     out += [Line(f"note: {row['said']}") for row in diagnosis.get("windows") or ()]
     out += [Line(f"note: {said}") for said in diagnosis.get("missing") or ()]
-    for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "rooms"))):
+    for record in (diagnosis, *(said["record"] for said in rows(diagnosis, "by_channel"))):
         if hidden := unseen.sentence(record):
             out.append(Line(hidden))
         if record.get("evidence") == "contact":
@@ -175,6 +175,8 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
         out.append(Line(f"{whose} is at the noise floor everywhere"))
     elif worst:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
+    for other in rows(comparison, "by_channel"):
+        out += comparison_summary(other["record"])
     out += [Line(sentence) for sentence in camera_words.cameras(comparison)]
     return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
 

@@ -65,6 +65,7 @@ class StudyPage(Page):
                 self.here = gui.add_dropdown("Add recording", (CHOOSE,))
                 self.example = gui.add_button("Use the example: an arm with two hidden effects", color="blue")
                 self.compare = gui.add_button("Compare model and recordings", color="teal")
+                self.channel = gui.add_dropdown("Channel", ("joints",), visible=False)
             self.ladder = gui.add_html("")
             self.job = Job(place, self.receive, self.idle)
             self.missing = gui.add_folder("What is missing", visible=False)
@@ -133,14 +134,14 @@ class StudyPage(Page):
         self._listed()
         self._guided()
 
-    def open(self) -> None:
-        """Compares the model with the recordings, then scores candidates."""
+    def open(self, channel: str | None = None) -> None:
+        """Compares the model with the recordings in a channel, by default their first, then scores candidates."""
         fitted, held_out = self._sides()
         if not fitted and not held_out:
             self._guided()
             return
         self.tried, self.standing = [], None
-        args = (self.chosen_model, fitted, held_out, self.place.out, self.place.threads)
+        args = (self.chosen_model, fitted, held_out, self.place.out, self.place.threads, channel)
         self._candidates([])
         self._logged()
         asked = ("show", "screen") if fitted and held_out else ("show",)
@@ -205,6 +206,7 @@ class StudyPage(Page):
         self.compare.on_click(lambda _: self.open())
         self.example.on_click(lambda _: self._example())
         self.here.on_update(lambda _: self._here())
+        self.channel.on_update(lambda _: self._other_channel())
         self.model.on_update(lambda _: self._other_model())
         self.screen.on_click(lambda _: self.job.ask("screen"))
         self.run.on_click(lambda _: self._run())
@@ -286,6 +288,11 @@ class StudyPage(Page):
         for path in shipped_recordings():
             self.add(path)
         self.open()
+
+    def _other_channel(self) -> None:
+        """Looks in the channel that is chosen, unless it is looked in already."""
+        if self.standing is not None and self.channel.value != self.standing.channel:
+            self.open(str(self.channel.value))
 
     def _role(self, path: Path) -> None:
         if self.roles[path].value != ROLES[3]:
@@ -372,6 +379,9 @@ class StudyPage(Page):
         if self.standing is not None and self.standing.effects != standing.effects:
             self._candidates([])  # of another model; new ones are being scored
         self.standing = standing
+        if tuple(self.channel.options) != standing.channels:
+            self.channel.options = standing.channels
+        self.channel.value, self.channel.visible = standing.channel, len(standing.channels) > 1
         self.motion.visible = self.page.visible = False  # of another state
         self.written.content = ""
         self._stood()

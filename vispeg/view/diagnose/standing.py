@@ -87,6 +87,7 @@ class Standing:
         effects: that were added, as they are now fitted; `initial` those of the user's model.
         tracks, maps: what was measured and predicted; maps by axis, none where torque says nothing.
         judged: whether there is a recording to judge on; only then effects can be added.
+        channels, channel: those that the recordings have; the one that is looked in.
         enough: whether the error is so near the noise that nothing more could be named.
     """
 
@@ -103,6 +104,8 @@ class Standing:
     maps: Mapping[str, Field]
     judged: bool
     enough: bool
+    channels: tuple[str, ...] = ("joints",)
+    channel: str = "joints"
 
 
 @dataclass(frozen=True)

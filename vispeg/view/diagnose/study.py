@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from vispeg.api.channels import arm_of, carrying, part_of
 from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
-from vispeg.api.inputs import Inputs, felt, read_inputs, windows
-from vispeg.api.rooms.cell import readable
-from vispeg.api.rooms.pictures import photographed
+from vispeg.api.inputs import Inputs, read_inputs, windows
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.resolve import ChannelName, resolve
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.text import effect_words
@@ -37,8 +37,10 @@ from vispeg.view.diagnose.telling import key as key_of
 from vispeg.view.diagnose.telling import named, size, spelt, words
 from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import model_text, placed_dict
+from vispeg.worlds.world import World
 
 SHOWN = 12  # candidates
+SUBJECTS = {"joints": Joints, "contact": Contact, "pictures": Borders}
 
 
 class Study:
@@ -52,6 +54,7 @@ class Study:
         out: folder of results; what was worked out is kept in `found.part` in it, or `found-2.part` where that is of
             other recordings.
         threads: of the simulation.
+        channel: the one to look in, of those that `vispeg diagnose` looks in; by default their first.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Study:
         held_out: tuple[Path, ...],
         out: Path,
         threads: int = 2,
+        channel: ChannelName | None = None,
     ):
         self.tell, self.threads = tell, threads
         self.asked = model, fitted, held_out
@@ -74,11 +78,19 @@ class Study:
             progress = _progress(inputs, out)
             self.part, self.key = progress.file.parent if progress.file else self.part, progress.key
         tell("say", "simulating")
-        kind = _kind(inputs)
-        if kind is Joints:  # recordings with pictures came whole
-            cut = ([choose(rec, SECONDS) for rec in group] for group in (inputs.fitted, inputs.held_out))
-            inputs = replace(inputs, **dict(zip(("fitted", "held_out"), map(tuple, cut), strict=True)))
-        self.subject = kind(inputs, threads, lambda text: tell("say", text), progress)
+        given = self.given = inputs.world
+        both = inputs.fitted, inputs.held_out
+        self.channels = resolve(given, *both)
+        self.channel = self.channels[0] if channel is None else channel
+        self.others = list[list[str]]()  # steps of other channels in the same folder
+        if progress is not None and len(self.channels) > 1:
+            progress = part_of(progress, self.channel, given)
+        if self.channel == "joints":  # recordings with pictures came whole
+            fit, judge = (tuple(choose(carrying(rec, given), SECONDS) for rec in some) for some in both)
+            inputs = replace(inputs, world=arm_of(given), fitted=fit, held_out=judge)
+            self.world = inputs.world
+        self.aside = tuple(e for e in given.effects if e not in self.world.effects)
+        self.subject = SUBJECTS[self.channel](inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
         self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed
@@ -174,7 +186,7 @@ class Study:
             raise UserError("took no picture", key="camera", got=camera)
         frames = rec.frames.of(camera)
         k = int(np.argmin(np.abs(frames.times - start - moment)))
-        world = self.world if self.state is None else self.state.world
+        world = self._whole(self.world if self.state is None else self.state.world)
         self.tell("say", f"rendering what {camera} sees")
         (comparison,) = compared_pictures(replace(rec, frames=frames.some(np.array([k]))), world)
         self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(comparison)))
@@ -200,7 +212,12 @@ class Study:
         world = self.world if self.state is None else self.state.world
         partial = {e.label for e in self.world.effects if e.partial}  # still so: what they leave was not judged
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
-        return str(write_text_atomic(file, model_text(replace(world, effects=effects)), overwrite=overwrite))
+        text = model_text(self._whole(replace(world, effects=effects)))
+        return str(write_text_atomic(file, text, overwrite=overwrite))
+
+    def _whole(self, world: World) -> World:
+        """A world of this channel with what the channel cannot show of the given model."""
+        return replace(world, cell=self.given.cell, effects=(*self.aside, *world.effects))
 
     def standing(self) -> Standing:
         """Where the search stands, with what the page draws of it."""
@@ -219,6 +236,8 @@ class Study:
             tracks=subject.tracks(self.world, world),
             maps=subject.maps(self.world, world),
             judged=self.judged,
+            channels=self.channels,
+            channel=self.channel,
             enough=self.search is not None and state is not None and not self.search.worth_it(state, self.n_fixed),
         )
 
@@ -254,12 +273,16 @@ class Study:
     def _claimed(self) -> list[list[str]]:
         """What was done in this folder before; from now on it is this search's."""
         done = read_steps(self.part)["steps"]
+        if len(self.channels) > 1:
+            self.others = [step for step in done if step[0] != self.channel]
+            done = [step[1:] for step in done if step[0] == self.channel]
         if not done:
             self._write()
         return done
 
     def _write(self) -> None:
-        write_steps(self.part, self.key, self.done)
+        done = [[self.channel, *step] for step in self.done] if len(self.channels) > 1 else self.done
+        write_steps(self.part, self.key, [*self.others, *done])
 
     def _again(self, step: list[str]) -> None:
         """Repeats what an earlier process did; its progress has the answers. What readings show is there already."""
@@ -270,16 +293,6 @@ class Study:
         has = {(e.effect, e.where) for e in self._searching()[1].world.effects}
         if not has.issuperset((e.effect, e.where) for e in self._typed(step[1]).members):
             self.fit(step[1], anyway=True)
-
-
-def _kind(inputs: Inputs) -> type[Joints] | type[Contact] | type[Borders]:
-    """What `vispeg diagnose` compares these recordings by."""
-    groups = inputs.fitted, inputs.held_out
-    if inputs.world.cell is None:
-        return Borders if readable(inputs.world, *groups) == ("pictures",) else Joints
-    if photographed(inputs.world, *groups):
-        return Borders
-    return Contact if felt((*inputs.fitted, *inputs.held_out)) else Joints
 
 
 def _progress(inputs: Inputs, out: Path) -> Progress:

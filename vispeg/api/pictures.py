@@ -12,24 +12,10 @@ from vispeg.identify.pictures.build import border_evidence, seeing
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.read import sights_of
 from vispeg.recordings.recording import Recording
-from vispeg.robots.bench import shows
 from vispeg.robots.scene import Scene
 from vispeg.task import belief
 from vispeg.task.belief import cell_of
 from vispeg.worlds.world import World
-
-
-def photographed(world: World, *groups: Sequence[Recording]) -> bool:
-    """Whether all recordings hold pictures of something that a model knows more of than its arm."""
-    recordings = [rec for group in groups for rec in group]
-    if not all(rec.frames is not None and len(rec.frames) > 0 for rec in recordings):
-        return False
-    return all(shown(world, rec) for rec in recordings)
-
-
-def shown(world: World, rec: Recording) -> bool:
-    """Whether a model has something for the cameras of a recording to see."""
-    return cell_of(world, rec) is not None or shows(belief.bench_of(world))
 
 
 def diagnose(

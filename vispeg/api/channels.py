@@ -1,18 +1,18 @@
-"""Recordings with joint torques, a wrench and pictures: one diagnosis over the rooms that can read them."""
+"""One diagnosis over the channels that recordings have: joint torques, pictures, a wrench."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
-from vispeg.api.inputs import felt
-from vispeg.api.rooms import pictures
+from vispeg.api import pictures
 from vispeg.contact.picture import worst_moment
 from vispeg.contact.run import diagnose_contact
 from vispeg.core.effect import ARM, Effect, effect
 from vispeg.diagnosis import run
+from vispeg.diagnosis.conduct import Member, conduct, joined
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.rooms.conduct import Room, RoomName, conduct, joined
+from vispeg.diagnosis.resolve import ChannelName
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
@@ -30,27 +30,8 @@ STANDS = {"body_pos", "body_quat"}  # fields by which fixture and held part stan
 HEAVY = {"body_mass", "body_ipos"}  # ... and by which the hand carries something else
 
 
-def readable(world: World, *groups: Sequence[Recording]) -> tuple[RoomName, ...]:
-    """The rooms that a model and all recordings have something for; not the joints' where torques stand for a wrench.
-
-    A tool touches in a task's cell alone.
-    """
-    recordings = [rec for group in groups for rec in group]
-    out: list[RoomName] = []
-    touched = world.cell is not None and felt(recordings)
-    if not (touched and any(rec.ft is None for rec in recordings)) and all(
-        rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none") for rec in recordings
-    ):
-        out.append("joints")
-    if pictures.photographed(world, recordings):
-        out.append("pictures")
-    if touched:
-        out.append("contact")
-    return tuple(out)
-
-
-def diagnose_rooms(
-    rooms: Collection[RoomName],
+def diagnose_channels(
+    channels: Collection[ChannelName],
     world: World,
     fitted: Sequence[Recording],
     held_out: Sequence[Recording],
@@ -62,49 +43,68 @@ def diagnose_rooms(
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Names what a model lacks, the cause looked for in every room.
+    """Name what a model lacks, the cause looked for in every channel.
 
     Joints come first and cameras before contact: what the arm reads wrong moves pictures and the hand's path alike, and
     a goal that the wrench finds elsewhere is looked at again.
 
     Args:
-        rooms: that look, of `readable`.
-        world: of a cell, or of a robot whose own file shows what stands about.
+        channels: of `resolve`.
+        world: of an arm, of a cell, or of a robot whose own file shows what stands about.
         fitted, held_out: the recordings.
-        seconds: of a longer recording that the joints' room uses; 0 uses all.
+        seconds: of a longer recording that the joints use; 0 uses all.
         seed, nthread, say, likely, progress: as for `diagnose`.
 
     Raises:
-        UserError: recordings that a room cannot compare.
+        UserError: recordings that cannot be compared in a channel.
     """
-    both, kept = (fitted, held_out), Progress() if progress is None else progress
+    both, kept, several = (fitted, held_out), Progress() if progress is None else progress, len(channels) > 1
 
-    def part(room: RoomName, start: World) -> Progress:
-        """What a room asks from a start: the same question of the same effects is another beside other rooms' names."""
-        return kept.part(f"{room} {model_text(start)}")
+    starts: dict[str, Callable[[World], World]] = {
+        "joints": arm_of,
+        "pictures": lambda start: start,
+        "contact": lambda start: start.only(lambda e: e.effect != READINGS),
+    }
+
+    def part(channel: ChannelName, start: World) -> Progress:
+        return part_of(kept, channel, start) if several else kept
 
     def joints(start: World) -> Diagnosis:
-        arm = replace(of_arm(start).only(lambda e: effect(e.effect).searchable), cell=None)
-        some = [[choose(_carrying(rec, start), seconds) for rec in group] for group in both]
-        options = {"seed": seed, "nthread": nthread, "say": say, "likely": likely, "plan_next": False}
-        return run.diagnose(arm, *some, **options, progress=part("joints", start))
+        some = [[choose(carrying(rec, start), seconds) for rec in group] for group in both]
+        options = {"seed": seed, "nthread": nthread, "say": say, "likely": likely, "plan_next": not several}
+        return run.diagnose(starts["joints"](start), *some, **options, progress=part("joints", start))
 
     def pictured(start: World) -> Diagnosis:
         return pictures.diagnose(start, *both, seed=seed, say=say, progress=part("pictures", start))
 
     def touched(start: World) -> Diagnosis:
         some = [[_read_right(rec, start) for rec in group] for group in both]
-        right, options = start.only(lambda e: e.effect != READINGS), {"nthread": nthread, "say": say}
-        diagnosis = diagnose_contact(right, *some, **options, progress=part("contact", start))
+        options = {"nthread": nthread, "say": say, "progress": part("contact", start)}
+        diagnosis = diagnose_contact(starts["contact"](start), *some, **options)
         diagnosis.arrays.update(worst_moment(diagnosis.arrays, some[1]))
         return diagnosis
 
     every = (
-        Room("joints", lambda e: e.name == READINGS or _heavy(e), joints),
-        Room("pictures", _seen, pictured),
-        Room("contact", lambda e: e.name == READINGS, touched),
+        Member("joints", lambda e: e.name == READINGS or _heavy(e), joints),
+        Member("pictures", _seen, pictured),
+        Member("contact", lambda e: e.name == READINGS, touched),
     )
-    return joined(conduct([r for r in every if r.name in rooms], world, say), world)
+    members = [m for m in every if m.name in channels]
+    if several:
+        return joined(conduct(members, world, say), world)
+    alone, began = members[0].diagnose(world), starts[members[0].name](world)
+    aside = [e for e in world.effects if e not in began.effects]  # what this channel cannot show stays in the model
+    return replace(alone, world=replace(alone.world, cell=world.cell, effects=(*aside, *alone.world.effects)))
+
+
+def part_of(progress: Progress, channel: ChannelName, start: World) -> Progress:
+    """What a channel of several asks from a start: the same question is another beside what other channels named."""
+    return progress.part(f"{channel} {model_text(start)}")
+
+
+def arm_of(world: World) -> World:
+    """The model as its joints' channel has it: what an arm alone can show."""
+    return replace(of_arm(world).only(lambda e: effect(e.effect).searchable), cell=None)
 
 
 def _heavy(kind: Effect) -> bool:
@@ -127,7 +127,7 @@ def _read_right(rec: Recording, world: World) -> Recording:
     return replace(rec, q=q)
 
 
-def _carrying(rec: Recording, world: World) -> Recording:
+def carrying(rec: Recording, world: World) -> Recording:
     """The recording with the load that the model's cell says it carried, where that is not what it declares."""
     heavy = [e for e in world.effects if _heavy(effect(e.effect))]
     if not heavy or world.cell is None:

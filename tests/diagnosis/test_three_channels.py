@@ -1,4 +1,4 @@
-"""Joints, contact and pictures of one run: what was hidden is named in its own room, and in no other."""
+"""Joints, contact and pictures of one run: what was hidden is named in its own channel, and in no other."""
 
 import json
 
@@ -27,11 +27,11 @@ def diagnosed(folder, *effects):
 
 
 def named(record):
-    """Room -> labels of the effects that it named."""
-    out = {row["room"]: set() for row in record["rooms"]}
+    """Channel -> labels of the effects that it named."""
+    out = {row["channel"]: set() for row in record["by_channel"]}
     assert set(out) == {"joints", "pictures", "contact"}
     for e in record["effects"]:
-        out[e["room"]].add(f"{e['effect']}({e['where']})")
+        out[e["channel"]].add(f"{e['effect']}({e['where']})")
     return out
 
 
@@ -47,7 +47,7 @@ def test_an_encoders_offset_is_the_arms(tmp_path):
     assert every == {"encoder_offset(joint4)"}
 
 
-def test_a_moved_camera_and_a_rough_contact_are_named_each_in_its_room(tmp_path):
+def test_a_moved_camera_and_a_rough_contact_are_named_each_in_its_channel(tmp_path):
     hidden = "contact_friction:peg:scale=1.7", "camera_offset:wrist_wide:x=0.004"
     record = diagnosed(tmp_path, *hidden)
     assert named(record) == {

@@ -1,4 +1,4 @@
-"""What each room of a diagnosis over joints, contact and pictures says: its verdict, its error, what it was given."""
+"""What each channel of a diagnosis over several says: its verdict, its error, what it was given."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from vispeg.report.record import Record, label, rows
 from vispeg.report.text import words
 from vispeg.report.text.quantities import quantity
 
-TITLE = "Rooms"
+TITLE = "Channels"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """A row a room; None where there is only one."""
-    said = record.rows("rooms")
-    return {"rooms": [room_row(r) for r in said]} if said else None
+    """A row a channel; None where there is only one."""
+    said = record.rows("by_channel")
+    return {"channels": [channel_row(r) for r in said]} if said else None
 
 
-def room_row(said: Mapping[str, Any]) -> dict[str, str]:
-    """Room, verdict, held-out error before and after, noise floor, effects named, effects of others."""
+def channel_row(said: Mapping[str, Any]) -> dict[str, str]:
+    """Channel, verdict, held-out error before and after, noise floor, effects named, effects of others."""
     record = said.get("record") or {}
     before, after, unit = words.ladder_ends(record)
     floor = record.get("noise_floor") or {}
     return {
-        "room": str(said.get("room", "?")),
+        "channel": str(said.get("channel", "?")),
         "verdict": str(record.get("verdict", "")),
         "before": quantity(before, unit),
         "after": quantity(after, unit),

@@ -1,4 +1,4 @@
-"""One room of a diagnosis over several: its verdict and the fall of its error, before what only it shows."""
+"""One channel of a diagnosis over several: its verdict and the fall of its error, before what only it shows."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from vispeg.report.record import Record
 from vispeg.report.text import contact_words, words
 
 
-def context(record: Record, room: str) -> Mapping[str, object]:
+def context(record: Record, channel: str) -> Mapping[str, object]:
     """Verdict, the fall of the error in words and in a picture, the reason."""
     values = record.values
-    drawn = chart(lambda shape: ladder_figure(record, shape), f"ladder-{room}", words.fall(values))
+    drawn = chart(lambda shape: ladder_figure(record, shape), f"ladder-{channel}", words.fall(values))
     return {
         "verdict": str(values.get("verdict") or ""),
         "fall": words.fall(values),

@@ -1,17 +1,18 @@
-"""Several rooms, one diagnosis: each looks again with what the others named that concerns it."""
+"""Several channels, one diagnosis: each looks again with what the others named that concerns it."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from vispeg.api.rooms.cell import _carrying, _read_right, _seen, readable
+from vispeg.api.channels import _read_right, _seen, carrying
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.rooms.conduct import Room, conduct, joined
+from vispeg.diagnosis.conduct import Member, conduct, joined
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
@@ -29,7 +30,7 @@ HOLE = EffectInstance.of("hole_offset", "fixture", x=0.002)
 
 
 def answer(world: World, found: tuple[EffectInstance, ...], unit: str, verdict: str = "", error: float = 1.0):
-    """What a room says that names `found` beside its model."""
+    """What a channel says that names `found` beside its model."""
     rungs = [("nominal", 8.0), *((f"+ {e.label}", error) for e in found)]
     listed = [
         {"effect": e.effect, "where": e.where, "params": {k: {"value": v.value} for k, v in e.params.items()}}
@@ -55,14 +56,14 @@ def answer(world: World, found: tuple[EffectInstance, ...], unit: str, verdict: 
     return Diagnosis(record, world.add(*found), {"unit": np.array(unit)})  # type: ignore[arg-type]
 
 
-class Rooms:
-    """Three rooms that say what was written for them, and remember what they were asked."""
+class Channels:
+    """Three channels that say what was written for them, and remember what they were asked."""
 
     def __init__(self, joints=(), pictures=(), contact=()):
         self.asked: list[tuple[str, tuple[str, ...]]] = []
         heeds = {"joints": lambda e: False, "pictures": _seen, "contact": lambda e: e.name == "encoder_offset"}
         said = {"joints": joints, "pictures": pictures, "contact": contact}
-        self.rooms = [Room(name, heeds[name], self._answer(name, said[name])) for name in said]  # type: ignore[arg-type]
+        self.members = [Member(name, heeds[name], self._answer(name, said[name])) for name in said]  # type: ignore[arg-type]
 
     def _answer(self, name, said):
         def diagnose(world: World) -> Diagnosis:
@@ -75,64 +76,70 @@ class Rooms:
         return diagnose
 
     def run(self) -> Diagnosis:
-        return joined(conduct(self.rooms, ARM, lambda text: None), ARM)
+        return joined(conduct(self.members, ARM, lambda text: None), ARM)
 
 
-def test_rooms_that_have_nothing_to_tell_each_other_look_once():
-    rooms = Rooms(pictures=(CAMERA,), contact=(FRICTION,))
-    found = rooms.run()
-    assert [name for name, _ in rooms.asked] == ["joints", "pictures", "contact"]
+def test_channels_that_have_nothing_to_tell_each_other_are_searched_once():
+    asked = Channels(pictures=(CAMERA,), contact=(FRICTION,))
+    found = asked.run()
+    assert [name for name, _ in asked.asked] == ["joints", "pictures", "contact"]
     assert [e.label for e in found.world.effects] == [CAMERA.label, FRICTION.label] and found.world.cell == ARM.cell
     assert found.record["verdict"] == "identified"
-    assert [e["room"] for e in found.record["effects"]] == ["pictures", "contact"]
-    assert [r["room"] for r in found.record["rooms"]] == ["joints", "pictures", "contact"]
-    assert {"room/joints/unit", "room/pictures/unit", "room/contact/unit"} == set(found.arrays)
+    assert [e["channel"] for e in found.record["effects"]] == ["pictures", "contact"]
+    assert [r["channel"] for r in found.record["by_channel"]] == ["joints", "pictures", "contact"]
+    assert {"channel/joints/unit", "channel/pictures/unit", "channel/contact/unit"} == set(found.arrays)
 
 
 def test_none_of_them_finds_anything_where_nothing_is():
-    found = Rooms().run()
+    found = Channels().run()
     assert found.record["verdict"] == "adequate" and not found.record["effects"] and found.world == ARM
 
 
 def test_an_arms_error_is_no_cameras_and_no_holes():
-    """Each room would blame its own; given what the joints named, none does."""
-    rooms = Rooms(
+    """Each channel would blame its own; given what the joints named, none does."""
+    asked = Channels(
         joints=(OFFSET,),
         pictures=lambda given: () if OFFSET.label in given else (CAMERA,),
         contact=lambda given: () if OFFSET.label in given else (HOLE,),
     )
-    found = rooms.run()
+    found = asked.run()
     assert [e.label for e in found.world.effects] == [OFFSET.label]
-    assert found.record["rooms"][1]["given"] == [{"effect": "encoder_offset", "where": "joint6"}]
+    assert found.record["by_channel"][1]["given"] == [{"effect": "encoder_offset", "where": "joint6"}]
 
 
-def test_a_room_looks_again_with_what_a_later_one_named():
+def test_a_channel_is_searched_again_with_what_a_later_one_named():
     """A hole that the wrench finds elsewhere stands elsewhere in the pictures, too."""
     moved = replace(CAMERA, partial=True)
-    rooms = Rooms(pictures=lambda given: () if HOLE.label in given else (moved,), contact=(HOLE,))
-    found = rooms.run()
-    assert rooms.asked[3:] == [("pictures", (HOLE.label,))]
+    asked = Channels(pictures=lambda given: () if HOLE.label in given else (moved,), contact=(HOLE,))
+    found = asked.run()
+    assert asked.asked[3:] == [("pictures", (HOLE.label,))]
     assert [e.label for e in found.world.effects] == [HOLE.label] and found.record["verdict"] == "identified"
 
 
 def test_nobody_builds_on_what_is_not_certain():
-    rooms = Rooms(joints=(replace(OFFSET, partial=True),))
-    found = rooms.run()
-    assert all(OFFSET.label not in given for _, given in rooms.asked)
+    asked = Channels(joints=(replace(OFFSET, partial=True),))
+    found = asked.run()
+    assert all(OFFSET.label not in given for _, given in asked.asked)
     assert found.record["verdict"] == "unexplained" and found.record["unexplained"]
 
 
-def test_the_page_and_the_terminal_have_every_room(tmp_path):
-    found = Rooms(pictures=(CAMERA,), contact=(FRICTION,)).run()
+def test_the_page_and_the_terminal_have_every_channel(tmp_path):
+    found = Channels(pictures=(CAMERA,), contact=(FRICTION,)).run()
     record = {**found.record, "provenance": {"command": "", "seed": 0, "versions": {}, "inputs": {}}}
     write_diagnosis(tmp_path, record, found.world, {})
     write_report(tmp_path, overwrite=True)
     page = (tmp_path / "report.html").read_text()
     for name in ("joints", "pictures", "contact"):
-        assert f'id="room-{name}"' in page
+        assert f'id="channel-{name}"' in page
     assert "camera_offset<wbr>(wrist_wide)" in page and "contact_friction<wbr>(peg)" in page
-    said = [block for block in diagnosis_summary(record) if "rooms" in str(block).lower()]
+    said = [block for block in diagnosis_summary(record) if "channel" in str(block).lower()]
     assert said
+    old = {key: value for key, value in record.items() if key != "by_channel"}
+    old |= {"rooms": [{"room": r["channel"], "given": r["given"], "record": r["record"]} for r in record["by_channel"]]}
+    old["effects"] = [{"room": e["channel"], **{k: v for k, v in e.items() if k != "channel"}} for e in old["effects"]]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(old))
+    write_report(tmp_path, overwrite=True)
+    assert (tmp_path / "report.html").read_text() == page, "a record of the last release shows the same"
 
 
 def test_what_the_encoders_misread_is_taken_off():
@@ -149,23 +156,10 @@ def test_what_the_wrench_weighed_is_what_the_arm_carries():
     tool = {**carried(scene.nominal.compile())}
     rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)), tool=tool)
     rec = replace(rec, cell=ARM.cell)
-    assert _carrying(rec, ARM.add(OFFSET)) is rec
-    heavy = _carrying(rec, ARM.add(EffectInstance.of("tool_mass", "gripper", mass=0.3)))
+    assert carrying(rec, ARM.add(OFFSET)) is rec
+    heavy = carrying(rec, ARM.add(EffectInstance.of("tool_mass", "gripper", mass=0.3)))
     assert heavy.tool["mass_kg"] == pytest.approx(tool["mass_kg"] + 0.3, abs=1e-6)
     assert heavy.tool["com_m"] != tool["com_m"]
-
-
-def test_rooms_are_those_that_the_recordings_can_be_read_in():
-    time = np.arange(4) / 100
-    bare = Recording(
-        Path("r"), "iiwa14", tuple(f"joint{k}" for k in range(1, 8)), 100.0, Control(), time, np.ones((4, 7))
-    )
-    cell = World("iiwa14", cell=CellBelief("nominal"))
-    assert readable(cell, [bare]) == ()
-    felt = replace(bare, ft=np.zeros((4, 6)))
-    assert readable(cell, [felt]) == ("contact",) and readable(cell, [felt], [bare]) == ()
-    moved = replace(felt, tau=np.zeros((4, 7)), torque_sensor="joint")
-    assert readable(cell, [moved]) == ("joints", "contact") and readable(World("iiwa14"), [moved]) == ("joints",)
 
 
 @pytest.mark.parametrize("name", ["hole_offset", "hole_tilt", "grip_pose", "encoder_offset"])
@@ -178,7 +172,7 @@ def test_what_does_not_is_not(name):
     assert not _seen(effect(name))
 
 
-def test_a_room_without_evidence_is_refused():
+def test_a_channel_without_evidence_is_refused():
     from vispeg.api.diagnose import diagnose
 
     time = np.arange(400) / 100
@@ -186,5 +180,5 @@ def test_a_room_without_evidence_is_refused():
     joints = tuple(f"joint{k}" for k in range(1, 8))
     a = Recording(Path("a"), "iiwa14", joints, 100.0, Control("position", 100.0), time, q, q_cmd=q)
     b = replace(a, path=Path("b"), q=q + 1e-3)
-    with pytest.raises(UserError, match="nothing for this room"):
-        diagnose("peg-cell", a, b, rooms=("pictures",))
+    with pytest.raises(UserError, match="have this channel"):
+        diagnose("peg-cell", a, b, channels=("pictures",))

@@ -1,47 +1,47 @@
-"""One diagnosis over several rooms: joints, contact and pictures each look for the cause with what the others named.
+"""One diagnosis over several channels: joints, contact and pictures each look for the cause with what the others named.
 
-A room searches its own evidence among its own effects, as it does alone. What it names beyond doubt and another room
-heeds (an encoder's offset moves what a camera predicts; a goal that stands elsewhere, too) is part of that room's model
-when it looks again. So no evidence is searched for an effect that another has shown, and none is weighed against it.
+A channel is searched among its own effects, as it is alone. What it names beyond doubt and another channel heeds (an
+encoder's offset moves what a camera predicts; a goal that stands elsewhere, too) is part of that channel's model when
+it is searched again. So no evidence is searched for an effect that another has shown, and none is weighed against it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 from vispeg.core.effect import Effect, EffectInstance, effect
+from vispeg.diagnosis.resolve import ChannelName
 from vispeg.diagnosis.run import Diagnosis
-from vispeg.diagnosis.schema import DiagnosisRecord, RoomRecord
+from vispeg.diagnosis.schema import ChannelRecord, DiagnosisRecord
 from vispeg.worlds.world import World
 
-RoomName = Literal["joints", "contact", "pictures"]
-ROUNDS = 3  # each room anew while the others have news for it
-FIRM = ("identified", "ambiguous")  # verdicts whose effects other rooms may build on
-ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any room says is said of all
+ROUNDS = 3  # each channel anew while the others have news for it
+FIRM = ("identified", "ambiguous")  # verdicts whose effects other channels may build on
+ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any channel says is said of all
 
 
 @dataclass(frozen=True)
-class Room:
-    """One kind of evidence.
+class Member:
+    """One channel of a diagnosis over several.
 
     Attributes:
-        name: of the room.
-        heeds: whether an effect that another room named changes what this one predicts.
-        diagnose: a model -> what this room says of the recordings under it.
+        name: of the channel.
+        heeds: whether an effect that another channel named changes what this one predicts.
+        diagnose: a model -> what this channel says of the recordings under it.
     """
 
-    name: RoomName
+    name: ChannelName
     heeds: Callable[[Effect], bool]
     diagnose: Callable[[World], Diagnosis]
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a room said, and the other rooms' effects that it was given."""
+    """What a channel said, and the other channels' effects that it was given."""
 
-    room: Room
+    member: Member
     diagnosis: Diagnosis
     assumed: tuple[EffectInstance, ...]
 
@@ -53,33 +53,33 @@ class Said:
 
     @property
     def firm(self) -> tuple[EffectInstance, ...]:
-        """Those that another room may build on."""
+        """Those that another channel may build on."""
         sure = self.diagnosis.record["verdict"] in FIRM
         return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
 
 
-def conduct(rooms: Sequence[Room], world: World, say: Callable[[str], None]) -> list[Said]:
-    """Asks room after room, and again while another has named what a room heeds; what each said last, in their order.
+def conduct(members: Sequence[Member], world: World, say: Callable[[str], None]) -> list[Said]:
+    """Ask channel after channel, and again while another has named what one heeds; what each said last, in their order.
 
     Args:
-        rooms: those that can read the recordings.
+        members: the channels that the recordings have.
         world: the user's model.
         say: is told what is being done.
     """
     said: dict[str, Said] = {}
     for _ in range(ROUNDS):
         news = False
-        for room in rooms:
-            others = [s for name, s in said.items() if name != room.name]
-            assumed = tuple(e for s in others for e in s.firm if room.heeds(effect(e.effect)))
-            if room.name in said and _alike(said[room.name].assumed, assumed):
+        for member in members:
+            others = [s for name, s in said.items() if name != member.name]
+            assumed = tuple(e for s in others for e in s.firm if member.heeds(effect(e.effect)))
+            if member.name in said and _alike(said[member.name].assumed, assumed):
                 continue
             beside = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
-            say(f"{room.name}{beside}")
-            said[room.name], news = Said(room, room.diagnose(world.add(*assumed)), assumed), True
+            say(f"{member.name}{beside}")
+            said[member.name], news = Said(member, member.diagnose(world.add(*assumed)), assumed), True
         if not news:
             break
-    return [said[room.name] for room in rooms]
+    return [said[member.name] for member in members]
 
 
 def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
@@ -88,9 +88,9 @@ def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
 
 
 def joined(said: Sequence[Said], world: World) -> Diagnosis:
-    """One record and one model of what the rooms said; arrays of a room lie under `room/NAME/`.
+    """One record and one model of what the channels said; arrays of a channel lie under `channel/NAME/`.
 
-    The verdict is the gravest of theirs. The ladder is that of the room whose error fell the most.
+    The verdict is the gravest of theirs. The ladder is that of the channel whose error fell the most.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
@@ -98,14 +98,14 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         for e, row in zip(s.added, s.diagnosis.record["effects"], strict=True):
             if e.label not in added:
                 added[e.label] = e
-                listed.append({**row, "room": s.room.name})
+                listed.append({**row, "channel": s.member.name})
     records = [s.diagnosis.record for s in said]
     lead = max(records, key=_fall)
     rest = [r for r in records if r["unexplained"]]
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": min((r["verdict"] for r in records), key=ORDER.index),
-        "reason": "; ".join(f"{s.room.name}: {s.diagnosis.record['reason']}" for s in said),
+        "reason": "; ".join(f"{s.member.name}: {s.diagnosis.record['reason']}" for s in said),
         "effects": listed,
         "ladder": lead["ladder"],
         "noise_floor": lead["noise_floor"],
@@ -116,16 +116,16 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "recordings": lead["recordings"],
         "channels": [c for r in records for c in r.get("channels", [])],
         "remainder": [entry for r in records for entry in r.get("remainder", [])],
-        "notes": [f"{s.room.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
-        "rooms": [_row(s) for s in said],
+        "notes": [f"{s.member.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
+        "by_channel": [_row(s) for s in said],
     }
-    arrays = {f"room/{s.room.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
+    arrays = {f"channel/{s.member.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
     return Diagnosis(cast("DiagnosisRecord", record), world.add(*added.values()), arrays)
 
 
-def _row(s: Said) -> RoomRecord:
+def _row(s: Said) -> ChannelRecord:
     assumed = [{"effect": e.effect, "where": e.where} for e in s.assumed]
-    return cast("RoomRecord", {"room": s.room.name, "given": assumed, "record": s.diagnosis.record})
+    return cast("ChannelRecord", {"channel": s.member.name, "given": assumed, "record": s.diagnosis.record})
 
 
 def _fall(record: Mapping[str, Any]) -> float:

@@ -1,1 +1,0 @@
-"""Recordings of a cell, each kind of evidence read by its room, and one diagnosis over all of them."""

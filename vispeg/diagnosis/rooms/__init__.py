@@ -1,1 +1,0 @@
-"""One diagnosis over several rooms, each with what the others named."""
