@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +12,18 @@ import pytest
 from vispeg.api import compare as of_compare
 from vispeg.api import diagnose as of_diagnose
 from vispeg.api import fit as of_fit
-from vispeg.api.recording.record import record
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.resolve import available, fitted_in, resolve
-from vispeg.recordings.cell import WrenchSensor
-from vispeg.recordings.load import load
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.cell import CellBelief, WrenchSensor
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Control
 from vispeg.recordings.write import write
+from vispeg.robots.model import load
 from vispeg.robots.objects import CUBE
 from vispeg.view.diagnose import study as of_study
 from vispeg.worlds.world import World
@@ -43,14 +49,20 @@ class Asked(Exception):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole():
     """Two recordings with joint torques, a known controller, a wrench that feels nothing, and frames."""
-    options = {"size": (64, 48), "fps": 0.3, "rate_hz": 100.0, "look": "S/1"}
-    rec = load(record("peg-cell", "look", **options).save(tmp_path_factory.mktemp("whole") / "a"))
-    rng = np.random.default_rng(0)
-    ft = rng.normal(0.0, np.repeat([0.1, 0.005], 3), (len(rec.time), 6))
-    rec = replace(rec, ft=ft, wrench=WrenchSensor(), noise={**rec.noise, "ft": 0.1, "ft_torque": 0.005})
-    return rec, replace(rec, path=rec.path.with_name("b"), q=rec.q + rng.normal(0.0, 2e-5, rec.q.shape))
+    robot, rng = load("iiwa14", tool="meg50+peg16"), np.random.default_rng(0)
+    eye = RecordedCamera("wrist_wide", 64, 48, 40.0, 40.0, 32.0, 24.0, mount="flange", pose=np.eye(4))
+    frames = Frames({eye.name: eye}, (RecordedFrame(0.2, eye, np.zeros((48, 64, 3), np.uint8)),))
+    out = []
+    for name in "ab":
+        move = motion("fourier", robot, 100.0, 1.0, rng)
+        servo = controller(robot, "position", 100.0, centre_of(robot))
+        rec = record(World("iiwa14", "meg50+peg16"), move, servo, NOISE, rng, name=name)
+        ft = rng.normal(0.0, np.repeat([0.1, 0.005], 3), (len(rec.time), 6))
+        more = {"noise": {**rec.noise, "ft": 0.1, "ft_torque": 0.005}, "cell": CellBelief("nominal")}
+        out.append(replace(rec, path=Path(name), ft=ft, wrench=WrenchSensor(), frames=frames, **more))
+    return out
 
 
 def kept(rec, what):
@@ -64,49 +76,49 @@ def kept(rec, what):
     return rec if "frames" in what else replace(rec, frames=None)
 
 
-def answers(model, both, sides, tmp_path, monkeypatch):
-    """Who -> the channels that it resolves for one model and recordings."""
-    out = {}
-
-    def heard(who, module):
-        real = resolve
-
-        def ask(*args, **options):
-            out[who] = real(*args, **options)
-            raise Asked
-
-        monkeypatch.setattr(module, "resolve", ask)
-
-    for who, module in (("diagnose", of_diagnose), ("compare", of_compare), ("fit", of_fit), ("page", of_study)):
-        heard(who, module)
-    effects = ["viscous_friction:joint1"]
-    calls = {
-        "diagnose": lambda: of_diagnose.diagnose(model, *both),
-        "compare": lambda: of_compare.compare(model, list(both)),
-        "fit": lambda: of_fit.fit(model, both[0], effects, both[1]),
-        "page": lambda: of_study.Study(lambda *_: None, model, sides[:1], sides[1:], tmp_path / "page", 1),
-    }
-    for call in calls.values():
-        with pytest.raises(Asked):
-            call()
-    judged = {"diagnose": ["--validate"], "compare": ["--recording"], "fit": ["--effects", *effects, "--validate"]}
-    for command, more in judged.items():
-        with pytest.raises(Asked):
-            here = ["--recording", str(sides[0]), *more, str(sides[1])]
-            main([command, model, *here, "--out", str(tmp_path / command), "--quiet"])
-        out[f"vispeg {command}"] = out[command]
-    return out
-
-
 @pytest.mark.parametrize("case", CASES)
-def test_all_look_in_the_same_channels(whole, case, tmp_path, monkeypatch):
+def test_the_channels_that_a_model_and_recordings_have(whole, case):
     model, what, there, used = CASES[case]
     both = tuple(kept(rec, what) for rec in whole)
-    sides = tuple(write(rec, tmp_path / name) for rec, name in zip(both, "ab", strict=True))
     world = of_diagnose.read_inputs(model, *both).world
     assert available(world, both) == there
     assert resolve(world, both) == used
-    assert set(answers(model, both, sides, tmp_path, monkeypatch).values()) == {used}
+
+
+def test_all_look_in_the_same_channels(whole, tmp_path, monkeypatch):
+    """Commands, page and Python ask the one resolver, and hand on what was asked of them."""
+    both = tuple(kept(rec, {"wrench", "torque"}) for rec in whole)
+    sides = [str(write(rec, tmp_path / name)) for rec, name in zip(both, "ab", strict=True)]
+    answered = []
+
+    def ask(*args, **options):
+        answered.append(resolve(*args, **options))
+        raise Asked
+
+    for module in (of_diagnose, of_compare, of_fit, of_study):
+        monkeypatch.setattr(module, "resolve", ask)
+    cell, effects, asked = "peg-cell", ["viscous_friction:joint1"], ("joints", "contact")
+    first, last = ["--recording", sides[0]], ["--validate", sides[1]]
+    wanted = ["--channels", *asked, "--quiet", "--out", str(tmp_path / "out")]
+    page = partial(of_study.Study, lambda *_: None, cell, (Path(sides[0]),), (Path(sides[1]),), tmp_path / "page", 1)
+    by_default = (
+        lambda: of_diagnose.diagnose(cell, *both),
+        lambda: of_compare.compare(cell, list(both)),
+        lambda: of_fit.fit(cell, both[0], effects, both[1]),
+        page,
+    )
+    as_asked = (
+        lambda: main(["diagnose", cell, *first, *last, *wanted]),
+        lambda: main(["compare", cell, *first, *wanted]),
+        lambda: main(["fit", cell, *first, *last, "--effects", *effects, *wanted]),
+        lambda: main(["diagnose", cell, *first, *last, "--rooms", *wanted[1:]]),
+    )
+    for calls, channels in ((by_default, ("contact",)), (as_asked, asked)):
+        for call in calls:
+            with pytest.raises(Asked):
+                call()
+        assert answered == [channels] * len(calls)
+        answered.clear()
 
 
 def test_tosses_are_diagnosed_and_nothing_else(tmp_path):

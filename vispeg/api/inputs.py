@@ -115,8 +115,7 @@ def read_inputs(
         UserError: none given, one given twice or on both sides, or another robot's.
     """
     world = model if isinstance(model, World) else read_model(str(model))
-    if is_object(world.robot):
-        raise UserError("a free object: vispeg diagnose reads its tosses", key="model", expected="a robot or a cell")
+    _refuse_object(world)
     fit, judge = _several(recordings), _several(validate)
     if not fit:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
@@ -235,6 +234,7 @@ def read_model(source: str) -> World:
     if is_world(source):
         return of_world(source)
     world = load_model(source)
+    _refuse_object(world)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
         load_robot(world.robot)  # here, where no recording is to blame for a file that is no model
         return world
@@ -259,6 +259,12 @@ def model_files(source: str) -> tuple[str, ...]:
         return source, load_model(source).robot
     except UserError:  # is said when the model is read
         return (source,)
+
+
+def _refuse_object(world: World) -> None:
+    """Raise a UserError where a model is no robot but a thing that is tossed."""
+    if is_object(world.robot):
+        raise UserError("a free object: vispeg diagnose reads its tosses", key="model", expected="a robot or a cell")
 
 
 @contextmanager
