@@ -5,6 +5,7 @@
     python scripts/bench/hidden_effects --make DIR --run --reference --baseline --out report.md
     python scripts/bench/hidden_effects --make DIR --many --run --limit 8
     python scripts/bench/hidden_effects --make DIR --many --reference
+    python scripts/bench/hidden_effects --make DIR --propose --limit 96 --dev 31001
 
 Cases are deterministic by seed. `--dev` draws them with a seed that is not scored, `--dev 901` with
 that: tune only on those.
@@ -36,6 +37,7 @@ def main() -> int:
     parser.add_argument("--dev", nargs="?", type=int, const=DEV, metavar="SEED", help="a seed of development")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
+    parser.add_argument("--propose", action="store_true", help="score what is proposed before any rollout, alone")
     parser.add_argument("--reference", action="store_true", help="fit the true effects, as an oracle")
     parser.add_argument("--baseline", action="store_true", help="with --reference: also fit a fixed parameter set")
     parser.add_argument("--workers", type=int, default=2, help="diagnoses at a time")
@@ -43,6 +45,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     args = parser.parse_args()
     from make import folders, make
+    from proposed import run as propose
+    from proposed import table
     from runner import refer, run
     from score import report
 
@@ -65,7 +69,10 @@ def main() -> int:
     except UserError as error:
         print(error, file=sys.stderr)
         return 2
-    if args.run:
+    if args.propose:
+        text = table(propose(root, chosen, args.results or root / "proposed.jsonl"))
+        print(text)
+    elif args.run:
         results = args.results or root / "results.jsonl"
         text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
         print(text)
