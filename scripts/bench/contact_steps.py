@@ -50,8 +50,8 @@ def place(sim: TaskSimulation, tip: np.ndarray) -> None:
     q, _ = reach(sim.control.nominal, pos, DOWN[None], sim.home)
     sim.cell.begin(np.arange(1), [World()], q, sim.control.nominal.gravity(q).copy())
     sim.cell.read()
-    sim.goal[:] = pos
-    sim.see(q, np.zeros_like(q))
+    sim.seen.goal[:] = pos
+    sim.seen.see(q, np.zeros_like(q))
 
 
 def main() -> None:

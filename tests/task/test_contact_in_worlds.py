@@ -71,9 +71,9 @@ def felt(tmp_path_factory):
     out = []
     for place, steps in WAY:
         for _ in range(steps):
-            tip = sim.flange - [0.0, 0.0, SCENE.tip] - SCENE.target
+            tip = sim.seen.flange - [0.0, 0.0, SCENE.tip] - SCENE.target
             sim.step(np.clip((np.array(place) - tip) / CONFIG.offset, -1, 1))
-            out.append(np.concatenate([sim.flange, sim.wrench], axis=1))
+            out.append(np.concatenate([sim.seen.flange, sim.seen.wrench], axis=1))
     return np.stack(out, axis=1)
 
 

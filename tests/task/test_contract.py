@@ -46,7 +46,7 @@ def test_what_is_observed_is_what_its_terms_say(world):
     assert table.truth[0] is TIP_IN_GOAL, "what policies that see estimate"
     for group, values in ((table.policy, obs["policy"][:, : table.policy_size]), (table.truth, obs["privileged"])):
         for term in group:
-            seen, true = values[:, table[term.name]], term.read(sim) / term.scale
+            seen, true = values[:, table[term.name]], term.read(sim.seen if term.to == "policy" else sim) / term.scale
             np.testing.assert_allclose(seen, np.clip(true, -20, 20), atol=1e-6, err_msg=term.name)
             assert term.unit and term.about and term.scale > 0
     assert {i for i in table.for_teachers} == {

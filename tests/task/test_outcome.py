@@ -5,12 +5,12 @@ import pytest
 
 from vispeg.control.laws import turned
 from vispeg.core.errors import UserError
+from vispeg.interface.observer import Stack
 from vispeg.render.cameras.standard import GOAL, standard_cameras
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.eyes import task_cameras
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
-from vispeg.task.terms import Stack
 from vispeg.worlds.world import World
 
 CONFIG = PegConfig()
@@ -115,7 +115,9 @@ def test_the_controller_is_a_spring_that_yields():
         aside = 0.02 - sim.tip_in_goal()[0, 0]
         sim.step(np.array([[np.clip(aside / 0.010, -1, 1), -sim.tip_in_goal()[0, 1] / 0.010, -1.0 if k > 8 else 0.0]]))
     assert sim.tracks[0].forces[-1].mean() == pytest.approx(15.0, rel=0.1)
-    assert sim.wrench[0, 2] == pytest.approx(sim.tracks[0].forces[-1][-4:].mean(), rel=0.15)  # the wrist feels it too
+    assert sim.seen.wrench[0, 2] == pytest.approx(
+        sim.tracks[0].forces[-1][-4:].mean(), rel=0.15
+    )  # the wrist feels it too
 
 
 def test_free_motion_reaches_what_was_asked():
@@ -211,7 +213,7 @@ def test_the_fixture_stands_where_the_task_says():
     sim = TaskSimulation(World(), PegConfig.of({"fixture": list(place), "cameras": ["external"]}), 2, "proprio")
     sim.reset(np.arange(2), [0, 1])
     np.testing.assert_allclose(sim.cell.site_position("goal"), [place] * 2, atol=1e-9)
-    np.testing.assert_allclose(sim.believed, [place] * 2)
+    np.testing.assert_allclose(sim.seen.believed, [place] * 2)
     np.testing.assert_allclose(sim.bodies(0)["fixture"][:3], place)
     (camera,) = task_cameras(sim.scene, sim.config, {})
     np.testing.assert_allclose(np.subtract(camera.pos, standard_cameras()[2].pos), np.subtract(place, GOAL), atol=1e-12)

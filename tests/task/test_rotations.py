@@ -17,8 +17,8 @@ ALL = ("x", "y", "z", "rx", "ry", "rz")
 
 def turned_by(sim: TaskSimulation) -> np.ndarray:
     """True rotation vector (3,) rad of the flange from straight down."""
-    sim.see(sim.cell.x.q, sim.cell.x.dq)
-    return rotation_vector(sim.straight, sim.turn)[0]
+    sim.seen.see(sim.cell.x.q, sim.cell.x.dq)
+    return rotation_vector(sim.seen.straight, sim.seen.turn)[0]
 
 
 @pytest.mark.parametrize("axis", ["rx", "ry", "rz"])
@@ -44,15 +44,15 @@ def test_a_turn_is_about_the_pegs_tip_and_the_tip_is_what_is_seen(axis):
     sim = TaskSimulation(World(), PegConfig(dof=("x", "y", "z", axis), turn=0.04), 1)
     sim.reset(np.arange(1), [0])
     tip = lambda: sim.cell.site_position("tip")[0].copy()  # noqa: E731
-    flange, before = sim.flange[0].copy(), tip()
+    flange, before = sim.seen.flange[0].copy(), tip()
     for _ in range(3):
         sim.step(np.array([[0.0, 0.0, 0.0, 1.0]]))
-        seen = 0.03 * sim.observation()["policy"][0][:3] + sim.believed[0]
+        seen = 0.03 * sim.observation()["policy"][0][:3] + sim.seen.believed[0]
         assert seen == pytest.approx(tip(), abs=1e-3)
     turn = turned_by(sim)
     aside = sim.scene.tip * np.sin(np.linalg.norm(turn))
     assert aside > 0.008
-    assert np.linalg.norm((sim.flange[0] - flange)[:2]) == pytest.approx(aside, abs=0.2 * aside)
+    assert np.linalg.norm((sim.seen.flange[0] - flange)[:2]) == pytest.approx(aside, abs=0.2 * aside)
     assert np.linalg.norm(tip() - before) < 0.25 * aside
 
 

@@ -55,7 +55,7 @@ def test_a_bias_is_told_in_the_axes_of_the_base():
 
 def test_a_gain_scales_what_touches_and_leaves_a_share_of_the_tool_s_weight():
     env = PegInHoleVec(1, world="nominal")
-    weight = env.sim.tare[2]  # N, negative
+    weight = env.sim.seen.weight[2]  # N, negative
     off = told(EffectInstance.of("wrench_gain", "flange", gain=1.1))[0] - told()[0]
     touch = told()[0][:, 2]
     np.testing.assert_allclose(off[:, 2], 0.1 * (touch + weight), rtol=1e-3, atol=1e-3)

@@ -167,11 +167,12 @@ class Stage:
 
     def _moment(self, row: int, observation: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
-        tip, twist = sim.flange[row] - [0, 0, sim.scene.tip], sim.twist[row]
-        state = np.concatenate([sim.measured[0][row], tip, twist[:3], sim.wrench[row]])
-        terms = sim.stack.values[:, row].copy()
+        seen = sim.seen
+        tip, twist = seen.flange[row] - [0, 0, sim.scene.tip], seen.twist[row]
+        state = np.concatenate([seen.measured[0][row], tip, twist[:3], seen.wrench[row]])
+        terms = seen.stack.values[:, row].copy()
         unit = sim.observed.term("tip").scale
-        terms[:, sim.observed["tip"]] += (sim.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
+        terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
         values = {
             "observation.state": state,
             "observation.policy": np.clip(terms.reshape(-1), -20, 20),

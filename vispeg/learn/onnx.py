@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from vispeg.core.errors import UserError
 from vispeg.core.extras import missing, there
 from vispeg.core.files import write_bytes_atomic
+from vispeg.interface.interface import KEY, Interface
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import NetPolicy
 from vispeg.render.image_kinds import RGB, kind_of
@@ -33,7 +34,7 @@ class _Positional(nn.Module):
         return (action,) if after is None else (action, *after)
 
 
-def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path:
+def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning: Interface | None = None) -> Path:
     """Writes the policy's deterministic action as an ONNX model.
 
     Inputs are the observation's parts by their keys, (n, ...) with n free, float32 except `rgb_*` in uint8; a
@@ -44,6 +45,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path
         policy: as `vispeg.learn.policy.load` gives it.
         path: of the file.
         overwrite: whether to replace a file that is there.
+        meaning: of its numbers, which the file carries in its metadata; None for none.
 
     Raises:
         UserError: the package `onnx` is not installed, or the file exists.
@@ -79,4 +81,16 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False) -> Path
         if not there("onnx"):
             raise missing("onnx", "export to ONNX") from error
         raise UserError("the network cannot be exported", got=str(error).splitlines()[0]) from error
-    return write_bytes_atomic(path, file.getvalue(), overwrite=overwrite)
+    return write_bytes_atomic(path, _stating(file.getvalue(), meaning), overwrite=overwrite)
+
+
+def _stating(model: bytes, meaning: Interface | None) -> bytes:
+    """The model with its meaning in its metadata."""
+    if meaning is None:
+        return model
+    import onnx
+
+    out = onnx.load_model_from_string(model)
+    out.producer_name, out.doc_string = "vispeg", meaning.title
+    out.metadata_props.add(key=KEY, value=meaning.text())
+    return out.SerializeToString()

@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 
 from vispeg.core.errors import UserError
 from vispeg.core.typed import checked
+from vispeg.interface.observer import DOF
 from vispeg.robots.declare import RobotConfig
 from vispeg.task.rewards import Rewards
 
-DOF = ("x", "y", "z", "rx", "ry", "rz")
 Weights = tuple[tuple[str, float], ...]
 
 

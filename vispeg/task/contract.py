@@ -94,7 +94,7 @@ class Task(ABC):
             sim: as it stands.
             action: (n, 6), 0 in directions that the policy does not move.
         """
-        return sim.offset_by(action)
+        return sim.seen.offset_by(action)
 
     @abstractmethod
     def goal(self, config: Any) -> np.ndarray:

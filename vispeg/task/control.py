@@ -42,11 +42,6 @@ class PoseControl:
         self.avoid, self.range = config.avoid_limits, robot.range
         self.least = -self.limit
 
-    def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Flange position (n, 3), quaternion (n, 4), twist (n, 6) and Jacobian (n, 6, nj), as believed at q, dq."""
-        _, jac, pos, rot, _ = self.nominal.operational(q)
-        return pos, rot, np.matmul(jac, dq[:, :, None])[:, :, 0], jac
-
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
         """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
         state = self.nominal.operational(q)

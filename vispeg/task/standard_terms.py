@@ -10,19 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.control.laws import rotation_vector
+from vispeg.interface.terms import NEAR, SENSED
 from vispeg.task.terms import Term
 from vispeg.worlds.places import MANY
 
 if TYPE_CHECKING:
     from vispeg.task.environments.simulation import TaskSimulation
-
-NEAR = 0.03  # m, a unit of positions near the goal
-
-
-def _tip(sim: TaskSimulation) -> np.ndarray:
-    tip = sim.flange + sim.lever(sim.turn) if sim.config.turns else sim.flange - [0, 0, sim.scene.tip]
-    return tip - sim.believed
 
 
 def drawn(effect: str, key: str) -> Callable[[TaskSimulation], np.ndarray]:
@@ -47,41 +40,18 @@ def _goal(sim: TaskSimulation) -> np.ndarray:
     return sim.cell.site_position("goal")
 
 
-MEASURED = (
-    Term("tip", _tip, 3, "m", NEAR, "policy", "measured tip less where the goal is believed to be, base axes"),
-    Term("velocity", lambda sim: sim.twist[:, :3], 3, "m/s", 0.1, "policy", "of the flange, base axes"),
-    Term("force", lambda sim: sim.wrench[:, :3], 3, "N", 20.0, "policy", "at the wrist, base axes, tool's weight off"),
-    Term("torque", lambda sim: sim.wrench[:, 3:], 3, "N m", 2.0, "policy", "at the wrist, base axes"),
-    Term("action", lambda sim: sim.action, lambda c: len(c.dof), "1", 1.0, "policy", "the last action"),
-    Term(
-        "turn",
-        lambda sim: rotation_vector(sim.straight, sim.turn),
-        3,
-        "rad",
-        0.1,
-        "policy",
-        "rotation vector of the flange from straight down; of policies that turn it",
-        when=lambda c: c.turns,
-    ),
-    Term(
-        "spin",
-        lambda sim: sim.twist[:, 3:],
-        3,
-        "rad/s",
-        0.5,
-        "policy",
-        "angular velocity of the flange; of policies that turn it",
-        when=lambda c: c.turns,
-    ),
-)
+TOLD = ("tip", "velocity", "force", "torque", "action", "turn", "spin")
+MEASURED = tuple(Term.sensed(SENSED[name]) for name in TOLD)
 TIP_IN_GOAL = Term("tip_in_goal", lambda sim: sim.tip_in_goal(), 3, "m", NEAR, "critic", "true tip in the goal's frame")
 GOAL_AWAY = Term(
     "goal_away", lambda sim: _goal(sim) - sim.nominal_goal, 3, "m", NEAR, "critic", "true less nominal goal, base axes"
 )
 MISTAKE = Term(
-    "mistake", lambda sim: sim.believed - _goal(sim), 3, "m", 0.003, "critic", "believed less true goal, base axes"
+    "mistake", lambda sim: sim.seen.believed - _goal(sim), 3, "m", 0.003, "critic", "believed less true goal, base axes"
 )
-TRUE_VELOCITY = Term("true_velocity", lambda sim: sim.twist[:, :3], 3, "m/s", 0.1, "critic", "of the flange, base axes")
+TRUE_VELOCITY = Term(
+    "true_velocity", lambda sim: sim.seen.twist[:, :3], 3, "m/s", 0.1, "critic", "of the flange, base axes"
+)
 CONTACT = Term(
     "contact", lambda sim: sim.cell.sensors[:, 7:10], 3, "N", 20.0, "teacher", "true contact force, base axes"
 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
 from vispeg.sim.home import home_of
 
-DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
 ABOVE = 0.03  # m, height of the tip over the goal
 
 
@@ -19,3 +19,6 @@ def home(scene: Scene) -> np.ndarray:
     """
     x, y, z = scene.target
     return home_of(scene.nominal, (x, y, z + ABOVE + scene.tip), tuple(DOWN.tolist()))
+
+
+__all__ = ["ABOVE", "DOWN", "home"]

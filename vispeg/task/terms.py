@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.interface.terms import LIMIT, POLICY, PRIVILEGED, Sensed, scaled
 from vispeg.task.config import TaskConfig
 
 if TYPE_CHECKING:
     from vispeg.task.environments.simulation import TaskSimulation
-
-POLICY, PRIVILEGED = "policy", "privileged"  # keys of an observation: what a policy may see, and the ground truth
-LIMIT = 20.0  # largest scaled value
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,8 @@ class Term:
 
     Attributes:
         name: by which it is found again.
-        read: simulation -> (nsim, size), in `unit`.
+        read: -> (nsim, size), in `unit`, of what is measured (`vispeg.interface.observer.Observer`) for a term that a
+            policy is told, of the simulation for the ground truth.
         size: numbers, or a function of the task's settings.
         unit: of what `read` gives.
         scale: in `unit`; an observation holds `read / scale`, near 1.
@@ -40,7 +39,7 @@ class Term:
     """
 
     name: str
-    read: Callable[[TaskSimulation], np.ndarray]
+    read: Callable[[Any], np.ndarray]
     size: int | Callable[[TaskConfig], int]
     unit: str
     scale: float
@@ -48,6 +47,13 @@ class Term:
     about: str
     noise: float = 0.0
     when: Callable[[TaskConfig], bool] = lambda config: True
+
+    @classmethod
+    def sensed(cls, term: Sensed) -> Term:
+        """The term of a task that tells its policies this."""
+        size = term.size or (lambda config: len(config.dof))
+        when = (lambda config: config.turns) if term.turning else (lambda config: True)
+        return cls(term.name, term.read, size, term.unit, term.scale, POLICY, term.about, when=when)
 
     def length(self, config: TaskConfig) -> int:
         """Numbers that it has in a task of these settings."""
@@ -109,39 +115,27 @@ class Observation:
         return next(t for t in self.terms if t.name == name)
 
     def read(self, sim: TaskSimulation, terms: Sequence[Term]) -> np.ndarray:
-        """(nsim, d) scaled values of these terms."""
-        return np.concatenate([self._value(t, sim) / t.scale for t in terms], axis=1)
+        """(nsim, d) scaled values of these terms, each from what it is read from, with the noise it has."""
+        noisy = _noise(sim)
+        parts = [scaled((t,), sim.seen if t.to == POLICY else sim, noisy) for t in terms]
+        return np.concatenate(parts, axis=1)
 
-    def _value(self, term: Term, sim: TaskSimulation) -> np.ndarray:
-        value = term.read(sim)
+
+def _noise(sim: TaskSimulation) -> Callable[[Term, np.ndarray], np.ndarray]:
+    """Adds to a term's values the noise that its episodes' seeds draw for it."""
+
+    def noisy(term: Term, value: np.ndarray) -> np.ndarray:
         if not term.noise:
             return value
-        drawn = [
-            stream(int(seed), "term", term.name, int(k)).standard_normal(value.shape[1])
-            for seed, k in zip(sim.seeds, sim.count, strict=True)
-        ]
+        rows = zip(sim.seeds, sim.count, strict=True)
+        drawn = [stream(int(s), "term", term.name, int(k)).standard_normal(value.shape[1]) for s, k in rows]
         return value + term.noise * np.stack(drawn)
+
+    return noisy
 
 
 def _entries(place: slice) -> range:
     return range(place.start, place.stop)
 
 
-class Stack:
-    """The last `depth` observations (nsim, size), newest first; a row that begins repeats its first one."""
-
-    def __init__(self, depth: int, nsim: int, size: int):
-        self.values = np.zeros((depth, nsim, size))
-
-    def fill(self, rows: np.ndarray, value: np.ndarray) -> None:
-        """Rows begin anew with their `value` (nsim, size)."""
-        self.values[:, rows] = value[rows]
-
-    def push(self, value: np.ndarray) -> None:
-        """One more observation (nsim, size) of every row."""
-        self.values[1:] = self.values[:-1]
-        self.values[0] = value
-
-    def flat(self) -> np.ndarray:
-        """(nsim, depth size)."""
-        return np.swapaxes(self.values, 0, 1).reshape(self.values.shape[1], -1)
+__all__ = ["LIMIT", "POLICY", "PRIVILEGED", "Observation", "Term"]

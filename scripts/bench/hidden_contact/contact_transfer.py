@@ -56,7 +56,7 @@ def in_model(effects: tuple[EffectInstance, ...], config: PegConfig, episodes: i
     told = EffectInstance.of("goal_imprecision", "hole", **dict(zip("xyz", MISTAKE, strict=True)))
     sim = TaskSimulation(World(effects=(*effects, told)), config, episodes)
     sim.reset(np.arange(episodes), list(range(episodes)))
-    start, expert = sim.goal.copy(), Expert(config, episodes)
+    start, expert = sim.seen.goal.copy(), Expert(config, episodes)
     expert.reset(np.arange(episodes))
     records: list = [None] * episodes
     while any(r is None for r in records):

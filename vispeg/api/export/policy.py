@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vispeg.api.export.ending import check_ending
+from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.core.provenance import digest
 from vispeg.report.text.summary import Block, Line, html
 
 
@@ -41,12 +43,15 @@ class ExportedPolicy:
         return html(self.summary)
 
 
-def export_policy(policy: str | Path, out: str | Path, *, overwrite: bool = False) -> ExportedPolicy:
+def export_policy(
+    policy: str | Path, out: str | Path, *, world: str | Path | None = None, overwrite: bool = False
+) -> ExportedPolicy:
     """Writes a policy's deterministic action as an ONNX model.
 
     Args:
         policy: a folder, or a bundled policy's name.
         out: file, .onnx.
+        world: on whose arm, and through whose cameras, it is to be played; None for the one that it was trained in.
         overwrite: whether it may be replaced.
 
     Raises:
@@ -55,8 +60,14 @@ def export_policy(policy: str | Path, out: str | Path, *, overwrite: bool = Fals
     check_ending(Path(out), "onnx")
     require("torch", "export")
     from vispeg.learn import onnx
+    from vispeg.learn.interface import interface_of_policy
     from vispeg.learn.policy import load
+    from vispeg.learn.shipped import policy_folder
 
     opened = load(policy)
-    file = onnx.export(opened, out, overwrite)
+    try:
+        meaning = interface_of_policy(opened, None if world is None else str(world), digest(policy_folder(policy)))
+    except UserError as error:
+        raise UserError(str(error), file=policy) from error
+    file = onnx.export(opened, out, overwrite, meaning)
     return ExportedPolicy(file, opened.modality, dict(opened.actor.layout.shapes))

@@ -1,8 +1,9 @@
 """Exports a policy to ONNX, or a model to MJCF or URDF.
 
-ONNX is for controllers without torch. An MJCF holds the effects that MuJoCo has elements for: friction, damping, rotor
-inertia, springs, inertials, gravity, motor gain, bias and limit. A URDF holds masses, centres, inertias, damping and
-dry friction. Other effects are named, and listed with their values in the file's first lines. Meshes are copied.
+ONNX is for controllers without torch; its metadata say what goes in, what comes out, and of which arm. An MJCF holds
+the effects that MuJoCo has elements for: friction, damping, rotor inertia, springs, inertials, gravity, motor gain,
+bias and limit. A URDF holds masses, centres, inertias, damping and dry friction. Other effects are named, and listed
+with their values in the file's first lines. Meshes are copied.
 
 Example:
     vispeg export runs/depth/20261121-0900_s0/checkpoints/best --out policy.onnx
@@ -31,6 +32,8 @@ class Args:
     """The file to write: .onnx, .xml, or .urdf."""
     to: Literal["onnx", "mjcf", "urdf"] = "onnx"
     """The format."""
+    world: str | None = None
+    """With --to onnx: the world on whose arm the policy is to be played; default: the training world."""
     overwrite: bool = False
     """Replace OUT if it exists."""
     output: OutputOptions = Output()
@@ -40,7 +43,7 @@ class Args:
         if self.to == "onnx":
             from vispeg.api.export.policy import export_policy
 
-            result = export_policy(self.source, self.out, overwrite=self.overwrite)
+            result = export_policy(self.source, self.out, world=self.world, overwrite=self.overwrite)
         else:
             from vispeg.api.export.model import export_model
 

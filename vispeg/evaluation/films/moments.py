@@ -106,7 +106,7 @@ def _moment(env: Any, obs: Mapping[str, np.ndarray], policy: Any, step: int, out
         qpos=snapshot.qpos,
         bodies=snapshot.bodies,
         pictures={key: picture_of(key, value[0]) for key, value in obs.items() if kind_of(key) is not None},
-        force=env.sim.wrench[0, :3].copy(),
+        force=env.sim.seen.wrench[0, :3].copy(),
         offset=1e3 * OFFSET_M * obs[PRIVILEGED][0, ESTIMATE].astype(float),
         estimate=None if estimate is None else 1e3 * np.asarray(estimate[0], float),
         outcome=outcome,

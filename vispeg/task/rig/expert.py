@@ -63,7 +63,7 @@ def record_expert(
 
     def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
         reader.tick(len(goals), sim.cell, q, dq, felt)
-        goals.append(np.concatenate([sim.goal[0], sim.rot[0]]))
+        goals.append(np.concatenate([sim.seen.goal[0], sim.seen.rot[0]]))
 
     sim.heard = heard
     for _ in range(wait):

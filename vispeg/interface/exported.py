@@ -1,0 +1,74 @@
+"""A policy in an ONNX file, played with ONNX Runtime alone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.extras import require
+from vispeg.formats.guard import MB, read_bytes
+from vispeg.interface.interface import KEY, Interface, read
+
+MEMORY = ("hidden", "cell")
+
+
+class Exported:
+    """What `vispeg export` wrote; it acts as a policy does on one robot.
+
+    Attributes:
+        interface: the meaning of its numbers.
+        digest: SHA-256 of the file.
+    """
+
+    def __init__(self, path: str | Path):
+        require("onnxruntime", "a policy in ONNX")
+        import onnxruntime as ort
+
+        self.path, blob = Path(path), read_bytes(Path(path), 1024 * MB)
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        try:
+            self._session: Any = ort.InferenceSession(blob, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # the runtime's own kinds, one a fault
+            raise UserError("is not an ONNX model", file=self.path, got=str(error).splitlines()[0][:100]) from None
+        stated = self._session.get_modelmeta().custom_metadata_map
+        if KEY not in stated:
+            raise UserError("does not say what its numbers mean", file=self.path, expected="a file by `vispeg export`")
+        self.interface: Interface = read(stated[KEY], self.path)
+        self.digest = hashlib.sha256(blob).hexdigest()
+        self._check()
+        self.reset(1)
+
+    def _check(self) -> None:
+        """The network's inputs are those that its interface states."""
+        i = self.interface
+        expected: dict[str, tuple[int, ...]] = {"policy": (i.stack * sum(t.size for t in i.told),)}
+        expected |= {key: seen.shape for key, seen in i.images.items()}
+        got = {x.name: tuple(x.shape[1:]) for x in self._session.get_inputs() if x.name not in MEMORY}
+        if got != expected:
+            raise UserError(
+                "the network reads something else than it states", file=self.path, expected=expected, got=got
+            )
+
+    @cached_property
+    def _outputs(self) -> list[str]:
+        return [x.name for x in self._session.get_outputs()]
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None:
+        """Forgets the episode."""
+        width = self.interface.recurrent
+        self._memory = {name: np.zeros((1, n, width), np.float32) for name in MEMORY} if width else {}
+
+    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Observation (1, ...) -> action (1, d) float32 within +-1."""
+        parts = {key: obs[key] for key in ("policy", *self.interface.images)}
+        values = self._session.run(None, {**parts, **self._memory})
+        out = dict(zip(self._outputs, values, strict=True))
+        self._memory = {name: out[f"{name}_next"] for name in self._memory}
+        return out["action"]

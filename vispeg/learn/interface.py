@@ -1,0 +1,58 @@
+"""The meaning of a trained policy's numbers, from its record and the world that it was trained in."""
+
+from __future__ import annotations
+
+from vispeg.core.errors import UserError
+from vispeg.interface.interface import Interface
+from vispeg.learn.envs import home
+from vispeg.learn.meta import interface, made_for
+from vispeg.learn.modalities import modality
+from vispeg.learn.policy import Policy
+from vispeg.render.image_kinds import MODES
+from vispeg.task.environments.vector import world_of
+from vispeg.task.eyes import task_cameras
+from vispeg.task.interface import interface_of
+from vispeg.task.registry import task_of
+
+
+def interface_of_policy(policy: Policy, world: str | None = None, digest: str = "") -> Interface:
+    """What a policy sees and does on the arm of a world.
+
+    Args:
+        policy: as `vispeg.learn.policy.load` gives it.
+        world: by name or file; the one that it was trained in for None.
+        digest: of its folder.
+
+    Raises:
+        UserError: no such world, a policy that reads what no robot has, or another observation than the world's task.
+    """
+    senses = modality(policy.modality)
+    if senses.knows:
+        raise UserError("reads the ground truth, which no robot has", key="modality", got=policy.modality)
+    meta, at = policy.meta, world or home(policy)
+    own = {} if world else made_for(meta)
+    memory = {"stack": 1} if policy.recurrent else {}
+    try:
+        _, config, file = world_of(at, {**memory, **own, **interface(meta)})
+    except UserError as error:
+        raise UserError(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
+    seen = config.cameras if MODES[senses.obs_mode] else ()
+    scene = task_of(config).cell(config, seen)
+    cameras = task_cameras(scene, config, file.cameras if file is not None else {}) if seen else ()
+    trained = str(meta.get("world_hash") or ("" if file is None else file.hash))
+    out = interface_of(
+        config,
+        scene,
+        senses.obs_mode,
+        cameras,
+        policy.layout.images,
+        modality=policy.modality,
+        recurrent=policy.recurrent,
+        world=str(meta.get("world") or at),
+        world_hash=trained,
+        policy=digest,
+    )
+    size = out.stack * sum(told.size for told in out.told)
+    if size != policy.layout.vector:
+        raise UserError("made for another observation", key="policy", expected=size, got=policy.layout.vector)
+    return out

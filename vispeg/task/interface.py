@@ -1,0 +1,90 @@
+"""What a task's policies see and do, in numbers that hold without the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vispeg.interface.interface import OFFSET, Arm, Controller, Goal, Interface, Seen, Told, Tool
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.image_kinds import GOAL_TOLD, camera_of, kind_of
+from vispeg.robots.scene import Scene
+from vispeg.task.config import TaskConfig
+from vispeg.task.contract import Task
+from vispeg.task.control import DAMPING, POSTURE
+from vispeg.task.kinematics import chain_of, tool_weight
+from vispeg.task.registry import task_of
+from vispeg.task.rig.posture import posture
+from vispeg.task.terms import Observation
+
+
+def interface_of(
+    config: TaskConfig, scene: Scene, obs_mode: str, cameras: Sequence[Camera], images: Iterable[str], **origin: Any
+) -> Interface:
+    """The meaning of what policies of a task see and do.
+
+    Args:
+        config: of the task.
+        scene: its cell.
+        obs_mode: what they observe.
+        cameras: as calibrated.
+        images: keys of the images that they see.
+        **origin: further fields of Interface: `modality`, `recurrent`, `world`, `world_hash`, `policy`.
+    """
+    offered, arm = task_of(config), scene.nominal
+    own = type(offered).command is not Task.command
+    eyes = {c.name: c for c in cameras}
+    kp = np.repeat(config.stiffness, 3)
+    home = posture(scene)
+    images = {
+        key: Seen(kind=kind.name, unit=kind.unit, shape=kind.shape(eye.height, eye.width), camera=asdict(eye))
+        for key in images
+        if (kind := kind_of(key)) is not None and (eye := eyes[camera_of(key)])
+    }
+    return Interface(
+        task=config.name,
+        title=offered.title,
+        told=tuple(
+            Told(name=t.name, size=t.length(config), unit=t.unit, scale=t.scale, about=t.about)
+            for t in Observation(offered.terms, config).policy
+        ),
+        stack=config.stack,
+        images=images,
+        dof=config.dof,  # type: ignore[arg-type]
+        offset_m=config.offset,
+        turn_rad=config.turn,
+        law=f"{type(offered).__module__}:{type(offered).__qualname__}.command" if own else OFFSET,
+        policy_period_s=config.policy_period,
+        steps=config.steps,
+        arm=Arm(
+            robot=arm.name,
+            joints=arm.joints,
+            low_rad=tuple(arm.range[:, 0].tolist()),
+            high_rad=tuple(arm.range[:, 1].tolist()),
+            velocity_limit=tuple(arm.velocity_limit.tolist()),
+            torque_limit=tuple(arm.torque_limit.tolist()),
+            home_rad=tuple(home.tolist()),
+            chain=dict(chain_of(arm).to_json()),
+        ),
+        tool=Tool(name=str(config.robot.tool or ""), tip_m=scene.tip, weight_n=tuple(tool_weight(scene).tolist())),
+        goal=Goal(
+            nominal_m=tuple(map(float, scene.target)),
+            told=obs_mode in GOAL_TOLD,
+            reached_m=tuple(np.asarray(offered.goal(config), float).tolist()),
+        ),
+        controller=Controller(
+            period_s=config.control_period,
+            kp=tuple(kp.tolist()),
+            kd=tuple((2 * np.sqrt(kp)).tolist()),
+            force_limit_n=config.force_limit,
+            nullspace={"kp": POSTURE, "kd": DAMPING, "q": home.tolist()},
+            avoid_limits=config.avoid_limits,
+        ),
+        force_abort_n=config.force_abort,
+        start_height_m=config.start_height,
+        start_radius_m=config.start_radius,
+        **origin,
+    )
