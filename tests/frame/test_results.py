@@ -65,3 +65,35 @@ def test_errors_name_arguments_in_python_and_options_in_commands(tmp_path, capsy
     assert "--validate: " in capsys.readouterr().err
     with pytest.raises(vispeg.UserError, match="^validate"):
         vispeg.diagnose("iiwa14", RIGS / "rig-a")
+
+
+def test_what_the_face_gives_is_short_to_print():
+    """A notebook's last line, or a debugger, shows a value in one line that tells which one it is."""
+    world = vispeg.World("iiwa14").add("coulomb_friction", "joint4", torque=1.3)
+    assert repr(world) == "<World: iiwa14, coulomb_friction(joint4, torque=1.3)>"
+    recording = vispeg.load_recording(RIGS / "rig-a", seconds=3)
+    assert "iiwa14, 7 joints" in repr(recording) and "tau" in repr(recording)
+    for value in (world, recording, vispeg.load_world("S"), vispeg.load_world("S").world, vispeg.check(RIGS / "rig-a")):
+        assert len(repr(value)) < 200 and "\n" not in repr(value)
+
+
+def test_one_thing_stands_for_a_list_of_it(tmp_path):
+    made = vispeg.record("iiwa14", "fourier", duration=1.5, effects="coulomb_friction:joint4:torque=1.3").save(
+        tmp_path / "rig"
+    )
+    assert vispeg.check(made).reports == vispeg.check([str(made)]).reports
+    played = vispeg.gap("expert", "nominal", episodes=1, controls="none")
+    assert [w["name"] for w in played.record["worlds"]] == ["nominal"]
+    for wrong in (
+        lambda: vispeg.evaluate("expert", controls="blindd"),
+        lambda: vispeg.gap("expert", controls="blindd"),
+    ):
+        with pytest.raises(vispeg.UserError, match="got 'blindd'"):
+            wrong()
+
+
+def test_a_seed_that_is_none_is_refused_before_work(tmp_path):
+    with pytest.raises(vispeg.UserError, match="^seed: .*0 or more; got -1"):
+        vispeg.diagnose("iiwa14", tmp_path / "not-read", tmp_path / "neither", seed=-1)
+    with pytest.raises(vispeg.UserError, match="^seed: "):
+        vispeg.fit("iiwa14", tmp_path / "not-read", seed=-1)

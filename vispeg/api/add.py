@@ -12,6 +12,7 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.params import Value
+from vispeg.core.several import several
 from vispeg.render.cameras.model_camera import cameras_of
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.report.text.summary import Block, Line, html
@@ -68,7 +69,7 @@ def add(
     out: str | Path,
     *,
     where: str | None = None,
-    settings: Sequence[str] = (),
+    settings: str | Sequence[str] = (),
     overwrite: bool = False,
 ) -> AddedEffects:
     """Adds an effect, sets the values of one that is there, or adds the effects of a measurement.
@@ -96,7 +97,7 @@ def add(
             raise UserError("a measurement has its own place and values", expected="no WHERE and no --set beside it")
         added = _measured(name, world, robot)
     else:
-        added = [_stated(name, where, settings, world, robot)]
+        added = [_stated(name, where, several(settings), world, robot)]
     world = world.add(*added)
     if Path(world.robot).suffix:  # a model file names its robot relative to itself
         world = replace(world, robot=os.path.relpath(Path(world.robot).resolve(), path.resolve().parent))

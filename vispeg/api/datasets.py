@@ -12,6 +12,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.files import reserved
 from vispeg.core.provenance import here
+from vispeg.core.several import several
 from vispeg.datasets.check import check
 from vispeg.datasets.formats.registry import EXPORTS
 from vispeg.datasets.formats.stored import Stored
@@ -128,7 +129,7 @@ def render_dataset(
     *,
     frames: int = 2000,
     looks: int = 1,
-    cameras: Sequence[str] = (),
+    cameras: str | Sequence[str] = (),
     size: int = 64,
     seed: int = 0,
     noise: float = 0.2,
@@ -173,7 +174,7 @@ def render_dataset(
         raise UserError("must not be negative", key="workers", got=workers)
     if engine == "ray":
         require("ray", "--engine ray")
-    shape = {"looks": looks, "cameras": cameras, "size": size, "seed": seed, "noise": noise}
+    shape = {"looks": looks, "cameras": several(cameras), "size": size, "seed": seed, "noise": noise}
     start, resumed = time.monotonic(), list[int]()
 
     def on_frames(drawn: int) -> None:

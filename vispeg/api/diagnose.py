@@ -17,6 +17,7 @@ from vispeg.api.result import Result
 from vispeg.api.stress.remainder import Price
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import check_seed
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.resolve import ChannelName, resolve
@@ -145,6 +146,7 @@ def diagnose(
             cannot be played, or whose cell has another robot.
     """
     channels = renamed(channels, rooms)
+    check_seed(seed)
     thing, asked = object_world(model), bool(policies)
     if thing is not None:
         if asked:

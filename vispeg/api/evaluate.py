@@ -43,7 +43,7 @@ def evaluate(
     world: str | Path = "nominal",
     *,
     episodes: int = 100,
-    controls: Sequence[str] = (),
+    controls: str | Sequence[str] = (),
     task: Mapping[str, Any] | None = None,
     videos: int = 0,
     seed: int = 0,

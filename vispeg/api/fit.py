@@ -18,6 +18,8 @@ from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import check_seed
+from vispeg.core.several import several
 from vispeg.diagnosis.evidence.starts import begun
 from vispeg.diagnosis.record import arrays
 from vispeg.diagnosis.resolve import ChannelName, fitted_in, resolve
@@ -95,7 +97,7 @@ class FitResult(Result):
 def fit(
     model: Model,
     recordings: Source | Sequence[Source],
-    effects: Sequence[str | EffectInstance] = (),
+    effects: str | EffectInstance | Sequence[str | EffectInstance] = (),
     validate: Source | Sequence[Source] = (),
     *,
     channels: Sequence[ChannelName] = (),
@@ -136,6 +138,7 @@ def fit(
     Raises:
         UserError: a model, a recording or an effect that cannot be read, or nothing to fit.
     """
+    check_seed(seed)
     for flag, number in (("--starts", starts), ("--iterations", iterations)):
         if number < 1:
             raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)
@@ -147,7 +150,7 @@ def fit(
         **windows(model, seconds, recordings, validate),
         reading=reading,
     )
-    world, free, unstated = _free(inputs.world, effects, inputs.fitted)
+    world, free, unstated = _free(inputs.world, several(effects), inputs.fitted)
     stamp = inputs.provenance(seed)
     both = inputs.fitted, inputs.held_out
     used = resolve(world, *both, asked=channels)

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
 from vispeg.core.errors import UserError
+from vispeg.core.several import several
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
@@ -67,12 +68,12 @@ class _Worlds:
 
 def gap(
     policies: Policies = (),
-    worlds: Sequence[str | Path] = WORLDS,
+    worlds: str | Path | Sequence[str | Path] = WORLDS,
     *,
     episodes: int = 100,
-    controls: Sequence[str] | None = None,
-    control_worlds: Sequence[str] | None = None,
-    records: Sequence[str | Path] = (),
+    controls: str | Sequence[str] | None = None,
+    control_worlds: str | Sequence[str] | None = None,
+    records: str | Path | Sequence[str | Path] = (),
     measured: str | Path | None = None,
     robot: str = "robot",
     videos: int = 0,
@@ -105,7 +106,8 @@ def gap(
             was trained with a part of a target.
     """
     named = given(policies)
-    files = [Path(r) for r in records]
+    files, worlds = [Path(r) for r in several(records)], several(worlds)
+    control_worlds = None if control_worlds is None else several(control_worlds)
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
@@ -151,7 +153,7 @@ def gap(
 
 def _worlds(
     sources: Sequence[str | Path],
-    controls: Sequence[str] | None,
+    controls: str | Sequence[str] | None,
     control_worlds: Sequence[str] | None,
     who: Sequence[Entrant],
     fine_tuned: bool,

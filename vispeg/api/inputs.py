@@ -16,6 +16,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import release
 from vispeg.core.provenance import Provenance, digest, here
+from vispeg.core.several import several
 from vispeg.recordings.frames.read import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording, in_order
@@ -116,7 +117,7 @@ def read_inputs(
     """
     world = model if isinstance(model, World) else read_model(str(model))
     _refuse_object(world)
-    fit, judge = _several(recordings), _several(validate)
+    fit, judge = several(recordings), several(validate)
     if not fit:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
     if hold_out is not None and judge:
@@ -153,10 +154,6 @@ def _files(model: Model, world: World, sources: Sequence[Source]) -> tuple[str |
     """What was read: the model's files and the recordings' folders."""
     source = [] if isinstance(model, World) else [str(model)]
     return (*source, world.robot, *(p for p in map(_path, sources) if p.exists()))
-
-
-def _several(sources: Source | Sequence[Source]) -> list[Source]:
-    return [sources] if isinstance(sources, Recording | str | Path) else [*sources]
 
 
 def _path(source: Source) -> Path:
@@ -216,7 +213,7 @@ def windows(model: Model, seconds: float, *groups: Source | Sequence[Source]) ->
     """Windows of recordings of an arm; all of those with pictures; all of those of a cell, their wrench included."""
     if of_cell(model):
         return {"seconds": 0.0, "signals": None}
-    return {"seconds": 0.0 if any(map(_pictured, (s for some in groups for s in _several(some)))) else seconds}
+    return {"seconds": 0.0 if any(map(_pictured, (s for some in groups for s in several(some)))) else seconds}
 
 
 def _pictured(source: Source) -> bool:

@@ -13,6 +13,7 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import digest, here
+from vispeg.core.several import several
 from vispeg.evaluation import runner
 from vispeg.evaluation.controls import controls_of
 from vispeg.evaluation.entrants import Entrant
@@ -90,13 +91,14 @@ def check_numbers(episodes: int, workers: int) -> None:
         raise UserError("no workers", key="--workers", expected="1 or more", got=workers)
 
 
-def check_controls(controls: Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
+def check_controls(controls: str | Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
     """The controls that are asked for: all that the world's cell has for None, none for `none` alone.
 
     Raises:
         UserError: an unknown one.
     """
     choices = controls_of(scene_of(world.task))
+    controls = None if controls is None else several(controls)
     if controls is not None and tuple(controls) == (NO_CONTROL,):
         return ()
     for control in controls or ():

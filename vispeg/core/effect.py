@@ -311,6 +311,11 @@ class EffectInstance:
         """`coulomb_friction(joint4)`."""
         return f"{self.effect}({self.where})"
 
+    def __repr__(self) -> str:
+        said = [", ".join(f"{name}={value.value!r}" for name, value in self.params.items())]
+        said += [word for word in ("partial", "tentative") if getattr(self, word)]
+        return f"{self.effect}({', '.join([self.where, *filter(None, said)])})"
+
     def with_values(self, **values: float) -> EffectInstance:
         """The same effect with other values (their intervals dropped)."""
         params = {**self.params, **{k: Value(float(v)) for k, v in values.items()}}

@@ -16,14 +16,19 @@ def stream(seed: int, *keys: object) -> np.random.Generator:
     Raises:
         UserError: the seed is negative.
     """
-    if seed < 0:
-        raise UserError("not a seed", expected="0 or more", got=seed)
+    check_seed(seed)
     words = _words("\x1f".join(map(str, keys)))
     if 0 <= seed < 2**32:  # the same entropy, without a detour through Python's integers
         entropy = np.empty(9, np.uint32)
         entropy[0], entropy[1:] = seed, words
         return np.random.Generator(np.random.PCG64(entropy))
     return np.random.default_rng([seed, *words.tolist()])
+
+
+def check_seed(seed: int) -> None:
+    """Refuse what is no seed, before anything is done that needs one. Raises UserError."""
+    if seed < 0:
+        raise UserError("not a seed", key="--seed", expected="0 or more", got=seed)
 
 
 @lru_cache(maxsize=4096)

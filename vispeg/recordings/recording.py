@@ -103,6 +103,12 @@ class Recording:
         """The folder's name."""
         return self.path.name
 
+    def __repr__(self) -> str:
+        arrays = [key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key != "time"]
+        said = f"{self.robot}, {len(self.joints)} joints, {len(self.time)} samples at {self.rate_hz:g} Hz"
+        pictures = "" if self.frames is None else f" and {len(self.frames)} pictures"
+        return f"<Recording {self.name}: {said}: {', '.join(arrays)}{pictures}>"
+
 
 def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
     """Put a recording's joints into the order of a robot that has all of them; unchanged where it has not."""

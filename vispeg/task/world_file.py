@@ -65,6 +65,9 @@ class WorldFile:
     hash: str
     path: Path
 
+    def __repr__(self) -> str:
+        return f"<WorldFile {self.name}: {self.world!r}>"
+
 
 @dataclass
 class _Parts:

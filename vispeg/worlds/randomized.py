@@ -79,6 +79,9 @@ class RandomizedWorld:
     ranges: tuple[RandomizedEffect, ...] = ()
     base: World = World()
 
+    def __repr__(self) -> str:
+        return f"<RandomizedWorld: {len(self.ranges)} effects drawn in every episode, from {self.base!r}>"
+
     @classmethod
     def of(cls, world: World | RandomizedWorld) -> RandomizedWorld:
         """The same world; one that is drawn already varies nothing."""

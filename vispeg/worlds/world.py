@@ -47,6 +47,10 @@ class World:
         new = {(e.effect, e.where): e for e in (*self.effects, *placed)}
         return replace(self, effects=tuple(new.values()))
 
+    def __repr__(self) -> str:
+        beside = ["" if self.tool is None else f"tool={self.tool!r}", "" if self.cell is None else "in a cell"]
+        return f"<World: {', '.join(filter(None, [self.robot, *beside, *map(repr, self.effects)]))}>"
+
     def without(self, effect: str, where: str) -> World:
         """This world without one effect."""
         return self.only(lambda e: (e.effect, e.where) != (effect, where))

@@ -10,6 +10,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.seeds import stream
+from vispeg.core.several import several
 from vispeg.measure import joint as joints
 from vispeg.measure.actuator import alone, parameters, text
 from vispeg.measure.arm import Arm, arm_of
@@ -22,7 +23,7 @@ NAME = "measurement.yaml"
 
 
 def measure_joint(
-    recordings: Sequence[str | Path],
+    recordings: str | Path | Sequence[str | Path],
     out: str | Path,
     *,
     joint: str | None = None,
@@ -45,7 +46,7 @@ def measure_joint(
             impossible inertia; `out` exists.
     """
     settings = settings or MeasureSettings()
-    paths = [Path(path) for path in recordings]
+    paths = [Path(path) for path in several(recordings)]
     if inertia is not None and not 0 < inertia < float("inf"):
         raise UserError("not an inertia", key="--inertia", expected="above 0 kg m2", got=inertia)
     with new_folder(out, settings.overwrite, holds="measurement", inputs=paths) as folder:

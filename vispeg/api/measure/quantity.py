@@ -14,6 +14,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.seeds import stream
+from vispeg.core.several import several
 from vispeg.measure import com, friction, mass, restitution, stiffness
 from vispeg.measure.becomes import payload, placed, scaled
 from vispeg.measure.from_recordings import at_rest, presses, slides
@@ -65,7 +66,7 @@ def measure_mass(
 
 
 def measure_com(
-    readings: Sequence[str | Path],
+    readings: str | Path | Sequence[str | Path],
     out: str | Path,
     *,
     mass_file: str | Path | None = None,
@@ -85,7 +86,7 @@ def measure_com(
         UserError: readings that do not tell it, wrong axes, or `out` exists.
     """
     settings = settings or MeasureSettings()
-    paths = [Path(path) for path in readings]
+    paths = [Path(path) for path in several(readings)]
 
     def measure(rng: np.random.Generator) -> Outcome:
         if _is_table(paths):
@@ -105,7 +106,7 @@ def measure_com(
 
 
 def measure_friction(
-    readings: Sequence[str | Path],
+    readings: str | Path | Sequence[str | Path],
     out: str | Path,
     *,
     where: str | None = None,
@@ -127,7 +128,7 @@ def measure_friction(
         UserError: readings that do not tell it, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
-    paths, part = [Path(path) for path in readings], where or held_part(world)
+    paths, part = [Path(path) for path in several(readings)], where or held_part(world)
     there = _nominal("friction", part, nominal, world)
 
     def measure(rng: np.random.Generator) -> Outcome:
@@ -183,8 +184,8 @@ def measure_stiffness(
     readings: str | Path | None,
     out: str | Path,
     *,
-    stop: Sequence[str | Path] = (),
-    fixture: Sequence[str | Path] = (),
+    stop: str | Path | Sequence[str | Path] = (),
+    fixture: str | Path | Sequence[str | Path] = (),
     where: str = FIXTURE,
     nominal: float | None = None,
     world: str = "nominal",
@@ -206,7 +207,7 @@ def measure_stiffness(
         UserError: a table and recordings, or neither; readings that do not tell it; or `out` exists.
     """
     settings = settings or MeasureSettings()
-    stops, fixtures = [Path(path) for path in stop], [Path(path) for path in fixture]
+    stops, fixtures = [Path(path) for path in several(stop)], [Path(path) for path in several(fixture)]
     tables = [] if readings is None else [Path(readings)]
     if (readings is None) == (not stops and not fixtures):
         raise UserError("nothing to read, or twice", expected="a table, or --stop and --fixture")

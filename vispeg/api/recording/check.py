@@ -14,6 +14,7 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
+from vispeg.core.several import several
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.resolve import seen
@@ -114,7 +115,7 @@ class Checks(Result):
 
 
 def check(
-    recordings: Sequence[str | Path],
+    recordings: str | Path | Sequence[str | Path],
     *,
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -131,9 +132,9 @@ def check(
     Raises:
         UserError: a recording cannot be used; `out` exists.
     """
-    paths = [Path(path) for path in recordings]
+    paths = [Path(path) for path in several(recordings)]
     if not paths:
-        raise UserError("no recording given", expected="vispeg check FOLDER [FOLDER ...]")
+        raise UserError("no recording given", expected="at least one folder")
     if out is None:
         return _examined(paths, False, watch)
     with new_folder(out, overwrite, holds=Checks.holds, inputs=paths) as folder:

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Literal, get_args
 
 from vispeg.core.errors import UserError
+from vispeg.core.several import several
 from vispeg.recordings.frames.camera import RecordedCamera, Sensor
 from vispeg.recordings.importers.mapping import ColumnMap, read_map
 from vispeg.recordings.importers.objects import import_object
@@ -65,7 +66,7 @@ def convert(
     if not source.exists():
         raise UserError("does not exist", file=source)
     kinds, model = _kinds(depth_camera), load(robot)
-    files = [cameras] if isinstance(cameras, str | Path) else [*cameras]
+    files = several(cameras)
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
     with TemporaryDirectory() as scratch:
         rec = read_source(

@@ -18,6 +18,7 @@ from vispeg.api.recording.simulated import SimulatedRecording
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
+from vispeg.core.several import several
 from vispeg.identify.excitation import MOTIONS, Motion, motion
 from vispeg.identify.motions.look_motion import LOOKS
 from vispeg.identify.motions.rehearse import rehearsed
@@ -47,14 +48,14 @@ def record(
     control: Literal["position", "torque", "osc", "servo"] | None = None,
     kp: Sequence[float] | None = None,
     kd: Sequence[float] | None = None,
-    effects: Sequence[str | EffectInstance] = (),
+    effects: str | EffectInstance | Sequence[str | EffectInstance] = (),
     tool: str | None = None,
     noise: Mapping[str, float] | None = None,
     force_limit: float | None = None,
     torque_sensor: Literal["joint", "motor", "none"] = "joint",
     wrench_sensor: Literal["flange", "none"] = "flange",
     repeat: int = 1,
-    cameras: Sequence[str] = (),
+    cameras: str | Sequence[str] = (),
     size: tuple[int, int] = (320, 240),
     fps: float = 3.0,
     look: str | None = None,
@@ -105,14 +106,14 @@ def record(
         control,
         None if kp is None else tuple(kp),
         None if kd is None else tuple(kd),
-        effects,
+        several(effects),
         tool,
         noise or {},
         force_limit,
         torque_sensor,
         wrench_sensor,
         repeat,
-        cameras,
+        several(cameras),
         size,
         fps,
         look,

@@ -8,6 +8,7 @@ from pathlib import Path
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed
 from vispeg.core.errors import UserError
+from vispeg.core.several import several
 from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
@@ -38,7 +39,7 @@ class SensitivityResult(Stressed):
 
 def sensitivity(
     policies: Policies,
-    sweeps: Sequence[str],
+    sweeps: str | Sequence[str],
     world: str | Path = "nominal",
     *,
     episodes: int = 100,
@@ -63,6 +64,7 @@ def sensitivity(
             sees none.
     """
     check_numbers(episodes, workers)
+    sweeps = several(sweeps)
     if not sweeps:
         raise UserError("nothing to sweep", key="--sweep", expected="a sweep", choices=swept.SWEEPS)
     who, file = ready(policies), load_world(world)

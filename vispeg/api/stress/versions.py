@@ -11,6 +11,7 @@ from typing import Any
 from vispeg.api.playing import stamped
 from vispeg.api.result import Result
 from vispeg.core.files import write_text_atomic
+from vispeg.core.several import several
 from vispeg.evaluation import suite as suites
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.records import read
@@ -66,13 +67,13 @@ class VersionsResult(Result):
         write_text_atomic(folder / "suite.html", page, overwrite=True)
 
 
-def compare_versions(folders: Sequence[str | Path]) -> VersionsResult:
+def compare_versions(folders: str | Path | Sequence[str | Path]) -> VersionsResult:
     """Compares folders that `suite` wrote, oldest first.
 
     Raises:
         UserError: a folder without a result, versions in different worlds or with nothing in common.
     """
-    places = [Path(folder) for folder in folders]
+    places = [Path(folder) for folder in several(folders)]
     versions = [read_result(folder) for folder in places]
     notes = suites.other_worlds(versions)
     changes: list[VersionChange] = []
