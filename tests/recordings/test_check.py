@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from made import recording
 
+import vispeg
 from vispeg.cli.output import Output
 from vispeg.cli.recordings.check import Args
+from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.check import check
 from vispeg.recordings.checks.excitation import PARAMETERS, excitation, regressor
@@ -157,6 +160,29 @@ def test_noise_is_recovered_from_one_recording(sigma):
     rec = moving(noise_q=sigma, noise_tau=0.3)
     assert highpass_sigma(rec.q) == pytest.approx([sigma, sigma], rel=0.06)
     assert highpass_sigma(rec.tau) == pytest.approx([0.3, 0.3], rel=0.06)  # type: ignore[arg-type]
+
+
+def test_readings_that_are_missing_show_no_noise_and_draw_no_warning():
+    """Of a joint without readings, of a recording of four rows, and where no five readings follow each other."""
+    noise = np.random.default_rng(0).normal(scale=0.1, size=(400, 3))
+    noise[:, 1], noise[::3, 2] = np.nan, np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        assert highpass_sigma(noise) == pytest.approx([0.1, 0.0, 0.0], rel=0.2)
+        assert not highpass_sigma(noise[:4]).any()
+
+
+@pytest.mark.parametrize("missing", ["tau.joint5", "dq.joint3", "tau"])
+def test_a_channel_without_readings_is_checked_and_compared_without_numpys_warnings(missing, tmp_path):
+    rec = vispeg.load_recording(assets() / "recordings" / "rig-a", seconds=3)
+    signal, _, joint = missing.partition(".")
+    values = np.array(getattr(rec, signal))
+    values[:, rec.joints.index(joint) if joint else slice(None)] = np.nan
+    rec = replace(rec, **{signal: values})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        assert vispeg.compare("iiwa14", rec, threads=1).error > 0
+        assert vispeg.check(write(rec, tmp_path / "rig")).reports
 
 
 def test_noise_is_recovered_from_repeats_and_other_motions_are_refused():

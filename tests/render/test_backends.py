@@ -249,6 +249,24 @@ def test_without_opengl_rays_take_over_and_say_so(monkeypatch, cell):
         Renderer(cell, standard_cameras()[2:], "classic")
 
 
+def test_what_a_library_writes_past_python_while_it_draws_reaches_no_stream(capfd):
+    """Filament tells of its inner state ("EBR Stall Warning") after some hundreds of pictures."""
+
+    @filament._quiet()
+    def draw(fails: bool) -> None:
+        for stream in (1, 2):
+            os.write(stream, b"EBR Stall Warning\n")
+        if fails:
+            raise UserError("no picture")
+
+    draw(False)
+    with pytest.raises(UserError, match="no picture"):
+        draw(True)
+    for stream in (1, 2):
+        os.write(stream, b"ours\n")
+    assert capfd.readouterr() == ("ours\n", "ours\n")
+
+
 def test_mistakes_are_said(cell):
     camera = standard_cameras()[0]
     with pytest.raises(UserError, match="classic, raycast, filament"):

@@ -19,11 +19,13 @@ def highpass_sigma(values: np.ndarray) -> np.ndarray:
     """1-sigma white noise of each column of (n, nj), from fourth differences: motion is smooth over five samples.
 
     The fourth difference of white noise has variance 70 sigma^2 (sum of squared binomials 1 4 6 4 1); the median
-    absolute deviation keeps jumps and reversals out.
+    absolute deviation keeps jumps and reversals out. 0 where no five readings follow each other: no noise is seen.
     """
     diff = np.diff(values, 4, axis=0)
-    mad = np.nanmedian(np.abs(diff - np.nanmedian(diff, axis=0)), axis=0)
-    return 1.4826 * mad / np.sqrt(70.0)
+    sigma, told = np.zeros(values.shape[1]), np.isfinite(diff).any(axis=0)
+    seen = diff[:, told]
+    sigma[told] = np.nanmedian(np.abs(seen - np.nanmedian(seen, axis=0)), axis=0) / np.sqrt(70.0) if told.any() else 0.0
+    return 1.4826 * sigma
 
 
 def noise_of(rec: Recording) -> dict[str, np.ndarray]:

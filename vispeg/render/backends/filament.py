@@ -30,6 +30,27 @@ HEADLIGHT = 1.2e5  # lux of a headlight of full white: the nominal cell comes ou
 _TRY = "import mujoco.studio; from mujoco import mjrf; mjrf.Context(mjrf.ContextConfig()); print('vispeg-drawn')"
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the library's own log, which it writes past Python, from standard output and error while it works.
+
+    It tells of its inner state ("EBR Stall Warning: Component Manager ..."), which no user can change, on every command
+    and into what a program may parse.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
+    try:
+        for stream in (1, 2):
+            os.dup2(nowhere, stream)
+        yield
+    finally:
+        for stream, at in zip((1, 2), kept, strict=True):
+            os.dup2(at, stream)
+        for descriptor in (*kept, nowhere):
+            os.close(descriptor)
+
+
 class Filament:
     """Draws with Filament; arguments as for `Classic`. Edited textures and materials are taken over by `upload`."""
 
@@ -54,6 +75,7 @@ class Filament:
         self._drawn = b""
         self.remembers = False
 
+    @_quiet()
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         scene, lights, things = self._prepare()
@@ -71,6 +93,7 @@ class Filament:
         """Takes over edited textures at the next picture."""
         self._parts = None
 
+    @_quiet()
     def close(self) -> None:
         """Frees the scene, then the context."""
         self._parts, self._targets, self._context = None, {}, None
@@ -149,17 +172,3 @@ def unusable() -> str:
 
 def _headless() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keeps the library's own log, which it writes past Python, from the standard output that a program may parse."""
-    sys.stdout.flush()
-    stdout, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(stdout, 1)
-        os.close(stdout)
-        os.close(nowhere)
