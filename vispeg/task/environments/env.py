@@ -33,9 +33,13 @@ class TaskEnv(gym.Env):
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begins an episode; the info holds its `seed`, what its `world` drew, and `cameras`, see TaskVec.views."""
+        """Begins an episode; the info holds its `seed`, what its `world` drew, and `cameras`, see TaskVec.views.
+
+        `options["start"]`: a `vispeg.task.start.Start`, see TaskVec.reset.
+        """
         super().reset(seed=seed)
-        obs, info = self.vec.reset(seed=seed)
+        start = {"start": options["start"]} if options and "start" in options else None
+        obs, info = self.vec.reset(seed=seed, options=start)
         return {k: v[0] for k, v in obs.items()}, self._info({"seed": int(info["seed"][0]), "world": info["world"][0]})
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:

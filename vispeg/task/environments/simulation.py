@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.interface.observer import DOWN, RECENT, Observer
@@ -24,7 +25,7 @@ from vispeg.task.kinematics import chain_of, tool_weight
 from vispeg.task.registry import task_of
 from vispeg.task.result import EpisodeResult
 from vispeg.task.rewards import Moment
-from vispeg.task.start import ABOVE, home
+from vispeg.task.start import ABOVE, Start, home
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.split import physical
@@ -54,10 +55,8 @@ class TaskSimulation:
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
         self.radius = config.start_radius
-        h = config.control_period / config.substeps
-        names = {e.effect for e in self.world.entries}
         self.drawn = [self.world.sample(0, self.scene)] * nsim  # of each row's present episode
-        self.cell = Cell(self.scene, self.drawn, h, config.control_period, nthread, sorted(names))
+        self.nthread = nthread
         posture = home(self.scene)
         self.control = PoseControl(self.scene.nominal, nsim, config, posture, nthread)
         self.guards = Guards(config, self.scene, nsim)
@@ -67,10 +66,7 @@ class TaskSimulation:
         rest = np.tile(tip, (nsim, 1)), np.tile(DOWN, (nsim, 1))
         self.home = reach(self.control.nominal, *rest, np.tile(posture, (nsim, 1)))[0]
         self.control.home = self.home[0]
-        weight = self.control.nominal.gravity(self.home).copy()
-        mass = self.control.nominal.operational(self.home)[0]
-        apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
-        self.cell.start(self.home, np.zeros_like(self.home), weight, apparent)
+        self.cell = self._cell({e.effect for e in self.world.entries})
         n, size = nsim, self.observed.policy_size
         chain = chain_of(self.scene.nominal)
         self.seen = Observer(config, chain, self.scene.tip, tool_weight(self.scene), size, n)
@@ -82,32 +78,92 @@ class TaskSimulation:
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
         self.heard: Callable[..., None] | None = None  # called at each control tick with q, dq, and the wrench after it
 
+    def _cell(self, names: Collection[str]) -> Cell:
+        """The cells, whose rows may have effects of these names."""
+        c = self.config
+        h, tick = c.control_period / c.substeps, c.control_period
+        cell = Cell(self.scene, self.drawn, h, tick, self.nthread, sorted(names))
+        weight = self.control.nominal.gravity(self.home).copy()
+        mass = self.control.nominal.operational(self.home)[0]
+        apparent = 1.0 / np.diagonal(np.linalg.inv(mass), axis1=1, axis2=2)
+        cell.start(self.home, np.zeros_like(self.home), weight, apparent)
+        return cell
+
     # Episodes -------------------------------------------------------------------------------------------------
-    def reset(self, rows: np.ndarray, seeds: Sequence[int]) -> None:
-        """Rows (indices) begin the episodes of these seeds."""
+    def reset(self, rows: np.ndarray, seeds: Sequence[int], starts: Mapping[int, Start] | None = None) -> None:
+        """Rows (indices) begin the episodes of these seeds, some (by row) as a start says.
+
+        Raises:
+            UserError: a start that cannot be.
+        """
         if not len(rows):
             return
-        pos = np.tile(self.nominal_goal + [0, 0, 0.1], (self.nsim, 1))
+        pos, starts = np.tile(self.nominal_goal + [0, 0, 0.1], (self.nsim, 1)), starts or {}
         worlds = []
         for row, seed in zip(rows, seeds, strict=True):
             rng = stream(int(seed), "start")
             pos[row] = self.nominal_goal + self.task.start(self.config, self.radius, rng)
-            worlds.append(self.world.sample(int(seed), self.scene, self.levels))
+            drawn = self.world.sample(int(seed), self.scene, self.levels)
+            worlds.append(self._begun(drawn, starts[row]) if row in starts else drawn)
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
         self.guards.reset(rows)
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
+        self._stand(rows, starts, pos, q, weight)
+        self._offer(rows, worlds)
         self.cell.begin(rows, worlds, q, weight)
         self.seen.begin(rows, pos)
         self.count[rows], self.diverged[rows] = 0, False
-        self._believe(rows)
+        self._believe(rows, starts)
         self.cell.read()
         begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the others go on with what they last measured
         true = self.cell.x.q, self.cell.x.dq
         q, dq = (np.where(begun, new, old) for new, old in zip(true, self.seen.measured, strict=True))
         self.seen.see(q, dq)
         self.seen.stack.fill(rows, self.observed.read(self, self.observed.policy))
+
+    def _begun(self, drawn: World, start: Start) -> World:
+        """The world of an episode that begins as `start` says."""
+        world = drawn if start.effects is None else World(drawn.robot, drawn.tool, start.effects, drawn.cell)
+        if start.goal is None:
+            return world
+        kind = effect(self.scene.offset)
+        (where,) = kind.targets(self.scene)
+        shift = np.asarray(start.goal, float) - self.nominal_goal
+        for axis, value in zip("xyz", shift, strict=True):
+            param = kind.params[axis]
+            if not param.low <= value <= param.high:
+                expected = f"within {param.high:g} m of {self.nominal_goal.round(4).tolist()}"
+                raise UserError("a goal that this cell cannot have", key="goal", expected=expected, got=start.goal)
+        return world.add(EffectInstance.of(kind.name, where, **dict(zip("xyz", map(float, shift), strict=True))))
+
+    def _stand(
+        self, rows: np.ndarray, starts: Mapping[int, Start], pos: np.ndarray, q: np.ndarray, weight: np.ndarray
+    ) -> None:
+        """Arms that a start places: their angles, the weight there, and the flange's position, in place."""
+        for i, row in enumerate(rows):
+            if row in starts and (stated := starts[row].q) is not None:
+                stated = np.asarray(stated, float)
+                low, high = self.scene.range.T
+                if stated.shape != q[i].shape or not ((stated >= low) & (stated <= high)).all():
+                    expected = f"{len(q[i])} angles within the joints' limits, rad"
+                    raise UserError("no posture of this arm", key="q", expected=expected, got=stated)
+                q[i], weight[i] = stated, self.solo.gravity(stated[None])[0]
+                pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
+
+    def _offer(self, rows: np.ndarray, worlds: Sequence[World]) -> None:
+        """Cells that rows may have these worlds in: made anew where an effect comes in that none could have so far.
+
+        Raises:
+            UserError: an effect comes in while other rows are in an episode.
+        """
+        new = {e.effect for world in worlds for e in world.effects} - set(self.cell.names)
+        if new:
+            if len(rows) < self.nsim:
+                expected = "a world with these effects, or all rows at once"
+                raise UserError("effects that this environment's world has not", expected=expected, got=sorted(new))
+            self.cell = self._cell({*self.cell.names, *new})
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles (len(rows), nj) in rad that put these rows' flanges at `pos`, and the weight there, N m."""
@@ -125,7 +181,13 @@ class TaskSimulation:
             weight[some] = nominal.gravity(q[some])
         return q[rows], weight[rows]
 
-    def _believe(self, rows: np.ndarray) -> None:
+    def _believe(self, rows: np.ndarray, starts: Mapping[int, Start]) -> None:
+        self._told_goal(rows)
+        for row in rows:
+            if row in starts and (believed := starts[row].believed) is not None:
+                self.seen.believed[row] = believed
+
+    def _told_goal(self, rows: np.ndarray) -> None:
         if self.obs_mode not in GOAL_TOLD:
             self.seen.believed[rows] = self.nominal_goal
             return
@@ -144,7 +206,7 @@ class TaskSimulation:
         Returns:
             reward (nsim,), terminated and truncated (nsim,) bool, and for every row that ended its episode's record.
         """
-        c, cell, seen = self.config, self.cell, self.seen
+        c, seen = self.config, self.seen
         motion = seen.asked(action)
         for acted, executed in zip(self.acted, seen.action, strict=True):
             acted.append(executed)
@@ -152,21 +214,27 @@ class TaskSimulation:
         force, wrenches = np.empty((c.ticks, self.nsim, 3)), np.empty((c.ticks, self.nsim, 6))
         with quiet(), np.errstate(all="ignore"):
             for k in range(c.ticks):
-                cell.read()
-                if self.guards.on:
-                    self.guards.tick(cell.x.q, cell.x.dq)
-                q, dq = cell.measure()
-                if any(p is not None for p in self.push):
-                    self._pushes(k)
-                cell.advance(self.control.torque(q, dq, seen.goal, seen.rot), c.substeps)
-                wrenches[k], force[k] = cell.felt(), cell.sensors[:, 7:10]
-                if self.heard is not None:
-                    self.heard(q, dq, wrenches[k])
-            forces = np.linalg.norm(force, axis=2)
-            cell.read()
-            seen.see(*cell.measure())
-            self.guards.pose(seen.jac)
-            return self._settle(forces, wrenches)
+                wrenches[k], force[k] = self.tick(k)
+            return self.settle(force, wrenches)
+
+    def tick(self, k: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """One control period, the k-th of its policy step, towards the pose that is asked for.
+
+        Returns:
+            The wrist's sensor (nsim, 6) N and N m, and the true contact force (nsim, 3) N, after it.
+        """
+        cell = self.cell
+        cell.read()
+        if self.guards.on:
+            self.guards.tick(cell.x.q, cell.x.dq)
+        q, dq = cell.measure()
+        if any(p is not None for p in self.push):
+            self._pushes(k)
+        cell.advance(self.control.torque(q, dq, self.seen.goal, self.seen.rot), self.config.substeps)
+        felt = cell.felt()
+        if self.heard is not None:
+            self.heard(q, dq, felt)
+        return felt, cell.sensors[:, 7:10]
 
     def _pushes(self, k: int) -> None:
         for row, push in enumerate(self.push):
@@ -174,8 +242,15 @@ class TaskSimulation:
                 t = (self.count[row] * self.config.ticks + k) * self.config.control_period
                 self.cell.external[row] = push.force if push.start <= t < push.start + push.duration else 0.0
 
-    def _settle(self, forces, wrenches):
+    def settle(
+        self, force: np.ndarray, wrenches: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
+        """A policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6); see `step`."""
         c, cell = self.config, self.cell
+        forces = np.linalg.norm(force, axis=2)
+        cell.read()
+        self.seen.see(*cell.measure())
+        self.guards.pose(self.seen.jac)
         self.count += 1
         tip = self.tip_in_goal()
         bad = ~np.isfinite(cell.qpos).all(axis=1) | ~np.isfinite(forces).all(axis=0) | (np.abs(tip).max(axis=1) > 2.0)

@@ -24,6 +24,7 @@ from vispeg.task.environments.divergence import leave
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
+from vispeg.task.start import Start
 from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.randomized import RandomizedWorld
@@ -175,6 +176,12 @@ class TaskVec(VectorEnv):
         """Begins an episode in every row, or in those of `options["reset_mask"]`; row i of seed s has seed s + i.
 
         The info holds every row's `seed`, and of the rows that began what their `world` drew.
+
+        `options["start"]`, a `vispeg.task.start.Start` or one a row (None for a row without), puts episodes into the
+        start of a trial: joints, goal, belief, effects. What it leaves open follows from the seed.
+
+        Raises:
+            UserError: a start that cannot be.
         """
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
@@ -189,14 +196,14 @@ class TaskVec(VectorEnv):
                 self._episode[i] += 1
         self._started = True
         rows = np.flatnonzero(mask)
-        self._begin(rows)
+        self._begin(rows, _starts((options or {}).get("start"), self.num_envs))
         worlds = np.full(self.num_envs, None, dtype=object)
         for i in rows:
             worlds[i] = self.drawn(int(i)).values
         return self._observe(), {"seed": self.sim.seeds.copy(), "world": worlds}
 
-    def _begin(self, rows: np.ndarray) -> None:
-        self.sim.reset(rows, [episode_seed(int(self._base[i]), int(self._episode[i])) for i in rows])
+    def _begin(self, rows: np.ndarray, starts: Mapping[int, Start] | None = None) -> None:
+        self.sim.reset(rows, [episode_seed(int(self._base[i]), int(self._episode[i])) for i in rows], starts)
         snapshots = self._snapshots(rows)
         for rig in (self.eyes, *self.further):
             rig.begin(snapshots, {row: int(self.sim.seeds[row]) for row in snapshots}, self.sim.levels)
@@ -312,6 +319,15 @@ class TaskVec(VectorEnv):
 
     def __setstate__(self, made):
         self.__init__(**made)
+
+
+def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[int, Start]:
+    """The starts of the rows that have one. Raises UserError: something else, or of another number of rows."""
+    each = [stated] * rows if stated is None or isinstance(stated, Start) else list(stated)
+    if len(each) != rows or not all(one is None or isinstance(one, Start) for one in each):
+        expected = f"a vispeg.task.start.Start, or {rows} of them"
+        raise UserError("not a start", key="options.start", expected=expected, got=type(stated).__name__)
+    return {row: one for row, one in enumerate(each) if one is not None}
 
 
 def episode_seed(base: int, episode: int) -> int:
