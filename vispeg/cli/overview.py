@@ -41,6 +41,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "finetune": "vispeg.cli.learning.finetune",
         "combine": "vispeg.cli.learning.combine",
         "export": "vispeg.cli.learning.export",
+        "run": "vispeg.cli.learning.run",
     },
     "evaluation of policies": {
         "evaluate": "vispeg.cli.evaluation.evaluate",

@@ -55,7 +55,8 @@ class Chain:
         """
         pos, turn, axes, anchors = self._walk(q)
         jac = np.zeros((len(q), 6, q.shape[1]))
-        jac[:, :3, self.order] = np.swapaxes(np.cross(axes, pos[:, None] - anchors), 1, 2)
+        (ax, ay, az), (x, y, z) = np.moveaxis(axes, 2, 0), np.moveaxis(pos[:, None] - anchors, 2, 0)
+        jac[:, :3, self.order] = np.stack([ay * z - az * y, az * x - ax * z, ax * y - ay * x], axis=1)
         jac[:, 3:, self.order] = np.swapaxes(axes, 1, 2)
         return pos, quaternion(turn), np.matmul(jac, dq[:, :, None])[:, :, 0], jac
 

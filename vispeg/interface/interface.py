@@ -77,11 +77,16 @@ class Arm(_Part):
 
 
 class Tool(_Part):
-    """Height of the tip below the flange, m; what its wrench sensor carries at rest, N in the base's axes."""
+    """Height of the tip below the flange, m; what the wrist's sensor carries at rest, N in the base's axes; and mass
+    (kg), centre (m) and inertia (kg m^2) of all that the flange carries, in its axes.
+    """
 
     name: str = ""
     tip_m: Finite
     weight_n: Vec3
+    mass_kg: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    com_m: Vec3
+    inertia_kgm2: Vec3
 
 
 class Controller(_Part):
@@ -99,12 +104,14 @@ class Controller(_Part):
 
 class Goal(_Part):
     """Where the goal nominally is, m in the base; whether the policy is told another place where one is believed; and
-    the tip's place in the goal's frame that the task asks for, m.
+    the tip's place in the goal's frame that the task asks for, m; `cell`: what is believed to stand there, as a
+    recording states it.
     """
 
     nominal_m: Vec3
     told: bool
     reached_m: Vec3
+    cell: dict[str, Any] = {}
 
 
 class Interface(_Part):

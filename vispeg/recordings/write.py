@@ -44,18 +44,23 @@ def write(
     Raises:
         UserError: the folder exists already, cannot be written, or an array does not have one row a sample.
     """
-    samples = _samples(recording)
     target = Path(folder).expanduser()
-    text = yaml.safe_dump(_header(recording, target), sort_keys=False, allow_unicode=True, width=120)
     with new_folder(folder, overwrite, holds="recording", inputs=(recording.robot, *inputs)) as part:
-        (part / "recording.yaml").write_text(text, encoding="utf-8")
-        if table == "csv":
-            _write_csv(part / "samples.csv", samples)
-        else:
-            _write_parquet(part / "samples.parquet", samples)
-        if recording.frames is not None and len(recording.frames):
-            write_frames(recording.frames, part, episodes=recording.episode is not None)
+        fill(part, recording, target, table)
     return target
+
+
+def fill(part: Path, recording: Recording, target: Path, table: Literal["csv", "parquet"] = "csv") -> None:
+    """Writes the files of a recording into the folder `part`, which will be called `target`. Raises as `write`."""
+    samples = _samples(recording)
+    text = yaml.safe_dump(_header(recording, target), sort_keys=False, allow_unicode=True, width=120)
+    (part / "recording.yaml").write_text(text, encoding="utf-8")
+    if table == "csv":
+        write_csv(part / "samples.csv", samples)
+    else:
+        _write_parquet(part / "samples.parquet", samples)
+    if recording.frames is not None and len(recording.frames):
+        write_frames(recording.frames, part, episodes=recording.episode is not None)
 
 
 def _samples(rec: Recording) -> dict[str, np.ndarray]:
@@ -75,8 +80,8 @@ def _samples(rec: Recording) -> dict[str, np.ndarray]:
     return columns
 
 
-def _write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
-    """`repr` of a float is the shortest text that reads back to the same bits."""
+def write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
+    """Writes columns as a table. `repr` of a float is the shortest text that reads back to the same bits."""
     rows = len(columns["time"])
     with file.open("w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(columns) + "\n")

@@ -11,6 +11,7 @@ import numpy as np
 from vispeg.interface.interface import OFFSET, Arm, Controller, Goal, Interface, Seen, Told, Tool
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import GOAL_TOLD, camera_of, kind_of
+from vispeg.robots.declared import carried
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.contract import Task
@@ -18,6 +19,7 @@ from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.kinematics import chain_of, tool_weight
 from vispeg.task.registry import task_of
 from vispeg.task.rig.posture import posture
+from vispeg.task.rig.record import stated_cell
 from vispeg.task.terms import Observation
 
 
@@ -69,11 +71,17 @@ def interface_of(
             home_rad=tuple(home.tolist()),
             chain=dict(chain_of(arm).to_json()),
         ),
-        tool=Tool(name=str(config.robot.tool or ""), tip_m=scene.tip, weight_n=tuple(tool_weight(scene).tolist())),
+        tool=Tool(
+            name=f"{config.robot.tool} and {scene.held}",
+            tip_m=scene.tip,
+            weight_n=tuple(tool_weight(scene).tolist()),
+            **carried(arm.compile()),  # type: ignore[arg-type]
+        ),
         goal=Goal(
             nominal_m=tuple(map(float, scene.target)),
             told=obs_mode in GOAL_TOLD,
             reached_m=tuple(np.asarray(offered.goal(config), float).tolist()),
+            cell=stated_cell(config),
         ),
         controller=Controller(
             period_s=config.control_period,

@@ -215,10 +215,16 @@ class TaskSimulation:
         with quiet(), np.errstate(all="ignore"):
             for k in range(c.ticks):
                 wrenches[k], force[k] = self.tick(k)
+            self.cell.read()
+            self.seen.see(*self.cell.measure())
             return self.settle(force, wrenches)
 
-    def tick(self, k: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    def tick(self, k: int = 0, measured: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
         """One control period, the k-th of its policy step, towards the pose that is asked for.
+
+        Args:
+            k: in the policy step.
+            measured: q, dq (nsim, nj) that the controller is told, where they have been read already.
 
         Returns:
             The wrist's sensor (nsim, 6) N and N m, and the true contact force (nsim, 3) N, after it.
@@ -227,7 +233,7 @@ class TaskSimulation:
         cell.read()
         if self.guards.on:
             self.guards.tick(cell.x.q, cell.x.dq)
-        q, dq = cell.measure()
+        q, dq = cell.measure() if measured is None else measured
         if any(p is not None for p in self.push):
             self._pushes(k)
         cell.advance(self.control.torque(q, dq, self.seen.goal, self.seen.rot), self.config.substeps)
@@ -245,11 +251,11 @@ class TaskSimulation:
     def settle(
         self, force: np.ndarray, wrenches: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
-        """A policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6); see `step`."""
+        """A policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6), and the arms have
+        been seen where they stand; see `step`.
+        """
         c, cell = self.config, self.cell
         forces = np.linalg.norm(force, axis=2)
-        cell.read()
-        self.seen.see(*cell.measure())
         self.guards.pose(self.seen.jac)
         self.count += 1
         tip = self.tip_in_goal()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -151,10 +151,13 @@ def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
     """The belief as a recording states it: a cell by name in full numbers, so that a reader sees what is believed."""
     if cell is not None and not cell.open:
         return cell
-    config = belief.config
+    return CellBelief("", stated_cell(belief.config))
+
+
+def stated_cell(config: TaskConfig) -> dict[str, Any]:
+    """The numbers of a cell, keys of a world file's `task`."""
     numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f not in OTHERS and hasattr(config, f)}
-    plain = {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
-    return CellBelief("", plain)
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
 
 
 def with_noise(

@@ -1,0 +1,179 @@
+"""`vispeg run` from Python: a policy on a robot, each episode a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.disk import written
+from vispeg.core.errors import UserError
+from vispeg.core.lock import claimed
+from vispeg.core.provenance import digest
+from vispeg.interface.exported import Exported
+from vispeg.interface.interface import Interface
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.tables import Column, Sheet
+from vispeg.trials.driver import Driver, driver
+from vispeg.trials.loop import Acts, Clock, How, Step, run_episode
+from vispeg.trials.trial import OutcomePart, PolicyPart, Said, is_trial, write_trial
+
+DIGITS = 4  # of a trial's number
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run came to.
+
+    Attributes:
+        folder: of the trials.
+        trials: name of each trial's folder -> what its trial.yaml says.
+        policy, robot: who ran, and on what.
+    """
+
+    folder: Path
+    trials: dict[str, Said]
+    policy: str
+    robot: str
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What `vispeg run --json` prints."""
+        each = [
+            {"trial": str(self.folder / name), **said.outcome.model_dump(), "timing": said.timing.model_dump()}
+            for name, said in self.trials.items()
+        ]
+        success = sum(said.outcome.success for said in self.trials.values())
+        return {"policy": self.policy, "robot": self.robot, "success": success, "trials": each}
+
+    @property
+    def summary(self) -> list[Block]:
+        """A row a trial, and how many succeeded."""
+        rows = []
+        for name, said in self.trials.items():
+            o, t = said.outcome, said.timing
+            force = "-" if o.peak_force_n is None else f"{o.peak_force_n:.0f} N"
+            late = f"{t.missed} of {t.steps} (worst {1e3 * t.late_most_s:.0f} ms)"
+            rows.append([name, o.category, o.by, f"{o.time_s:.1f} s", force, late])
+        heads = ("trial", "outcome", "said by", "time", "peak force", "missed deadlines")
+        good = sum(said.outcome.success for said in self.trials.values())
+        text = f"{self.policy} on {self.robot}: {good} of {len(rows)} succeeded; trials in {self.folder}"
+        return [Sheet([Column(head) for head in heads], rows), Line(text, path=True)]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def run(
+    policy: str | Path,
+    robot: str | Driver,
+    out: str | Path,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    how: How | None = None,
+    world: str | Path | None = None,
+    name: str | None = None,
+    clock: Clock | None = None,
+    ask: Callable[[OutcomePart], OutcomePart] | None = None,
+    ready: Callable[[int], None] = lambda number: None,
+    show: Callable[[Step], None] = lambda step: None,
+    key: Callable[[], bool] = lambda: False,
+    watch: bool = True,
+) -> RunResult:
+    """Runs a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
+
+    Args:
+        policy: a folder, a bundled policy's name, or an .onnx by `vispeg export`, which needs no torch.
+        robot: as `--robot`, or an object with the four calls of `vispeg.trials.driver.Driver`.
+        out: folder of the trials.
+        episodes: number of them.
+        seed: of the first one.
+        how: limits, shadow, slow, the believed goal.
+        world: on whose arm the policy is played; None for the one that it was trained in.
+        name: of the policy in tables; by default its folder's or file's.
+        clock: by which the loop goes; the host's.
+        ask: is told an outcome and says what a person saw.
+        ready: called before each episode with its number.
+        show, key, watch: as in `run_episode`.
+
+    Raises:
+        UserError: no such policy or robot, a policy that cannot be run, an `out` that holds something else.
+    """
+    if episodes < 1:
+        raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
+    acts, interface, who = opened(policy, world, name)
+    called = robot if isinstance(robot, str) else type(robot).__name__
+    target = driver(robot) if isinstance(robot, str) else robot
+    trials: dict[str, Said] = {}
+    try:
+        with _place(Path(out)) as place:
+            first = _next(place)
+            for k in range(episodes):
+                ready(k)
+                options = {"name": called, "clock": clock, "show": show, "key": key, "watch": watch}
+                trial = run_episode(acts, interface, target, who, seed + k, how, **options)
+                if ask is not None:
+                    said = trial.said.model_copy(update={"outcome": ask(trial.said.outcome)})
+                    trial = type(trial)(said, trial.recording, trial.steps)
+                folder = write_trial(trial, place / f"trial-{first + k:0{DIGITS}d}")
+                trials[folder.name] = trial.said
+    finally:
+        close = getattr(target, "close", None)
+        if callable(close):
+            close()
+    return RunResult(Path(out), trials, who.name, called)
+
+
+def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
+    """A policy, the meaning of its numbers, and whose trials they will be.
+
+    Raises:
+        UserError: no such policy, or one that cannot be run on a robot.
+    """
+    text = str(policy)
+    if Path(text).suffix.lower() == ".onnx":
+        if world is not None:
+            raise UserError(
+                "is fixed in an exported policy", key="--world", expected="vispeg export --world", got=world
+            )
+        exported = Exported(text)
+        meaning = exported.interface
+        part = PolicyPart(name=name or Path(text).stem, digest=meaning.policy, modality=meaning.modality)
+        meaning.observer()  # whether its terms and actions can be built here
+        return exported, meaning, part
+    from vispeg.evaluation.entrants import EXPERT, entrant
+    from vispeg.learn.coarse_to_fine import open_policy
+    from vispeg.learn.interface import interface_of_policy
+
+    who = entrant(text)
+    if who.scripted or who.source is not None:
+        raise UserError("cannot be run on a robot", key="policy", expected="a policy's folder or .onnx", got=EXPERT)
+    network = open_policy(who.path)
+    meaning = interface_of_policy(network, None if world is None else str(world), digest(who.path))
+    meaning.observer()
+    part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
+    return network, meaning, part
+
+
+@contextmanager
+def _place(out: Path) -> Iterator[Path]:
+    """The folder of trials, kept from other processes. Raises UserError where it is something else."""
+    if out.exists() and (not out.is_dir() or any(not is_trial(p) for p in out.iterdir() if not p.name.startswith("."))):
+        raise UserError("is not a folder of trials", file=out, expected="a new or empty folder, or one with trials")
+    with claimed(out):
+        with written(out):
+            out.mkdir(parents=True, exist_ok=True)
+        try:
+            yield out
+        finally:
+            if not any(out.iterdir()):
+                out.rmdir()
+
+
+def _next(place: Path) -> int:
+    """The number of the next trial."""
+    numbers = [p.name.rpartition("-")[2] for p in place.glob("trial-*")]
+    return 1 + max((int(n) for n in numbers if n.isdigit()), default=0)

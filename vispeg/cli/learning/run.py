@@ -1,0 +1,146 @@
+"""Runs a policy on a robot.
+
+POLICY is a folder, a bundled policy's name, or an .onnx by `vispeg export`, which needs neither torch nor a simulator.
+A robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated one
+in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), or
+`python:MODULE:CALLABLE`, a driver of your own with the calls connect, read, command and stop.
+
+The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when readings stay away, and when
+you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, which is a recording too: `compare`,
+`diagnose` and `gap --measured` read it.
+
+Example:
+    vispeg run state-3mm --robot sim:VNP --episodes 3 --out trials
+    vispeg run policy.onnx --robot python:my_driver:Robot --shadow --out first-look
+    vispeg run policy.onnx --robot python:my_driver:Robot --slow 0.3 --force 15 --ask --episodes 20 --out trials
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from vispeg.cli.output import Output, OutputOptions
+
+if TYPE_CHECKING:
+    from vispeg.trials.loop import Step
+    from vispeg.trials.trial import OutcomePart
+
+
+@dataclass(frozen=True)
+class Args:
+    """Arguments of `vispeg run`."""
+
+    policy: tyro.conf.Positional[str]
+    """A policy's folder, a bundled policy's name, or an .onnx file."""
+    robot: str
+    """sim:WORLD, or python:MODULE:CALLABLE."""
+    out: Path
+    """Folder of the trials; those that are there stay, numbers go on."""
+    episodes: int = 1
+    """Number of episodes."""
+    seed: int = 0
+    """Seed of the first episode: what a simulated robot draws its start from, else the trial's number."""
+    goal: tuple[float, float, float] | None = None
+    """Where the goal is believed to be, m in the base; default: what the robot says, else its nominal place."""
+    shadow: bool = False
+    """Compute and record, do not move the arm."""
+    slow: float = 1.0
+    """Share of the offset of each action that is asked for, 0.05 to 1; an episode gets as many steps more."""
+    force: float | None = None
+    """Force on the wrist at which the arm stops, N; default: the task's."""
+    speed: float = 0.25
+    """Speed of the tip at which the arm stops, m/s."""
+    reach: float = 0.15
+    """Distance of the tip from the goal, to the side, at which the arm stops, m."""
+    ask: bool = False
+    """Ask after each episode how it ended."""
+    world: str | None = None
+    """The world on whose arm the policy is played; default: the one that it was trained in."""
+    name: str | None = None
+    """Name of the policy in tables; default: its folder's."""
+    output: OutputOptions = Output()
+
+    def run(self) -> int:
+        """Runs the episodes, writes the trials, prints the table."""
+        from vispeg.api.run import run
+        from vispeg.core.errors import UserError
+        from vispeg.trials.limits import Limits
+        from vispeg.trials.loop import How
+
+        if self.ask and not sys.stdin.isatty():
+            raise UserError("nobody to ask", key="--ask", expected="a terminal")
+        limits = Limits(self.force, self.speed, self.reach)
+        how = How(limits, self.shadow, self.slow, self.goal)
+        with _pressed() as key:
+            result = run(
+                self.policy,
+                self.robot,
+                self.out,
+                episodes=self.episodes,
+                seed=self.seed,
+                how=how,
+                world=self.world,
+                name=self.name,
+                ask=_asked if self.ask else None,
+                show=(lambda step: None) if self.output.quiet or not sys.stderr.isatty() else _show,
+                key=key,
+            )
+        self.output.give(result.record, result.summary)
+        return 0
+
+
+def _show(step: Step) -> None:
+    """A line that is written over: step, tip, force, lateness, missed deadlines."""
+    x, y, z = 1e3 * step.tip
+    text = f"step {step.number:3d}/{step.of}  tip {x:+6.1f} {y:+6.1f} {z:+6.1f} mm  {step.force:5.1f} N"
+    text += f"  late {1e3 * step.late:4.0f} ms, missed {step.missed}"
+    print(f"\r{text}  (space stops)", end="\n" if step.number == step.of else "", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _pressed() -> Iterator[Callable[[], bool]]:
+    """Whether the space bar, q or escape was pressed, without waiting; never where there is no terminal."""
+    if not sys.stdin.isatty():
+        yield lambda: False
+        return
+    import select
+    import termios
+    import tty
+
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+
+    def pressed() -> bool:
+        return bool(select.select([sys.stdin], [], [], 0)[0]) and sys.stdin.read(1) in " q\x1b"
+
+    try:
+        yield pressed
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def _asked(outcome: OutcomePart) -> OutcomePart:
+    """The outcome as a person saw it."""
+    import termios
+
+    terminal = termios.tcgetattr(sys.stdin)
+    plain = list(terminal)
+    plain[3] |= termios.ICANON | termios.ECHO
+    termios.tcsetattr(sys.stdin, termios.TCSADRAIN, plain)
+    try:
+        said = input(f"\n{outcome.category}. Success? y, or what went wrong in a word; return to leave it: ").strip()
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, terminal)
+    if not said:
+        return outcome
+    success = said.lower() in ("y", "yes", "success")
+    return outcome.model_copy(
+        update={"success": success, "category": "success" if success else said.lower(), "by": "person"}
+    )

@@ -1,0 +1,60 @@
+"""What stops the arm: joints, speed, force and workspace, looked at in every control period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.interface.interface import Interface
+from vispeg.interface.observer import Observer
+
+JOINT, VELOCITY, SPEED = "joint limit", "joint velocity", "speed limit"
+FORCE, WORKSPACE, WATCHDOG, STOPPED = "force limit", "workspace", "watchdog", "stopped"
+CATEGORIES = (JOINT, VELOCITY, SPEED, FORCE, WORKSPACE, WATCHDOG, STOPPED)
+ABOVE, BELOW = 0.30, 0.02  # m: room above the goal, and below where the task wants the tip
+SPEED_MS = 0.25  # m/s: the reduced speed of ISO 10218-1, at which a person may stand beside an arm
+REACH = 0.15  # m: twice the farthest that episodes begin, and that goals are moved, to the side in the built-in worlds
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run allows; beyond it the arm stops.
+
+    Attributes:
+        force: N on the wrist, the tool's weight off; None for the task's own limit of contact.
+        speed: of the tip, m/s.
+        reach: of the tip from where the goal is believed, to the side, m.
+    """
+
+    force: float | None = None
+    speed: float = SPEED_MS
+    reach: float = REACH
+
+    def __post_init__(self) -> None:
+        for key, most in (("force", 1000.0), ("speed", 2.0), ("reach", 2.0)):
+            value = getattr(self, key)
+            if value is not None and not 0 < value <= most:
+                raise UserError("out of bounds", key=f"--{key}", expected=f"above 0, up to {most:g}", got=value)
+
+    def broken(self, interface: Interface, seen: Observer, force: float) -> str | None:
+        """The limit that the arm is beyond as it is seen now, with this force (N) on the wrist; or None."""
+        arm, (q, dq) = interface.arm, seen.measured
+        if not (np.isfinite(q).all() and np.isfinite(dq).all() and np.isfinite(force)):
+            return WATCHDOG
+        if (q[0] < arm.low_rad).any() or (q[0] > arm.high_rad).any():
+            return JOINT
+        if (np.abs(dq[0]) > arm.velocity_limit).any():
+            return VELOCITY
+        lever = seen.tip()[0] - seen.flange[0]
+        if np.linalg.norm(seen.twist[0, :3] + np.cross(seen.twist[0, 3:], lever)) > self.speed:
+            return SPEED
+        if force > (self.force or interface.force_abort_n):
+            return FORCE
+        return None if self.inside(interface, seen, seen.tip()[0]) else WORKSPACE
+
+    def inside(self, interface: Interface, seen: Observer, tip: np.ndarray) -> bool:
+        """Whether a tip (3,) m is where it may be: a cylinder over the goal as it is believed."""
+        x, y, z = tip - seen.believed[0]
+        return bool(np.hypot(x, y) <= self.reach and interface.goal.reached_m[2] - BELOW <= z <= ABOVE)

@@ -1,0 +1,329 @@
+"""The policy's loop over a robot: read every control period, act every policy period, stop at a limit."""
+
+from __future__ import annotations
+
+import _thread
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from vispeg.control.laws import rotated
+from vispeg.core.errors import UserError
+from vispeg.interface.builder import Builder
+from vispeg.interface.interface import Interface
+from vispeg.interface.observer import RECENT
+from vispeg.recordings.cell import WrenchSensor, canonical, reaction
+from vispeg.render.image_kinds import camera_of
+from vispeg.trials.driver import Connected, Driver, Reading
+from vispeg.trials.limits import STOPPED, WATCHDOG, WORKSPACE, Limits
+from vispeg.trials.tape import Tape
+from vispeg.trials.trial import HowPart, OutcomePart, PolicyPart, Said, StartPart, TimingPart, Trial, WorldPart
+
+SILENCE = 0.25  # s without a new reading after which the arm stops: a dozen frames of a camera, no more than 2 steps
+
+
+class Acts(Protocol):
+    """A policy: `vispeg.learn.policy.Policy`, or `vispeg.interface.exported.Exported`."""
+
+    def reset(self, n: int, rows: np.ndarray | None = None) -> None: ...  # noqa: D102
+    def act(self, obs: Any) -> np.ndarray: ...  # noqa: D102
+
+
+class Clock:
+    """The host's. A simulation that waits for its policy has one of its own."""
+
+    def now(self) -> float:
+        """Seconds since any moment."""
+        return time.monotonic()
+
+    def wait(self, until: float) -> None:
+        """Returns at `until`, or at once where that has gone by."""
+        left = until - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+
+
+@dataclass(frozen=True)
+class How:
+    """In which way a policy is run.
+
+    Attributes:
+        limits: that stop the arm.
+        shadow: the policy computes, the arm is not moved.
+        slow: share of an action's offset that is asked for; an episode gets as many steps more.
+        goal: (3,) m, where the goal is believed to be, base; None for what the robot says, else the nominal place.
+        silence: s without a new reading after which the arm stops.
+    """
+
+    limits: Limits = Limits()
+    shadow: bool = False
+    slow: float = 1.0
+    goal: tuple[float, float, float] | None = None
+    silence: float = SILENCE
+
+    def __post_init__(self) -> None:
+        if not 0.05 <= self.slow <= 1.0:
+            raise UserError("out of bounds", key="--slow", expected="0.05 to 1", got=self.slow)
+
+
+@dataclass
+class Step:
+    """What is shown of a running episode: the step, the measured tip from the believed goal (m), force (N), lateness
+    (s), deadlines that were missed.
+    """
+
+    number: int
+    of: int
+    tip: np.ndarray
+    force: float
+    late: float
+    missed: int
+
+
+@dataclass
+class Watchdog:
+    """Stops the robot from a thread of its own where the loop has not come round for a while."""
+
+    stop: Callable[[], object]
+    silence: float
+    barked: bool = False
+    _last: float = field(default_factory=time.monotonic)
+    _over: threading.Event = field(default_factory=threading.Event)
+
+    def __enter__(self) -> Watchdog:
+        self._last = time.monotonic()
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def beat(self) -> None:
+        """The loop has come round."""
+        self._last = time.monotonic()
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+
+    def _watch(self) -> None:
+        while not self._over.wait(self.silence / 5):
+            if time.monotonic() - self._last > self.silence:
+                self.barked = True
+                with suppress(Exception):  # what a driver raises here helps nobody
+                    self.stop()
+                _thread.interrupt_main()
+                return
+
+
+def run_episode(
+    policy: Acts,
+    interface: Interface,
+    robot: Driver,
+    who: PolicyPart,
+    seed: int,
+    how: How | None = None,
+    *,
+    name: str = "",
+    clock: Clock | None = None,
+    show: Callable[[Step], None] = lambda step: None,
+    key: Callable[[], bool] = lambda: False,
+    watch: bool = True,
+) -> Trial:
+    """Runs one episode.
+
+    Args:
+        policy: acts on one robot.
+        interface: the meaning of its numbers.
+        robot: is read and commanded; stopped whatever happens.
+        who: the policy, for the trial.
+        seed: of the episode: its number, or what a simulated robot draws its start from.
+        how: see How.
+        name: of the robot, for the trial.
+        clock: by which the loop goes.
+        show: is shown every step.
+        key: whether a person wants the arm to stop; asked in every control period.
+        watch: whether a thread watches over the loop; the main thread's alone.
+
+    Raises:
+        UserError: a picture that the policy sees is missing or unfit, joints that are not this arm's.
+    """
+    how, clock = how or How(), clock or Clock()
+    connected = robot.connect(interface, seed) or Connected()
+    loop = _Loop(policy, interface, robot, connected, how, clock, show, key)
+    ended: str | None = None
+    told: Mapping[str, Any] | None = None
+    dog = Watchdog(robot.stop, 4 * how.silence) if watch else None
+    try:
+        if dog is None:
+            ended = loop.run(lambda: None)
+        else:
+            with dog:
+                ended = loop.run(dog.beat)
+    except KeyboardInterrupt:
+        ended = WATCHDOG if dog is not None and dog.barked else STOPPED
+    except (OSError, TimeoutError):  # the robot is not there any more
+        ended = WATCHDOG
+    finally:
+        with suppress(OSError, TimeoutError):
+            told = robot.stop()
+    return loop.trial(ended, told, who, seed, name)
+
+
+class _Loop:
+    """One episode on its way."""
+
+    def __init__(
+        self,
+        policy: Acts,
+        interface: Interface,
+        robot: Driver,
+        connected: Connected,
+        how: How,
+        clock: Clock,
+        show: Callable[[Step], None],
+        key: Callable[[], bool],
+    ):
+        self.policy, self.robot, self.connected, self.how = policy, robot, connected, how
+        self.clock, self.show, self.key = clock, show, key
+        self.interface = interface
+        slowed = interface.model_copy(
+            update={"offset_m": how.slow * interface.offset_m, "turn_rad": how.slow * interface.turn_rad}
+        )
+        self.builder, self.tape = Builder(slowed), Tape(interface)
+        self.count, self.missed, self.reads, self.stale, self.peak = round(interface.steps / how.slow), 0, 0, 0, 0.0
+        self.cameras = tuple(dict.fromkeys(camera_of(key) for key in interface.images))
+        self.deadline = RECENT * interface.controller.period_s  # what is felt is of one moment as long as that
+        believed = how.goal or connected.start.get("believed_m")
+        self.goal = None if believed is None else np.asarray(believed, float)
+        self.target = np.zeros(7)
+        self.first: Reading | None = None
+
+    def run(self, beat: Callable[[], None]) -> str | None:
+        """Until the end; returns the limit that ended it, `success` for the goal reached, None for time."""
+        i, period = self.interface, self.interface.controller.period_s
+        self.policy.reset(1)
+        begin, tick, steps, newest, fresh = self.clock.now(), 0, 0, -np.inf, self.clock.now()
+        while True:
+            due = begin + tick * period
+            self.clock.wait(due)
+            acts = tick >= steps * i.ticks
+            reading = self.robot.read(self.cameras if acts else ())
+            beat()
+            self.reads += 1
+            wrench = self._wrench(reading)
+            if self.first is None:
+                self._begin(reading)
+            elif reading.time > newest:
+                self.builder.feel(wrench)
+            if reading.time > newest:
+                newest, fresh = reading.time, self.clock.now()
+            else:
+                self.stale += 1
+                if self.clock.now() - fresh > self.how.silence:
+                    return WATCHDOG
+            self.tape.tick(reading.time, reading.q, reading.dq, wrench, self.target)
+            seen = self.builder.observer
+            if acts:
+                obs = self.builder.observe(reading.q, reading.dq, reading.pictures)
+            else:
+                seen.see(np.asarray(reading.q, float)[None], np.asarray(reading.dq, float)[None])
+            force = self._force(wrench)
+            if self.key():
+                return STOPPED
+            if (limit := self.how.limits.broken(i, seen, force)) is not None:
+                return limit
+            if acts:
+                tip = seen.tip()[0] - seen.believed[0]
+                if tip[2] <= i.goal.reached_m[2]:
+                    return "success"
+                if steps >= self.count:
+                    return None
+                if (limit := self._act(obs, reading, due, steps, tip, force)) is not None:
+                    return limit
+                steps += 1
+            now = self.clock.now()
+            if now - due > i.policy_period_s:  # a whole step is lost: go on from here, not in a burst
+                begin += now - due
+            tick = max(tick + 1, int((now - begin) / period + 1e-6))
+
+    def _begin(self, reading: Reading) -> None:
+        i = self.interface
+        nj, got = len(i.arm.joints), (np.shape(reading.q), np.shape(reading.dq))
+        if got != ((nj,), (nj,)):
+            expected = f"{nj} angles and velocities, as {i.arm.robot} has"
+            raise UserError("joints of another arm", key="--robot", expected=expected, got=got)
+        self.first = reading
+        self.builder.begin(reading.q, reading.dq, self.goal)
+        self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
+
+    def _wrench(self, reading: Reading) -> np.ndarray:
+        """What the tool puts on the flange, in its axes and about its origin, its weight included."""
+        sensor, wrench = self.connected.wrench, np.asarray(reading.wrench, float)
+        if sensor == WrenchSensor(acts_on="flange"):
+            return wrench
+        turn = self.builder.observer.chain.rotation(np.asarray(reading.q, float)[None])
+        out = reaction(canonical(wrench[None], sensor, turn))[0]
+        if sensor.tared == "weight":
+            out[:3] += turn[0].T @ self.interface.tool.weight_n
+        return out
+
+    def _force(self, wrench: np.ndarray) -> float:
+        """Force of contact on the wrist now, N; kept as the greatest."""
+        turned = rotated(self.builder.observer.turn, wrench[None, :3])[0]
+        force = float(np.linalg.norm(turned - self.interface.tool.weight_n))
+        self.peak = max(self.peak, force)
+        return force
+
+    def _act(self, obs: Any, reading: Reading, due: float, number: int, tip: np.ndarray, force: float) -> str | None:
+        action = np.asarray(self.policy.act(obs), float).reshape(-1)
+        target = self.builder.act(action)
+        seen = self.builder.observer
+        asked = seen.held[0] if seen.turns else seen.goal[0] - [0, 0, seen.length]
+        if not self.how.limits.inside(self.interface, seen, asked):
+            return WORKSPACE
+        if not self.how.shadow:
+            self.robot.command(target)
+            self.target = target
+        late = self.clock.now() - due
+        self.missed += late > self.deadline
+        self.tape.step(late, obs["policy"], action, target, reading.pictures)
+        self.show(Step(number + 1, self.count, tip, force, late, self.missed))
+        return None
+
+    def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
+        """The episode as a trial. Raises UserError: it ended before it began."""
+        if self.first is None:
+            raise UserError("the robot gave no reading", key="--robot", got=name)
+        if not len(self.tape.late):
+            raise UserError("the arm was stopped before the policy acted", key="--robot", got=ended or name)
+        late, i = self.tape.late, self.interface
+        ended = ended or "timeout"
+        outcome = {"success": ended == "success", "category": ended, "by": "measured", "peak_force_n": self.peak}
+        if told is not None and ended in ("success", "timeout"):  # a limit of ours is why it ended, whatever it came to
+            outcome |= {**told, "by": "robot"}
+        start = {"believed_m": self.builder.observer.believed[0].tolist(), **dict(self.connected.start)}
+        start |= {"q_rad": np.asarray(self.first.q, float).tolist()}
+        timing = TimingPart(
+            period_s=i.policy_period_s,
+            steps=len(late),
+            missed=self.missed,
+            deadline_s=self.deadline,
+            late_median_s=float(np.median(late)),
+            late_most_s=float(late.max()),
+            reads=self.reads,
+            stale=self.stale,
+        )
+        said = Said(
+            policy=who,
+            robot=name,
+            task=i.task,
+            seed=seed,
+            world=WorldPart(**self.connected.world),
+            start=StartPart(**start),
+            outcome=OutcomePart(**{"time_s": self.tape.length, **outcome}),
+            timing=timing,
+            how=HowPart(shadow=self.how.shadow, slow=self.how.slow),
+        )
+        return Trial(said, self.tape.recording(notes=f"run on {name}"), self.tape.steps())

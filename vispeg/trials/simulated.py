@@ -1,0 +1,181 @@
+"""A robot in simulation, with the hidden effects of its world: by itself, or in a process behind a loopback socket."""
+
+from __future__ import annotations
+
+import json
+import select
+import socket
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
+from vispeg.render.image_kinds import DEPTH, camera_of, kind_of
+from vispeg.task.environments.vector import TaskVec
+from vispeg.trials.wire import receive, send
+from vispeg.worlds.model_file import without_origin
+
+BEHIND = 0.05  # s that the robot may be behind the clock and still catch up; a stall beyond it is lost time
+
+
+class SimulatedRobot:
+    """One robot that goes on tick by tick.
+
+    Args:
+        world: a built-in world's name, or a world file.
+        obs_mode: decides which pictures there are, and whether the goal is told.
+        settings: of the task, such as the policy's cameras.
+    """
+
+    def __init__(self, world: str, obs_mode: str, settings: Mapping[str, Any]):
+        self.env = TaskVec(1, world, obs_mode, autoreset_mode="Disabled", **settings)
+        self.sim, self.config = self.env.sim, self.env.config
+        self.ticks = 0
+
+    @property
+    def time(self) -> float:
+        """Seconds since it began."""
+        return self.ticks * self.config.control_period
+
+    def begin(self, seed: int) -> dict[str, Any]:
+        """An episode's start; returns what trial.yaml says of it beside the joints."""
+        self.env.reset(seed=[seed])
+        sim = self.sim
+        self.ticks, self.ended = 0, None
+        self._force, self._felt = [], []
+        self.measured = tuple(x.copy() for x in sim.cell.measure())
+        at_rest = sim.seen.chain.rotation(self.measured[0])[0].T @ sim.seen.weight
+        self.wrench = np.concatenate([at_rest, np.zeros(3)])
+        return {
+            "goal_m": sim.cell.site_position("goal")[0].tolist(),
+            "believed_m": sim.seen.believed[0].tolist(),
+            "effects": [dict(without_origin(e)) for e in sim.drawn[0].effects],
+        }
+
+    def tick(self) -> None:
+        """One control period."""
+        sim, n = self.sim, self.config.ticks
+        felt, force = sim.tick(len(self._felt), self.measured)
+        self.wrench = felt[0].copy()
+        self._felt.append(felt.copy())
+        self._force.append(force.copy())
+        sim.cell.read()
+        self.measured = tuple(x.copy() for x in sim.cell.measure())
+        self.ticks += 1
+        if self.ticks % n == 0:
+            self._judge()
+
+    def _judge(self) -> None:
+        """The task's judge looks at the time since it last did."""
+        self.sim.seen.see(*self.measured)
+        record = self.sim.settle(np.array(self._force), np.array(self._felt))[3][0]
+        self.ended = self.ended or record
+        self._force, self._felt = [], []
+
+    def hold(self, pose: np.ndarray) -> None:
+        """The flange is asked to be at `pose` (7,)."""
+        self.sim.seen.goal[0], self.sim.seen.rot[0] = pose[:3], pose[3:]
+
+    def rest(self) -> None:
+        """The flange is asked to stay where it is."""
+        seen = self.sim.seen
+        pos, rot, _, _ = seen.chain.pose(*self.measured)
+        self.hold(np.concatenate([pos[0], rot[0]]))
+
+    def reading(self) -> dict[str, np.ndarray]:
+        """`q`, `dq`, `wrench` as measured now."""
+        q, dq = self.measured
+        return {"q": q[0], "dq": dq[0], "wrench": self.wrench}
+
+    def pictures(self, cameras: Sequence[str]) -> dict[str, np.ndarray]:
+        """Images (H, W) m or (H, W, 3) uint8 of these cameras, by the observation's keys."""
+        if not cameras:
+            return {}
+        self.env.look([0])
+        out = {}
+        for key, image in self.env.eyes.see().items():
+            if camera_of(key) in cameras:
+                out[key] = image[0, 0] if kind_of(key) is DEPTH else np.moveaxis(image[0], 0, -1)
+        return out
+
+    def outcome(self) -> dict[str, Any]:
+        """How the episode ended, or would if time were over now."""
+        if self._force:
+            self._judge()
+        record, track = self.ended, self.sim.tracks[0]
+        if record is None and not track.depths:
+            return {"success": False, "category": "timeout"}
+        if record is None:
+            category, depth = track.at_time(self.config), track.depths[-1]
+            return {"success": False, "category": category, "peak_force_n": track.peak, "depth_m": depth}
+        told = {"success": record["success"], "category": record["category"]}
+        return {**told, "peak_force_n": record["peak_force"], "depth_m": record["depth"]}
+
+
+def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
+    """Lives in its own time until the other side goes away."""
+    period, rng = robot.config.control_period, stream(time.time_ns() % 2**31, "robot's clock")
+    offset = float(rng.uniform(1e3, 1e6))  # nobody's clock begins with ours
+    past: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=max(1, round(latency / period) + 1))
+    coming: deque[tuple[float, np.ndarray]] = deque()
+    begun, going = time.monotonic(), False
+    while True:
+        due = begun + (robot.ticks + 1) * period if going else time.monotonic() + 1.0
+        while (left := due - time.monotonic()) > 0 or not going:
+            if select.select([link], [], [], max(0.0, left))[0]:
+                message, arrays = receive(link)
+                if message["call"] == "connect":
+                    start = robot.begin(int(message["seed"]))
+                    begun, going = time.monotonic(), True
+                    past.clear()
+                    coming.clear()
+                    past.append((robot.time, robot.reading()))
+                    file = robot.env.file
+                    send(link, {"start": start, "world": {"name": file.name, "hash": file.hash} if file else {}})
+                    due = begun + period
+                elif message["call"] == "read":
+                    at, values = past[0]
+                    send(link, {"time": offset + at}, {**values, **robot.pictures(message["cameras"])})
+                elif message["call"] == "command":
+                    coming.append((robot.time + latency, arrays["pose"]))
+                elif message["call"] == "stop":
+                    coming.clear()
+                    robot.rest()
+                    send(link, robot.outcome())
+        while coming and coming[0][0] <= robot.time + 1e-9:
+            robot.hold(coming.popleft()[1])
+        robot.tick()
+        past.append((robot.time, robot.reading()))
+        if (behind := time.monotonic() - due) > BEHIND:
+            begun += behind
+
+
+def main() -> int:
+    """Reads what to be from one line of JSON, says its port or what is wrong in one line, and serves one client."""
+    asked = json.loads(sys.stdin.readline())
+    try:
+        robot = SimulatedRobot(asked["world"], asked["obs_mode"], asked["settings"])
+    except UserError as error:
+        print(json.dumps({"error": str(error)}), flush=True)
+        return 2
+    with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
+        print(json.dumps({"port": server.getsockname()[1]}), flush=True)
+        link, _ = server.accept()
+    with link:
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            message, _ = receive(link)
+            if message.get("token") == asked["token"]:
+                serve(robot, link, float(asked["latency"]))
+        except (OSError, EOFError):
+            pass
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,136 @@
+"""What happens in an episode, kept moment by moment until it is a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.interface.builder import Picture
+from vispeg.interface.interface import Interface
+from vispeg.recordings.cell import CellBelief, WrenchSensor, reaction
+from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.frames import Frames, RecordedFrame
+from vispeg.recordings.recording import Control, Nullspace, Recording
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.image_kinds import camera_of
+from vispeg.trials.trial import Steps
+
+DEPTH_UNIT = 1e-4  # m: 6.5 m in 16 bits, and a tenth of what a depth camera resolves
+
+
+class Tape:
+    """One episode.
+
+    Args:
+        interface: the policy's, which says what the arm and its controller are.
+    """
+
+    def __init__(self, interface: Interface):
+        self.interface = interface
+        self._ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._steps: list[tuple[float, float, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._pictures: list[tuple[float, str, Picture]] = []
+        self._eyes: dict[str, Camera] = {camera_of(key): seen.eye for key, seen in interface.images.items()}
+
+    def tick(self, time: float, q: np.ndarray, dq: np.ndarray, wrench: np.ndarray, target: np.ndarray) -> None:
+        """A reading: `time` s on the robot's clock, (nj,) rad and rad/s, (6,) N and N m of the tool on the flange in
+        its axes; and the flange pose (7,) that is asked for.
+        """
+        if not self._ticks or time > self._ticks[-1][0]:
+            self._ticks.append((time, *(np.array(x, float) for x in (q, dq, wrench, target))))
+
+    def step(
+        self,
+        late: float,
+        seen: np.ndarray,
+        action: np.ndarray,
+        target: np.ndarray,
+        pictures: Mapping[str, Picture],
+    ) -> None:
+        """The policy acted on the last reading."""
+        time = self._ticks[-1][0]
+        self._steps.append((time, late, *(np.array(x, float).reshape(-1) for x in (seen, action, target))))
+        self._pictures += [(time, name, picture) for name, picture in pictures.items()]
+
+    @property
+    def late(self) -> np.ndarray:
+        """(n,) s, how late each step's command was."""
+        return np.array([s[1] for s in self._steps])
+
+    @property
+    def length(self) -> float:
+        """Seconds so far, on the robot's clock."""
+        return self._ticks[-1][0] - self._ticks[0][0] if self._ticks else 0.0
+
+    def steps(self) -> Steps:
+        """What the policy saw and did."""
+        columns = [np.array(column) for column in zip(*self._steps, strict=True)]
+        time, *rest = columns
+        return Steps(time - self._ticks[0][0], *rest)
+
+    def recording(self, notes: str = "") -> Recording:
+        """Everything measured, beginning at 0 s."""
+        i = self.interface
+        time, q, dq, wrench, target = (np.array(column) for column in zip(*self._ticks, strict=True))
+        pos, turn, _, _ = i.chain.pose(q, dq)
+        null = i.controller.nullspace
+        limit = np.array(i.arm.torque_limit)
+        control = Control(
+            "osc",
+            1.0 / i.controller.period_s,
+            "model",
+            np.array(i.controller.kp),
+            np.array(i.controller.kd),
+            Nullspace(float(null["kp"]), float(null["kd"]), np.array(null["q"], float)),
+            i.controller.force_limit_n,
+            limit if np.isfinite(limit).all() else None,
+        )
+        tool = i.tool
+        return Recording(
+            path=Path("trial"),
+            robot=i.arm.robot,
+            joints=i.arm.joints,
+            rate_hz=1.0 / i.controller.period_s,
+            control=control,
+            time=time - time[0],
+            q=q,
+            dq=dq,
+            ee=np.concatenate([pos, turn], axis=1),
+            ee_cmd=target,
+            ft=reaction(wrench),
+            tool={
+                "mass_kg": tool.mass_kg,
+                "com_m": list(tool.com_m),
+                "inertia_kgm2": list(tool.inertia_kgm2),
+                "name": tool.name,
+            },
+            cell=CellBelief("", dict(i.goal.cell)) if i.goal.cell else None,
+            wrench=WrenchSensor(),
+            motion="policy",
+            notes=notes,
+            frames=self._frames(time[0]),
+        )
+
+    def _frames(self, begin: float) -> Frames | None:
+        cameras: dict[str, RecordedCamera] = {}
+        frames = []
+        for time, name, picture in self._pictures:
+            if name not in cameras:
+                cameras[name] = recorded(picture.camera or self._eyes[name], name)
+            depth = None if picture.depth is None else np.nan_to_num(np.asarray(picture.depth, np.float32))
+            frames.append(RecordedFrame(time - begin, cameras[name], picture.rgb, depth))
+        return Frames(cameras, tuple(frames)) if frames else None
+
+
+def recorded(camera: Camera, name: str) -> RecordedCamera:
+    """A camera as a recording states it; without a pose where it is neither on the flange nor on the base."""
+    c = camera
+    pose, mounted = None, c.parent in ("base", "flange")
+    if mounted:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = c.rotation, c.pos
+    lens = tuple(c.distortion)
+    placed = (c.parent, pose) if mounted else (None, None)
+    return RecordedCamera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, lens, DEPTH_UNIT, *placed)  # type: ignore[arg-type]

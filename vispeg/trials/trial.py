@@ -1,0 +1,264 @@
+"""A trial: one episode of a policy on a robot, as a folder (`vispeg-trial/1`, docs/formats.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field
+
+from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.formats.format import Format, enrol
+from vispeg.formats.typed import typed
+from vispeg.recordings.cell import Outcome
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.write import fill, write_csv
+
+if TYPE_CHECKING:
+    from vispeg.task.start import Start
+
+NAME, FILE, STEPS = "vispeg-trial/1", "trial.yaml", "steps.csv"
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+TRIAL = Format(NAME, "a trial", ("policy", "robot", "task", "seed", "world", "start", "outcome", "timing", "how"))
+By = Literal["robot", "person", "measured", "simulator"]
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Vec3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PolicyPart(_Part):
+    """Whose trial it is: the name in tables, the SHA-256 of its folder, what it sees, the seed of its training."""
+
+    name: Annotated[str, Field(min_length=1)]
+    digest: str = ""
+    modality: str = ""
+    train_seed: int = 0
+
+
+class WorldPart(_Part):
+    """The world of a simulated robot."""
+
+    name: str = ""
+    hash: str = ""
+
+
+class StartPart(_Part):
+    """How it began: joints (rad); where the goal was if anybody measured it, and where it was believed to be (m, base);
+    of a simulated robot all effects of its world.
+    """
+
+    q_rad: Annotated[list[Finite], Field(min_length=1, max_length=64)]
+    goal_m: Vec3 | None = None
+    believed_m: Vec3 | None = None
+    effects: list[dict[str, Any]] | None = None
+
+
+class OutcomePart(_Part):
+    """How it ended, and who says so."""
+
+    success: Annotated[bool, Field(strict=True)]
+    category: Annotated[str, Field(min_length=1)]
+    by: By
+    time_s: Positive
+    peak_force_n: Positive | None = None
+    depth_m: Finite | None = None
+
+
+class TimingPart(_Part):
+    """How well the loop kept time: its period, steps, those later than `deadline_s`, and how late they were."""
+
+    period_s: Positive = 0.0
+    steps: int = 0
+    missed: int = 0
+    deadline_s: Positive = 0.0
+    late_median_s: Finite = 0.0
+    late_most_s: Finite = 0.0
+    reads: int = 0
+    stale: int = 0
+
+
+class HowPart(_Part):
+    """In which way it was run."""
+
+    shadow: bool = False
+    slow: Annotated[float, Field(gt=0, le=1)] = 1.0
+
+
+class Said(_Part):
+    """trial.yaml without its format."""
+
+    policy: PolicyPart
+    robot: str = ""
+    task: str = ""
+    seed: int | None = None
+    world: WorldPart = WorldPart()
+    start: StartPart
+    outcome: OutcomePart
+    timing: TimingPart = TimingPart()
+    how: HowPart = HowPart()
+
+    def begin(self) -> Start:
+        """The start that an environment takes: `reset(options={"start": ...})`. Raises UserError: no such effect."""
+        from vispeg.task.start import Start
+        from vispeg.worlds.model_file import read_placed
+
+        s = self.start
+        effects = None
+        if s.effects is not None:
+            effects = tuple(read_placed(e, Path(FILE), f"start.effects[{i}]") for i, e in enumerate(s.effects))
+        goal, believed = (None if v is None else np.array(v) for v in (s.goal_m, s.believed_m))
+        return Start(np.array(s.q_rad), goal, believed, effects)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What the policy saw and did.
+
+    Attributes:
+        time: (n,) s, when it looked, on the recording's clock.
+        late: (n,) s, how much later than due its command was out.
+        seen: (n, d) the part `policy` of its observation; pictures are the recording's frames at these times.
+        action: (n, k).
+        target: (n, 7) flange pose that was asked for, m and w x y z.
+    """
+
+    time: np.ndarray
+    late: np.ndarray
+    seen: np.ndarray
+    action: np.ndarray
+    target: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One trial.
+
+    Attributes:
+        said: trial.yaml.
+        recording: joints, wrench and pictures.
+        steps: what the policy saw and did.
+        path: of the folder; None where it was not read from one.
+    """
+
+    said: Said
+    recording: Recording
+    steps: Steps
+    path: Path | None = field(default=None)
+
+
+def write_trial(trial: Trial, folder: str | Path) -> Path:
+    """Writes a trial's folder, which is a recording with two files more; it appears whole or not at all.
+
+    Raises:
+        UserError: the folder is there, or cannot be written.
+    """
+    target, steps = Path(folder), trial.steps
+    outcome = trial.said.outcome
+    ended = Outcome(outcome.success, 0, outcome.category, outcome.peak_force_n, outcome.depth_m)
+    data = {"format": NAME, **trial.said.model_dump(exclude_none=True)}
+    columns = {"time": steps.time, "late": steps.late}
+    columns |= {f"seen.{i}": column for i, column in enumerate(steps.seen.T)}
+    columns |= {f"action.{i}": column for i, column in enumerate(steps.action.T)}
+    columns |= dict(zip((f"target.{axis}" for axis in POSE), steps.target.T, strict=True))
+    with new_folder(target, overwrite=False, holds="recording") as part:
+        fill(part, replace(trial.recording, outcomes=(ended,)), target)
+        write_csv(part / STEPS, columns)
+        text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+        (part / FILE).write_text(text, encoding="utf-8")
+    return target
+
+
+def _example(folder: Path) -> Path:
+    time = np.arange(40) / 200.0
+    q = 0.1 * np.sin(time)[:, None] * np.ones(7)
+    rec = Recording(folder, "iiwa14", tuple("abcdefg"), 200.0, Control(), time, q, ft=np.ones((40, 6)))
+    pose = np.tile([0.5, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0], (2, 1))
+    steps = Steps(time[[0, 32]], np.array([0.001, 0.002]), np.ones((2, 4)), np.zeros((2, 3)), pose)
+    delay = {"effect": "command_delay", "where": "all", "params": {"delay": 0.01}}
+    start = StartPart(q_rad=q[0].tolist(), goal_m=[0.6, 0.0, 0.05], believed_m=[0.6, 0.0, 0.05], effects=[delay])
+    outcome = OutcomePart(success=False, category="jam", by="person", time_s=0.2, peak_force_n=12.0)
+    said = Said(
+        policy=PolicyPart(name="a", digest="0" * 64), robot="mine", task="peg", seed=3, start=start, outcome=outcome
+    )
+    return write_trial(Trial(said, rec, steps), folder / "trial-0001")
+
+
+def is_trial(folder: str | Path) -> bool:
+    """Whether a folder is a trial's."""
+    return (Path(folder) / FILE).is_file()
+
+
+def folders(place: str | Path) -> list[Path]:
+    """The trials in a folder, in the order of their names; the folder itself where it is one.
+
+    Raises:
+        UserError: none there.
+    """
+    place = Path(place)
+    found = [place] if is_trial(place) else sorted(p for p in place.glob("*") if is_trial(p)) if place.is_dir() else []
+    if not found:
+        raise UserError("holds no trials", file=place, expected=f"folders with {FILE}")
+    return found
+
+
+def read_said(folder: str | Path) -> Said:
+    """What trial.yaml says.
+
+    Raises:
+        UserError: no such file, a key that is missing or unknown, a value that cannot be, an outcome that contradicts
+            its category.
+    """
+    file = Path(folder) / FILE
+    said = typed(Said, TRIAL.read(file), file)
+    if said.outcome.success != (said.outcome.category == "success"):
+        got = f"{said.outcome.success}, {said.outcome.category}"
+        raise UserError("success and category contradict each other", file=file, key="outcome", got=got)
+    return said
+
+
+@enrol(NAME, _example)
+def read_trial(folder: str | Path) -> Trial:
+    """A trial. Raises UserError: as `read_said`; a recording or table that cannot be."""
+    path = Path(folder)
+    said = read_said(path)
+    return Trial(said, load(path), _steps(path / STEPS), path)
+
+
+def read_trials(place: str | Path) -> list[Said]:
+    """What the trials in a folder say. Raises UserError as `folders` and `read_said`."""
+    return [read_said(folder) for folder in folders(place)]
+
+
+def _steps(file: Path) -> Steps:
+    table = read_table(file)
+
+    def block(name: str, labels: Sequence[str] | None = None) -> np.ndarray:
+        names = (
+            [n for n in table.names if n.startswith(f"{name}.")] if labels is None else [f"{name}.{x}" for x in labels]
+        )
+        if not names:
+            raise UserError("columns are missing", file=file, expected=f"{name}.0, ..")
+        return np.stack([_number(table, n) for n in names], axis=1)
+
+    time, late = _number(table, "time"), _number(table, "late")
+    return Steps(time, late, block("seen"), block("action"), block("target", POSE))
+
+
+def _number(table: Any, name: str) -> np.ndarray:
+    values = table.number(name)
+    if not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise UserError("is not a finite number", file=table.file, key=f"{table.row(row)}, column {name}")
+    return values
