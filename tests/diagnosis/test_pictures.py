@@ -24,7 +24,7 @@ from vispeg.diagnosis.pictures.spread import of_form, widened
 from vispeg.diagnosis.pictures.verdict import decide
 from vispeg.identify.fit import Fit
 from vispeg.identify.motions.look_motion import look_motion
-from vispeg.identify.pictures.evidence import ROBOT
+from vispeg.identify.pictures.scatter import ROBOT
 from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.posture import LOOSE
 from vispeg.identify.space import Space
@@ -171,7 +171,8 @@ def smeared(rec: Recording, px: float = 1.0) -> Recording:
 @pytest.mark.slow
 def test_a_smear_on_the_lens_is_no_error_of_the_joints():
     record = diagnose(CELL, *([smeared(pictured(seed, frames=8))] for seed in (3, 4))).record
-    assert record["verdict"] == "unexplained", record["reason"]
+    assert record["verdict"] == "unexplained" and "not the joints: a smear" in record["reason"], record["reason"]
+    assert record["views"]["robot_rad"] == 0.0 and record["views"]["field_px"] > 0.2
 
 
 def test_what_the_joints_are_taken_to_be_off_by_is_said_beside_their_noise():
@@ -203,6 +204,8 @@ def test_halves_that_differ_by_more_than_they_promise_are_a_model_error():
     assert decide(0.2, 0.2, floor, 0, [], left, None, 0.1).verdict == "adequate"
     moved = [Left("part", 0.08, 1.8, "fixture")]  # most of a moved part's edges are no longer near its borders
     assert decide(0.2, 0.2, floor, 0, [], moved, None, 0.1).verdict == "unexplained"
+    smeared = decide(0.2, 0.2, floor, 0, [], left, None, 0.1, field=0.3)
+    assert smeared.verdict == "unexplained" and "by 0.3 px (RMS) that follow the place in the image" in smeared.reason
     far = decide(9.0, 8.0, floor, 0, [], left, None, 0.7)
     assert far.verdict == "unexplained" and "farther off than the 8 cm and 8 degrees" in far.reason
 

@@ -295,11 +295,13 @@ def test_what_could_not_have_been_seen_is_listed_the_least_certain_first():
         {"effect": "contact_friction", "where": "peg", "between": {"scale": [0.9, 1.1]}},
         {"effect": "wrench_bias", "where": "flange", "between": {"fx": [-0.5, 0.5], "fy": [-0.5, 0.5]}},
         {"effect": "fixture_compliance", "where": "fixture", "between": {"x": None, "z": [0.0, 2e-5]}},
+        {"effect": "gripper_slip", "where": "peg", "between": {"grip": None}},
         {"effect": "contact_stiffness", "where": "peg", "between": {"scale": [0.5, 2.0]}},
     ]
     said = unseen.sentence({"effects": found, "shows_from": rows})
     assert said.startswith("not seen if no larger: Fixture compliance at fixture (x at any size; z up to 20 µm/N); ")
     assert "(fx, fy ±0.50 N)" in said and "(scale 0.50 to 2.0)" in said and "friction" not in said
+    assert said.endswith("(grip at any size)"), "what has no size stands last"
     assert unseen.sentence({"effects": found}) == ""
 
 

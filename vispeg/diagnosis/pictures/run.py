@@ -88,7 +88,8 @@ def diagnose_pictures(
     moved = moved_most(judged.geometry, wide[0], wide[1], state.world)
     before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
     n_added = len(state.world.effects) - n_fixed
-    of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved)
+    field = evidence.scatter.field
+    of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved, field)
     sensed = []
     if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
@@ -136,6 +137,7 @@ def diagnose_pictures(
             "cameras": [c.name for c in cameras],
             "frames": {"fit": sum(map(len, mine)), "validate": sum(map(len, theirs))},
             "robot_rad": evidence.robot,
+            "field_px": field,
             "borders": {"fit": evidence.count, "validate": judged.count, "without_edge": round(lost, 3)},
             "projection": [p.as_dict() for p in maps],
             "confounded": alike,

@@ -30,6 +30,7 @@ def decide(
     halves: Halves | None,
     lost: float,
     moved: tuple[str, float] | None = None,
+    field: float = 0.0,
 ) -> Verdict:
     """The verdict.
 
@@ -43,8 +44,13 @@ def decide(
         lost: share of predicted borders that the held-out pictures have no edge at.
         moved: the thing that stands farthest elsewhere in the held-out recordings than in the fitted ones, and by how
             much, mm; None where none can be seen in both.
+        field: RMS px that edges are shifted by their place in the image, in all frames alike, beside the freest model.
     """
     convincing = [x for x in remainder if _convinces(x)]
+    if field >= VISIBLE:
+        text = f"edges are shifted by {field:.1f} px (RMS) that follow the place in the image, in all frames alike, and not"
+        text += " the joints: a smear or streak on the lens, or a lens of another form"
+        return _left(text, convincing)
     if convincing:
         top = convincing[0]
         return _left(f"{top.size:.1f} px are left that no known effect explains; they depend on {_on(top)}", convincing)

@@ -14,6 +14,7 @@ from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.posture import steadied
 from vispeg.identify.pictures.read import LEAST
 from vispeg.identify.pictures.robust import noise_of, trust
+from vispeg.identify.pictures.scatter import Scatter
 from vispeg.identify.pictures.sight import Sight
 from vispeg.robots.scene import Scene
 from vispeg.vision.borders import borders_of
@@ -87,7 +88,8 @@ def border_evidence(
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
         settled, points = align(predictor, fitted, world, recall)
-        out = _looked(predictor, (fitted, held_out), settled, points, robot)
+        scatter = None if robot is None else Scatter(robot, 0.0)
+        out = _looked(predictor, (fitted, held_out), settled, points, scatter)
         if robot is None and out[0].robot > 0:
             settled, points = rolled(predictor, fitted, settled, recall)
             other = _looked(predictor, (fitted, held_out), settled, points, None, ROLLING)
@@ -100,7 +102,7 @@ def _looked(
     sights: tuple[Sequence[Sight], Sequence[Sight]],
     settled: World,
     points: Sequence[Points],
-    robot: float | None,
+    scatter: Scatter | None,
     freed: tuple[str, ...] = (),
 ) -> tuple[BorderEvidence, BorderEvidence]:
     """The evidence of sights to fit and to judge on, about the world that those to fit, with their points, settled."""
@@ -114,9 +116,9 @@ def _looked(
         name: noise_of(np.concatenate([a for a, s in zip(away, fitted, strict=True) if s.camera.name == name]))
         for name in dict.fromkeys(s.camera.name for s in fitted)
     }
-    evidence = BorderEvidence(geometry, _items(fitted, points, away, noise), settled, robot, freed)
+    evidence = BorderEvidence(geometry, _items(fitted, points, away, noise), settled, scatter, freed)
     items = _items(held_out, judged, to_judge, noise)
-    return evidence, BorderEvidence(geometry, items, settled, evidence.robot, freed)
+    return evidence, BorderEvidence(geometry, items, settled, evidence.scatter, freed)
 
 
 def _items(

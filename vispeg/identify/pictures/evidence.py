@@ -18,14 +18,14 @@ from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
 from vispeg.identify.pictures.points import Points, misplacement
-from vispeg.identify.pictures.posture import LOOSE, Postures
+from vispeg.identify.pictures.posture import Postures
+from vispeg.identify.pictures.scatter import Scatter, columns_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.pictures.unknowns import EDGE_BIAS, nuisances
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-ROBOT = (0.0, *np.geomspace(3e-5, LOOSE, 12).tolist())  # rad, each joint in each frame: sizes that are tried
 LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
@@ -71,7 +71,7 @@ class BorderEvidence(Evidence):
         geometry: the cell.
         items: sights with their points.
         settled: the world that the points were aligned with, at which errors are linearised.
-        robot: standard deviation of each joint's angle in each frame, rad; estimated where None.
+        scatter: of each joint's angle in each frame, and of what hangs on the place in the image; estimated where None.
         freed: effects that the alignment freed beside the usual ones.
     """
 
@@ -84,7 +84,7 @@ class BorderEvidence(Evidence):
         geometry: Geometry,
         items: Sequence[Item],
         settled: World,
-        robot: float | None = None,
+        scatter: Scatter | None = None,
         freed: tuple[str, ...] = (),
     ):
         self.geometry, self.items, self.settled, self.freed = geometry, list(items), settled, freed
@@ -92,9 +92,14 @@ class BorderEvidence(Evidence):
         self.notes: list[str] = []
         self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
         self._columns = [nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
-        self.robot = self._robot() if robot is None else robot
-        self._whiten = [self._whitener(i, self.robot) for i in range(len(items))]
+        self.scatter = scatter or Scatter.of(columns_of(self, self._columns))
+        self._whiten = [Whitener.of(np.column_stack([common, self.robot * js])) for common, js in self._columns]
         self._recent: list[tuple[World, np.ndarray]] = []
+
+    @property
+    def robot(self) -> float:
+        """Standard deviation of each joint's angle in each frame, rad."""
+        return self.scatter.robot
 
     @property
     def unit(self) -> str:
@@ -199,7 +204,7 @@ class BorderEvidence(Evidence):
         for item in self.items:
             rows = item.points.frame % step == first
             items.append(replace(item, points=item.points.only(rows), trust=item.trust[rows]))
-        return BorderEvidence(self.geometry, items, self.settled, self.robot, self.freed)
+        return BorderEvidence(self.geometry, items, self.settled, self.scatter, self.freed)
 
     def error(self, world: World) -> float:
         """RMS misplacement in px over trusted points, less what the robot's most likely errors make of it."""
@@ -228,29 +233,3 @@ class BorderEvidence(Evidence):
     def floors(self) -> np.ndarray:
         """(1,) the same."""
         return np.array([self.floor])
-
-    def _whitener(self, index: int, robot: float) -> Whitener:
-        common, joints = self._columns[index]
-        return Whitener.of(np.concatenate([common, robot * joints], axis=1))
-
-    def _robot(self) -> float:
-        """The size of the robot's errors by restricted likelihood: what the freest model cannot explain frame by frame.
-
-        Source of the criterion: Patterson and Thompson, Biometrika 58(3), 1971, the fixed effects being those that the
-        alignment freed.
-        """
-        from vispeg.identify.pictures.fixed import slopes
-
-        residual = [self.weighted(i, a) for i, a in zip(self.items, self.misplaced(self.settled), strict=True)]
-        fixed = slopes(self)
-        best, most = ROBOT[0], -np.inf
-        for size in ROBOT:
-            whiten = [self._whitener(i, size) for i in range(len(self.items))]
-            white = np.concatenate([w(r) for w, r in zip(whiten, residual, strict=True)])
-            design = np.concatenate([w(f) for w, f in zip(whiten, fixed, strict=True)])
-            information = design.T @ design + np.eye(design.shape[1]) / 36
-            along = design.T @ white
-            rest = float(white @ white - along @ np.linalg.solve(information, along))
-            fit = -0.5 * (rest + sum(w.logdet for w in whiten) + np.linalg.slogdet(information)[1])
-            best, most = (size, fit) if fit > most else (best, most)
-        return best

@@ -25,15 +25,17 @@ class Unseen:
         effect: in words.
         sizes: the values of its parameters that these recordings do not show: `x, y ±0.50 N; tx ±50 mN m`.
         share: of a parameter's range that is hidden, the greatest; 1 where one shows at no size.
+        never: none of its parameters shows at any size.
     """
 
     effect: str
     sizes: str
     share: float
+    never: bool = False
 
 
 def unseen(values: Mapping[str, Any]) -> list[Unseen]:
-    """What was not found and up to which size it may be there, the least certain first."""
+    """What was not found and up to which size it may be there, the least certain first, last what has no size."""
     found = {(e.get("effect"), e.get("where")) for e in rows(values, "effects")}
     out = []
     for row in rows(values, "shows_from"):
@@ -48,8 +50,8 @@ def unseen(values: Mapping[str, Any]) -> list[Unseen]:
             sizes.setdefault(words, []).append(str(name).replace("_", " "))
             shares.append(share)
         texts = [f"{', '.join(names)} {words}" for words, names in sizes.items()]
-        out.append(Unseen(named(row), "; ".join(texts), max(shares)))
-    return sorted(out, key=lambda hidden: -hidden.share)
+        out.append(Unseen(named(row), "; ".join(texts), max(shares), min(shares) == 1.0))
+    return sorted(out, key=lambda hidden: (hidden.never, -hidden.share))
 
 
 def sentence(values: Mapping[str, Any]) -> str:

@@ -1,0 +1,113 @@
+"""How far a robot's joints are off in each frame, and what hangs on the place in the image instead: two variances.
+
+A smear on the lens shifts edges by where they stand in the image, in all frames of a camera alike; joints shift them by
+frame. Asked for the joints alone, the likelihood calls a smear their error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from vispeg.identify.pictures.align import LOOSE as PRIOR
+from vispeg.identify.pictures.fixed import slopes
+from vispeg.identify.pictures.posture import LOOSE
+
+if TYPE_CHECKING:
+    from vispeg.identify.pictures.evidence import BorderEvidence, Item
+
+ROBOT = (0.0, *np.geomspace(3e-5, LOOSE, 12).tolist())  # rad, each joint in each frame: sizes that are tried
+FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px, RMS over the image: less no edge shows, more no window holds
+SIZES = [(robot, field) for field in FIELD for robot in ROBOT]
+CELLS = (6, 5)  # of the image, across and down, over which a smear lasts: finer than a lens bends, wider than a border
+# log likelihood that a field which is not there gains once in a hundred: half of chi squared of one degree of freedom,
+# for a variance is not below 0 (Self and Liang, Journal of the American Statistical Association 82(398), 1987)
+GAIN = 2.7
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations of what pictures show beside the freest model.
+
+    Attributes:
+        robot: of each joint's angle in each frame, rad.
+        field: of the shift that hangs on the place in the image, px.
+    """
+
+    robot: float
+    field: float
+
+    @classmethod
+    def of(cls, parts: Sequence[Columns]) -> Scatter:
+        """By restricted likelihood, of recordings whose field may differ.
+
+        Source of the criterion: Patterson and Thompson, Biometrika 58(3), 1971, the fixed effects being those that the
+        alignment freed.
+        """
+        fits = dict(zip(SIZES, likelihoods(parts, SIZES), strict=True))
+        best = max(fits, key=lambda sizes: fits[sizes])
+        alone = max(ROBOT, key=lambda robot: fits[robot, 0.0])
+        return cls(*best) if fits[best] > fits[alone, 0.0] + GAIN else cls(alone, 0.0)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What unknowns do to the readings (n) of a recording, in units of their noise.
+
+    Attributes:
+        common: (n, k) one standard deviation of each unknown that all frames share.
+        joints: (n, k) one rad of each joint in each frame.
+        field: (n, k) 1 px of shift at each place of the image.
+        fixed: (n, k) a typical size of each parameter that the alignment freed.
+        readings: (n,).
+    """
+
+    common: np.ndarray
+    joints: np.ndarray
+    field: np.ndarray
+    fixed: np.ndarray
+    readings: np.ndarray
+
+
+def columns_of(evidence: BorderEvidence, known: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Columns]:
+    """Of each item of an evidence, about the world that it was aligned with; `known` are common unknowns and joints."""
+    parts = zip(evidence.items, evidence.misplaced(evidence.settled), known, slopes(evidence), strict=True)
+    return [Columns(*c, fields(item), fixed, evidence.weighted(item, away)) for item, away, c, fixed in parts]
+
+
+def fields(item: Item) -> np.ndarray:
+    """Columns (n, k) of a smooth random field of shifts over the image, of 1 px in any direction, in noise units."""
+    size = np.array([item.sight.camera.width, item.sight.camera.height])
+    middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in CELLS)), axis=-1).reshape(-1, 2)
+    place = (item.points.pixel + 0.5) / size * CELLS
+    bumps = np.exp(-0.5 * np.sum((place[:, None] - middles) ** 2, axis=2))
+    bumps /= np.linalg.norm(bumps, axis=1, keepdims=True)
+    scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
+    return np.concatenate([bumps * (item.points.normal[:, [k]] * scale[:, None]) for k in range(2)], axis=1)
+
+
+def likelihoods(parts: Sequence[Columns], sizes: Sequence[tuple[float, float]]) -> list[float]:
+    """Restricted log likelihood of each (robot, field), by the sums of products of columns; see `nuisance` for C^-1."""
+    products = []
+    for c in parts:
+        every = np.column_stack([c.common, c.joints, c.field, c.fixed, c.readings])
+        products.append((every.T @ every, [x.shape[1] for x in (c.common, c.joints, c.field)]))
+    return [_likelihood(products, *size) for size in sizes]
+
+
+def _likelihood(products: Sequence[tuple[np.ndarray, list[int]]], robot: float, field: float) -> float:
+    total, information, along = 0.0, np.zeros(()), np.zeros(())
+    for square, counts in products:
+        size, k = np.repeat([1.0, robot, field], counts), sum(counts)
+        half = linalg.cholesky(size[:, None] * square[:k, :k] * size + np.eye(k), lower=True)
+        taken = linalg.solve_triangular(half, size[:, None] * square[:k, k:], lower=True)
+        rest = square[k:, k:] - taken.T @ taken  # of fixed effects and readings, whitened
+        information, along = information + rest[:-1, :-1], along + rest[:-1, -1]
+        total += float(rest[-1, -1] + 2 * np.log(np.diag(half)).sum())
+    information = information + np.eye(len(information)) / PRIOR**2
+    total -= float(along @ np.linalg.solve(information, along))
+    return -0.5 * (total + np.linalg.slogdet(information)[1])
