@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from resuming import resumed
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.objects import _next, contact_numbers, diagnose_object
+from vispeg.diagnosis.objects import ObjectSearch, _next, contact_numbers, diagnose_object, shows_from
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.window_profile import sizes
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import line_searches, with_intervals
 from vispeg.recordings.importers.objects import import_object
@@ -171,3 +173,32 @@ def test_a_killed_diagnosis_goes_on(cube, tmp_path):
     for seed, name in ((1, "a"), (2, "b")):
         write_object(tossed(seed, count=8, friction=0.25), tmp_path / name)
     resumed(cube, (tmp_path / "a", tmp_path / "b"), tmp_path, "what else would do as well")
+
+
+def test_whatever_size_shows_one_that_is_tried_lowers_its_error():
+    """To first order a trial of between once and twice the size does."""
+    for kind in (effect(name) for name in ("contact_friction", "contact_damping", "contact_stiffness")):
+        param = kind.params["scale"]
+        tried = np.log(np.array(sizes(param)) / param.null)
+        for hidden in (-1.2, -0.5, -0.06, 0.05, 0.3, 1.0):
+            ratio = tried / hidden
+            assert np.any((ratio >= 1.0) & (ratio <= 2.0)), (kind.name, hidden)
+
+
+@pytest.mark.slow
+def test_a_friction_that_shows_is_found_and_a_smaller_one_is_not(cube):
+    """Of tosses without an effect, `shows_from` says which friction others would show: hidden beyond it and nearer."""
+    model, world = load_object(cube), World(robot=str(cube))
+
+    def search(friction: float) -> ObjectSearch:
+        fit = Restarts([tossed(11, friction=friction)], model, 0.041)
+        judged = Restarts([tossed(12, friction=friction)], model, 0.041, sigma=fit.sigma)
+        return ObjectSearch(fit, Judge(judged), lambda _: None)
+
+    between = {row["effect"]: row["between"] for row in shows_from(search(0.5), world)}
+    low, high = between["contact_friction"]["scale"]
+    assert 0.8 < low < 1.0 < high < 1.25
+    assert between["object_mass"] == {"scale": None}, "it moves no toss"
+    for end in (low, high):
+        beyond, nearer = (search(0.5 * end**times).run(world).world for times in (1.7, 0.3))
+        assert [e.effect for e in beyond.effects] == ["contact_friction"] and not nearer.effects

@@ -11,13 +11,14 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
-from vispeg.core.params import Value
+from vispeg.core.params import Param, Value
+from vispeg.diagnosis.conclusion.least_sizes import Trace, least_alone
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.scale import floors
-from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung
+from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung, ShowsFrom
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.loop import Loop
@@ -156,6 +157,55 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return out
 
 
+def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
+    """The values of each parameter that held-out tosses do not show beside a world, of each effect that it has not.
+
+    Of the sizes that the search tries, on each side of none: up to the first that passes its tests of the held-out
+    error with the probability `POWER`; nearer by as much as that passes easily, its trace growing as its distance, but
+    not nearer than one that does not pass.
+    """
+    judge, places = search.judge, search.candidates(world)
+
+    def work_out() -> list:
+        rows = [(n, w, p, v) for n, w in places for p in effect(n).magnitudes for v in sizes(effect(n).params[p])]
+        worlds = [world.add(EffectInstance.of(n, w, **{p: v})) for n, w, p, v in rows]
+        before, *after = judge.evidence.residuals([world, *worlds])
+        share, total = search.evidence.least_gain, float(before @ before)
+        level, none = float(stats.norm.isf(LEVEL / max(len(places), 1))), np.zeros((len(before), 0))
+        least = [
+            least_alone(Trace.of(before - r, none, before, judge.blocks), share / (1.0 - share) * total, level)
+            for r in after
+        ]
+        return [[*row, times if np.isfinite(times) else None] for row, times in zip(rows, least, strict=True)]
+
+    hidden: dict[tuple[str, str], dict[str, tuple[float, float] | None]] = {}
+    asked: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    for name, where, parameter, v, times in search.progress.recall(["shows from", model_text(world)], work_out):
+        asked.setdefault((name, where, parameter), []).append((v, np.inf if times is None else times))
+    for (name, where, parameter), tries in asked.items():
+        hidden.setdefault((name, where), {})[parameter] = _hidden(effect(name).params[parameter], tries)
+    return [{"effect": name, "where": where, "between": between} for (name, where), between in hidden.items()]
+
+
+def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """The values about none that do not show, of the values that were tried and the multiple of each that would.
+
+    None where no value shows; up to the end of the range on a side where none does.
+    """
+    log = param.scale == "log"
+    ends = [param.low, param.high]
+    for side, sign in enumerate((-1.0, 1.0)):
+        unseen = 0.0
+        away = [(sign * (np.log(v / param.null) if log else v - param.null), times) for v, times in tries]
+        for size, times in sorted(a for a in away if a[0] > 0):
+            if times <= 1.0:
+                end = sign * max(unseen, size * times)
+                ends[side] = param.null * float(np.exp(end)) if log else param.null + end
+                break
+            unseen = size
+    return None if ends == [param.low, param.high] else (float(ends[0]), float(ends[1]))
+
+
 def kept(progress: Progress, question: str, world: World, work_out: Callable[[], World]) -> World:
     """A world's effects with the values and intervals that a question gives them: known, or worked out and kept."""
 
@@ -228,6 +278,7 @@ def diagnose_object(
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "restarts": rows,
         "contact": contact_numbers(model, result),
+        "shows_from": shows_from(search, final),
         "notes": [f"{n}({model.name}) cannot be told: {why}" for n, why in search.silent.items()],
     }  # fmt: skip
     return Diagnosis(record, result, {})

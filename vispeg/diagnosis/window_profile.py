@@ -39,9 +39,14 @@ class Profile:
 
 
 def sizes(param: Param) -> list[float]:
-    """Values of a parameter over its range, its null left out: both ways on a log scale where it is a scale."""
+    """Values of a parameter over its range, its null left out: both ways on a log scale where it is a scale.
+
+    Each is about half as far from null as the next one: to first order a size lowers the error that any effect of half
+    of it or more makes, so one of them lowers that of whatever shows.
+    """
     if param.null > 0:
-        values = param.null * np.geomspace(1 / 12, 12, 7)
+        away = np.log(12) / 2.0 ** np.arange(6)
+        values = param.null * np.exp(np.concatenate([-away, away[::-1]]))
     else:
         values = param.null + (param.start - param.null) * np.array([-2.0, -1.0, -0.5, 0.25, 0.5, 1.0, 1.5])
     inside = (values >= max(param.low, 1e-9 if param.null > 0 else -np.inf)) & (values <= param.high)

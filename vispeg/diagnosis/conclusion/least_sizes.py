@@ -7,7 +7,7 @@ which c on that passes the tests of the search is worked out with errors as larg
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,14 +66,25 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
     least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
+    return _least_that(lambda times: _ranks(fitted, held_out, needs, times), float(least))
+
+
+def least_alone(trace: Trace, drop: float, level: float) -> float:
+    """The same where the readings that judge decide alone, by a drop of their squared residual and ranks over blocks."""
+    least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
+    return _least_that(lambda times: _passes(_gains(trace, times, np.random.default_rng(0)), level), least)
+
+
+def _least_that(passes: Callable[[float], bool], least: float) -> float:
+    """The least multiple from `least` on that passes, by halving; infinite where none in reach does."""
     if least > REACH[1]:
         return float("inf")
+    if passes(least):
+        return least
     low, high = np.log(least), np.log(REACH[1])
-    if _ranks(fitted, held_out, needs, least):
-        return float(least)
     for _ in range(24):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _ranks(fitted, held_out, needs, float(np.exp(middle))) else (middle, high)
+        low, high = (low, middle) if passes(float(np.exp(middle))) else (middle, high)
     return float(np.exp(high)) if high < np.log(REACH[1]) - 1e-3 else float("inf")
 
 
@@ -114,11 +125,14 @@ def _ranks(fitted: Trace, held_out: Trace, needs: Needs, times: float) -> bool:
     large = times**2 * held_out.square.sum() >= LARGE * (needs.loss + times**2 * held_out.square.sum())
     level = float(stats.norm.isf(0.05)) if large else needs.level
     draw = np.random.default_rng(0)  # the same errors for every size, so that a greater one shows no less
-    gains = [
-        times**2 * t.square + 2.0 * times * t.error * np.sqrt(t.square) * draw.normal(size=(DRAWS, len(t.square)))
-        for t in (held_out, fitted)
-    ]
+    gains = [_gains(t, times, draw) for t in (held_out, fitted)]
     return _passes(np.concatenate(gains, axis=1), level) and _passes(gains[0], HELD_OUT_LARGE if large else HELD_OUT)
+
+
+def _gains(trace: Trace, times: float, draw: np.random.Generator) -> np.ndarray:
+    """(draws, nblock) drops of the blocks' squared residuals, with errors drawn."""
+    errors = trace.error * np.sqrt(trace.square) * draw.normal(size=(DRAWS, len(trace.square)))
+    return times**2 * trace.square + 2.0 * times * errors
 
 
 def _passes(gains: np.ndarray, level: float) -> bool:

@@ -48,8 +48,8 @@ def decide(
     """
     convincing = [x for x in remainder if _convinces(x)]
     if field >= VISIBLE:
-        text = f"edges are shifted by {field:.1f} px (RMS) that follow the place in the image, in all frames alike, and not"
-        text += " the joints: a smear or streak on the lens, or a lens of another form"
+        text = f"edges are shifted by {field:.1f} px (RMS) that follow the place in the image, in all frames alike, "
+        text += "and not the joints: a smear or streak on the lens, or a lens of another form"
         return _left(text, convincing)
     if convincing:
         top = convincing[0]
