@@ -70,7 +70,7 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
 
 
 def least_alone(trace: Trace, drop: float, level: float) -> float:
-    """The same where the readings that judge decide alone, by a drop of their squared residual and ranks over blocks."""
+    """The same where the readings that judge decide alone: by the drop of their squares and ranks over blocks."""
     least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
     return _least_that(lambda times: _passes(_gains(trace, times, np.random.default_rng(0)), level), least)
 
