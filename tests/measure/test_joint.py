@@ -68,6 +68,7 @@ def test_the_servo_of_steps_comes_back_and_predicts_the_size_held_out():
     assert found.details["held_out"]["error_of_step"] < 0.01
 
 
+@pytest.mark.slow
 def test_intervals_of_the_servo_hold_over_sizes_that_differ():
     """Each size and direction has a servo of its own, 5 % about the truth: the stated interval is of their mean."""
     held = 0

@@ -25,12 +25,12 @@ def motion(path, size, joint, hold=0.7):
     return path
 
 
-def recorded(folder, effects, joint, sizes=(0.1, 0.04)):
+def recorded(folder, effects, joint, sizes=(0.1, 0.04), **how):
     paths = []
     for size in sizes:
         name = f"s{1e3 * size:.0f}"
         file = motion(folder / f"{name}.csv", size, joint)
-        record("iiwa14", file, effects=effects, name=name, **HOW).save(folder / name)
+        record("iiwa14", file, effects=effects, name=name, **HOW | how).save(folder / name)
         paths.append(folder / name)
     return paths
 
@@ -53,3 +53,29 @@ def test_a_servo_survives_the_round_trip(tmp_path):
     q = [record("iiwa14", between, effects=e, **HOW).recording.q[:, 0] for e in (truth, list(found.effects), [])]
     rms = [float(np.sqrt(np.mean((x - q[0]) ** 2))) for x in q[1:]]
     assert rms[0] < 0.01 * rms[1] and rms[0] < 1.5e-4  # rad; two noises are 3e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "name", "value"), [("torque_limit", "limit", 25.0), ("torque_speed_limit", "stall", 60.0)]
+)
+def test_a_limit_of_torque_survives_the_round_trip_and_its_steps_are_left_out(effect, name, value, tmp_path):
+    how = {"control": "position", "torque_sensor": "motor"}
+    truth = [f"{effect}:joint1:{name}={value}" + (",no_load=2" if name == "stall" else "")]
+    paths = recorded(tmp_path, truth, "joint1", sizes=(0.1, 0.02), **how)
+    found = measure_joint(paths, tmp_path / "found", joint="joint1").measurement
+    placed = [e for e in found.effects if e.effect == effect]
+    assert len(placed) == 1
+    for key, true in {name: value, **({"no_load": 2.0} if name == "stall" else {})}.items():
+        got = placed[0].params[key]
+        assert got.low <= true <= got.high and got.value == pytest.approx(true, rel=0.05)
+    assert any("steps of 0.1 rad reach the torque limit: they are left out" in note for note in found.notes)
+    assert any("falls with the speed" in note for note in found.notes) == (name == "stall")
+    assert {abs(round(row["size_rad"], 3)) for row in found.details["steps"]} == {0.02}
+    between = motion(tmp_path / "s90.csv", 0.09, "joint1")
+    q = [record("iiwa14", between, effects=e, **HOW | how).recording.q[:, 0] for e in (truth, placed, [])]
+    rms = [float(np.sqrt(np.mean((x - q[0]) ** 2))) for x in q[1:]]
+    assert rms[0] < 0.1 * rms[1]  # the row of time between torque and angle is in the interval of the falling one
+    alone = measure_joint(paths[1:], tmp_path / "small", joint="joint1").measurement
+    assert not {"torque_limit", "stall_torque"} & {q.quantity for q in alone.results}
+    assert any("no torque limit shows: the motor gave" in note for note in alone.notes)

@@ -1,4 +1,4 @@
-"""One joint from its recordings: servo, Bode table, backlash, friction, torque-speed curve."""
+"""One joint from its recordings: servo, Bode table, backlash, friction, torque limit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
-from vispeg.measure import frequency, loops, lost_motion, steps
+from vispeg.measure import frequency, loops, lost_motion, saturation, steps
 from vispeg.measure.actuator import alone, step_error
 from vispeg.measure.arm import Arm, Loop, inferred, numbers
 from vispeg.measure.becomes import placed
@@ -81,6 +81,7 @@ def measure(
     friction: list[Quantity] = []
     lost_motion.summarise(strokes, traces, friction, notes, details, rng)
     responses = _resolved(responses, friction, notes)
+    responses = _limited(responses, traces, friction, notes, details, rng)
     servo = loop = None
     turns = arm is not None or inertia is not None
     if len(responses) >= 2:
@@ -117,10 +118,15 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
         ("coulomb_friction", "coulomb_friction", "torque"),
         ("viscous_friction", "viscous_friction", "damping"),
         ("backlash", "backlash", "gap"),
+        ("torque_limit", "torque_limit", "limit"),
     ):
         q = by_name.get(quantity)
         if q is not None and q.low > 0:
             out.append(placed(name, joint, {key: Value(q.value, q.low, q.high)}, q))
+    line = {name: by_name.get(q) for name, q in (("stall", "stall_torque"), ("no_load", "no_load_speed"))}
+    values = {name: Value(q.value, q.low, q.high) for name, q in line.items() if q is not None}
+    if len(values) == 2:
+        out.append(placed("torque_speed_limit", joint, values, by_name["stall_torque"]))
     if any(t.servo for t in measured.traces) and "servo_natural_frequency" in by_name:
         bounds = effect("servo").params
         loop = {name: by_name[f"servo_{name}"] for name in bounds}
@@ -143,6 +149,42 @@ def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str])
         listed = ", ".join(f"{size:.3g}" for size in steps.sizes(small))
         notes.append(f"steps of {listed} rad are left out: within twice the lost motion of {lost:.2g} rad")
     return [s for s in responses if s not in small]
+
+
+def _limited(
+    responses: list[Step],
+    traces: Sequence[Trace],
+    results: list[Quantity],
+    notes: list[str],
+    details: dict[str, object],
+    rng: np.random.Generator,
+) -> list[Step]:
+    """Adds the drive's torque limit where the steps show it; those that do not reach it, if there are two."""
+    given = [t for t in traces if not t.asked]
+    table = saturation.by_speed(given)
+    if not table:
+        notes.append("no torque limit shows: the log has no torque, with a sign, that the motor gave")
+        return responses
+    details["greatest_torque"] = table
+    found = saturation.limit(given, responses)
+    if found is None:
+        most = max(row["greatest_torque_nm"] for row in table)
+        notes.append(f"no torque limit shows: the motor gave {most:.3g} N m at most, and what its loop asked for")
+        return responses
+    name, count = "stall_torque" if len(found.slope) else "torque_limit", len(found.reached)
+
+    def add(name: str, unit: str, function: Callable[..., Any], of: Sequence[Input]) -> None:
+        results.append(propagate(name, unit, function, of, rng, repeats=count))
+
+    add(name, "N m", lambda *x: sum(x), found.inputs())
+    if len(found.slope):
+        add("no_load_speed", "rad/s", lambda *x: 1.0 / sum(x), found.inputs_of_slope())
+        notes.append("the torque limit falls with the speed")
+    rest = [s for s in responses if s not in found.reached]
+    listed = ", ".join(f"{size:.3g}" for size in steps.sizes(found.reached))
+    what = "are left out" if len(rest) >= 2 else "are all there are, and the servo of them is a slower one"
+    notes.append(f"steps of {listed} rad reach the torque limit: they {what}")
+    return rest if len(rest) >= 2 else responses
 
 
 def _of_steps(

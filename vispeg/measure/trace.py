@@ -38,7 +38,8 @@ LIKELIER = 4.0  # residual's ratio of squares that says that the angle leads: ha
 class Trace:
     """Arrays (n,): time s, q_cmd and q rad, the motor's tau N m, or None and `why`; `name` is the file's.
 
-    `servo`: the loop is the robot's own, so that the second-order answer is an effect of its drive.
+    `servo`: the loop is the robot's own, so that the second-order answer is an effect of its drive. `asked`: tau is
+    what the control law asks for, not what the motor gave.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Trace:
     tau: np.ndarray | None = None
     why: str = "no torque was recorded"
     servo: bool = False
+    asked: bool = False
 
     @property
     def period(self) -> float:
@@ -80,13 +82,13 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
     episode = np.zeros(len(rec.time)) if rec.episode is None else rec.episode
     torque, why = motor_torque(rec, j)
     has_servo = rec.control.mode in ("servo", "unknown")
+    asked = rec.torque_sensor != "motor"
     out = []
     for number in np.unique(episode):
         rows = (episode == number) & np.isfinite(rec.q[:, j]) & np.isfinite(rec.q_cmd[:, j])
         tau = None if torque is None or not np.isfinite(torque[rows]).all() else torque[rows]
-        out.append(
-            _checked(Trace(path.name, rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau, why, has_servo), path)
-        )
+        arrays = rec.time[rows], rec.q_cmd[rows, j], rec.q[rows, j], tau
+        out.append(_checked(Trace(path.name, *arrays, why, has_servo, asked), path))
     return out, joint, rec.robot
 
 

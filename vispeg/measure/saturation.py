@@ -1,0 +1,198 @@
+"""The torque limit of a drive, where a log shows it: the motor gives less than its own law asks for.
+
+A servo's torque is `k u - k' q - d q' + a` of command, angle and speed, whatever friction and inertia do beside it. At
+its limit it is `stall (1 - v / no_load)` at the speed v in the torque's direction
+(`vispeg.effects.drive.torque_speed_limit`). Both are fitted to all steps at once. There is a limit where, in the rows
+at it, the law alone leaves twice the error or more; it falls with the speed where the steps that reach it agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from vispeg.measure.steps import BEFORE, LATE, Step, before, rows
+from vispeg.measure.trace import LIKELIER, Trace
+from vispeg.measure.uncertainty import Input, coverage, rectangular, repeated
+
+AFTER = 0.5  # s of a step, in which a servo asks for its torque
+BEYOND = 4.0  # standard deviations by which the law asks for more than the limit in a row that counts as at it
+REACHED = 3  # rows at it, from which on a step tells the limit: a row of delay at the jump makes one or two
+SURE = 0.998  # two-sided, one in a thousand flat limits would be said to fall
+SPEEDS = 6  # of the table
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A torque limit that steps show.
+
+    Attributes:
+        stall: (nreached,) N m, the limit at rest; over the steps that reach it, or of the only one.
+        slope: (nreached,) s/rad, the inverse of the speed at which none is left; empty where it does not fall.
+        noise: N m, standard deviation of what law and limit leave.
+        row: (2,) by how much stall and slope move, if the torque is read a row before or after the angle.
+        reached: the steps that reach it.
+    """
+
+    stall: np.ndarray
+    slope: np.ndarray
+    noise: float
+    row: np.ndarray
+    reached: list[Step]
+
+    def inputs(self) -> list[Input]:
+        """What the limit at rest is the sum of."""
+        if len(self.stall) < 2:
+            return [rectangular("noise of the torque", 2.0 * self.noise, float(self.stall[0]))]
+        return [repeated("steps at the limit", self.stall), rectangular("time of a row", self.row[0])]
+
+    def inputs_of_slope(self) -> list[Input]:
+        """What the slope is the sum of."""
+        return [repeated("slope over the steps at the limit", self.slope), rectangular("time of a row", self.row[1])]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of all steps: `rest` (n,) + `law` (n, 3) times k, -k', -d is the torque asked for, N m; speed rad/s."""
+
+    rest: np.ndarray
+    law: np.ndarray
+    tau: np.ndarray
+    speed: np.ndarray
+    earlier: np.ndarray  # (n,) rad/s, the speed a row before
+    step: np.ndarray  # (n,) whose
+
+    def asked(self, law: np.ndarray) -> np.ndarray:
+        """The torque (n,) that a law (3,) asks for."""
+        return self.rest + self.law @ law
+
+
+def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
+    """The limit at which the motor works in some of these steps; None where none shows."""
+    by_name = {t.name: t for t in traces if t.tau is not None and t.signed() and not t.asked}
+    steps = [s for s in responses if s.trace in by_name]
+    if len(steps) < 2:
+        return None
+    r = _rows(by_name, steps)
+    best = None
+    for top in np.quantile(np.abs(r.tau), (1.0, 0.99, 0.97, 0.9)):
+        for slope in (0.0, 0.3 / max(float(np.abs(r.speed).max()), 1e-9)):
+            x0 = np.concatenate([[top, slope], _through(r, 0.8 * top)])
+            scale = np.concatenate([[top, 0.3], np.abs(x0[2:]) + 1e-9])
+            low = np.array([1e-3 * top, 0.0, 0.0, -np.inf, -np.inf])
+            found = optimize.least_squares(
+                lambda x: _given(x, r) - r.tau,
+                np.maximum(x0, low),
+                lambda x: _slopes(x, r),
+                (low, np.inf),
+                x_scale=scale,
+                max_nfev=60,
+            )
+            best = found if best is None or found.cost < best.cost else best
+    assert best is not None
+    noise = float(np.sqrt(2.0 * best.cost / max(len(r.tau) - len(best.x), 1)))
+    over = np.abs(r.asked(best.x[2:])) > _most(best.x, r) + BEYOND * noise
+    count = np.bincount(r.step[over], minlength=len(steps))
+    at = np.flatnonzero(count >= REACHED)
+    over &= np.isin(r.step, at)
+    alone, limited = (float(np.sum((x - r.tau)[over] ** 2)) for x in (r.asked(_through(r, np.inf)), _given(best.x, r)))
+    if not len(at) or alone < LIKELIER * limited:
+        return None
+    size, whose, reached = np.abs(r.tau[over]), r.step[over], [steps[k] for k in at]
+    if len(at) > 2:
+        now, before_ = (np.maximum(v[over] * np.sign(r.tau[over]), 0.0) for v in (r.speed, r.earlier))
+        whole = _line(size, now)
+        # pseudo-values of the jackknife over steps
+        rest = np.array([_line(size[whose != k], now[whose != k]) for k in at])
+        each = len(at) * whole - (len(at) - 1) * rest
+        slope = repeated("slope", each[:, 1])
+        if slope.value > coverage(slope.dof, SURE) * slope.u:
+            return Limit(each[:, 0], each[:, 1], noise, np.abs(_line(size, before_) - whole), reached)
+    flat = np.array([np.median(size[whose == k]) for k in at])
+    return Limit(flat, np.zeros(0), noise, np.zeros(2), reached)
+
+
+def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
+    """The rows of the steps, with the delay of the command that leaves the law the least error."""
+    spans = [(by_name[s.trace], rows(by_name[s.trace], s)[0]) for s in steps]
+    rates = {name: np.gradient(t.q, t.time) for name, t in by_name.items()}
+    period = max(t.period for t, _ in spans)
+
+    def at(late: float) -> _Rows:
+        columns = []
+        for n, (trace, first) in enumerate(spans):
+            assert trace.tau is not None
+            ago = trace.time[first] - trace.time
+            some = np.flatnonzero((ago <= BEFORE + 1e-9) & (ago > -AFTER))
+            some = some[trace.time[some] < trace.time[min(rows(trace, steps[n])[1], len(trace.time) - 1)]]
+            still = trace.tau[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean()
+            t, q = trace.time[some], before(trace, first)
+            row = np.maximum(np.searchsorted(trace.time, t - late + 1e-9, side="right") - 1, 0)  # a command is held
+            speed = rates[trace.name][some]
+            earlier = np.interp(t - trace.period, trace.time, rates[trace.name])
+            law = [trace.q_cmd[row] - trace.q_cmd[first - 1], trace.q[some] - q, speed]
+            columns.append(
+                (np.full(len(t), still), np.column_stack(law), trace.tau[some], speed, earlier, 0 * some + n)
+            )
+        return _Rows(*(np.concatenate(x) for x in zip(*columns, strict=True)))
+
+    def misses(late: float) -> float:
+        r = at(late)
+        # not of squares: some rows are at the limit
+        laws = [_through(r, share * float(np.abs(r.tau).max())) for share in (0.8, 2.0)]
+        return min(float(np.sum(np.abs(r.asked(law) - r.tau))) for law in laws)
+
+    late = min(np.arange(0.0, LATE, period), key=lambda x: misses(float(x)))
+    return at(float(late))
+
+
+def _through(r: _Rows, top: float) -> np.ndarray:
+    """The law (3,) through the torques below `top`."""
+    low = np.abs(r.tau) < top
+    return np.linalg.lstsq(r.law[low], (r.tau - r.rest)[low], rcond=None)[0]
+
+
+def _most(x: np.ndarray, r: _Rows) -> np.ndarray:
+    """The limit (n,) N m, in the direction in which the law asks."""
+    forward = np.maximum(r.speed * np.sign(r.asked(x[2:])), 0.0)
+    return x[0] * np.maximum(1.0 - x[1] * forward, 0.0)
+
+
+def _given(x: np.ndarray, r: _Rows) -> np.ndarray:
+    """The torque (n,) N m that law and limit give."""
+    most = _most(x, r)
+    return np.clip(r.asked(x[2:]), -most, most)
+
+
+def _slopes(x: np.ndarray, r: _Rows) -> np.ndarray:
+    """Of `_given` over x, (n, 5)."""
+    asked, most = r.asked(x[2:]), _most(x, r)
+    over, way = np.abs(asked) > most, np.sign(asked)
+    forward = np.maximum(r.speed * way, 0.0)
+    limit_ = np.column_stack([way * most / x[0], -way * x[0] * forward * (most > 0.0)])
+    return np.hstack([limit_ * over[:, None], r.law * ~over[:, None]])
+
+
+def _line(size: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Torque at rest, N m, and the inverse of the speed (rad/s) at which none is left, of the rows at the limit."""
+    stall, fall = np.linalg.lstsq(np.column_stack([np.ones_like(forward), -forward]), size, rcond=None)[0]
+    return np.array([stall, fall / stall])
+
+
+def by_speed(traces: Sequence[Trace]) -> list[dict[str, float]]:
+    """The greatest torque (N m) that the motor gave, by speed (rad/s) in the torque's direction."""
+    pairs = [(t.tau, np.gradient(t.q, t.time)) for t in traces if t.tau is not None and t.signed()]
+    if not pairs:
+        return []
+    tau, speed = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    forward = speed * np.sign(tau)
+    edges = np.linspace(0.0, max(float(forward.max()), 1e-9), SPEEDS + 1)
+    out = []
+    for a, b in zip(edges, edges[1:], strict=False):
+        some = np.abs(tau[(forward >= a) & (forward <= b)])
+        if len(some):
+            out.append({"speed_rad_s": float(0.5 * (a + b)), "greatest_torque_nm": float(some.max())})
+    return out
