@@ -49,8 +49,9 @@ def robot():
     return Lockstep("nominal")
 
 
-def ran(robot, how=None, policy=None, **changes):
-    """An episode of the expert on the robot that waits."""
+def ran(robot, how=None, policy=None, rest=0.0, **changes):
+    """An episode of the expert on the robot that waits; the policy acts at once, as it does in the environment."""
+    how = replace(how or How(), rest=rest)
     interface = meaning(robot.robot, **changes)
     robot.commands, robot.stopped, robot.late = [], 0, 0.0
     policy = policy or Scripted(robot.robot.config)
@@ -137,7 +138,9 @@ def test_a_key_stops_and_what_was_done_is_kept(robot):
     pressed = iter([False] * 100 + [True] * 9)
     interface = meaning(robot.robot)
     policy = Scripted(robot.robot.config)
-    trial = run_episode(policy, interface, robot, WHO, SEED, clock=robot, key=lambda: next(pressed), watch=False)
+    trial = run_episode(
+        policy, interface, robot, WHO, SEED, How(rest=0.0), clock=robot, key=lambda: next(pressed), watch=False
+    )
     assert trial.said.outcome.category == "stopped" and len(trial.steps.time) == 4
 
 

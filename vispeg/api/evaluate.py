@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
+from vispeg.core.errors import UserError
+from vispeg.core.marker import apart
 from vispeg.evaluation import gap as gaps
+from vispeg.evaluation import runner
 from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.films.media import film_failures
 from vispeg.evaluation.folder import workplace
@@ -49,6 +53,7 @@ def evaluate(
     seed: int = 0,
     workers: int = 1,
     out: str | Path | None = None,
+    trials: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> EvaluationResult:
@@ -66,6 +71,7 @@ def evaluate(
         seed: of the episodes.
         workers: processes.
         out: a folder for episodes, as they end, and the result; a stopped evaluation goes on there. None: no files.
+        trials: a folder in which each episode that is played becomes a trial, see docs/formats.md.
         overwrite: replace the result in `out`.
         playing: progress display.
 
@@ -76,9 +82,11 @@ def evaluate(
     who, file = ready(policies), load_world(world)
     controls = check_controls(controls, file)
     sources = [file.path, *folders(who)]
+    kept = None if trials is None else _kept(Path(trials), None if out is None else Path(out), sources)
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)
+        jobs = [replace(job, trials=kept) for job in jobs]
         ends = play(jobs, place, workers, playing)
         values = gaps.gap(ends, file.name, seed=seed, scripted=[e.name for e in who if e.scripted])
         values["notes"] += [words.conclusion(r) for r in values["success"] if r["needed"]]
@@ -88,6 +96,15 @@ def evaluate(
         if out is not None:
             result._write(place)
     return result
+
+
+def _kept(trials: Path, out: Path | None, sources: Sequence[str | Path]) -> Path:
+    """The folder of trials, new or of the evaluation that goes on. Raises UserError where it is something else."""
+    apart(trials, sources)
+    goes_on = out is not None and (out / runner.EPISODES).exists()
+    if trials.exists() and not (trials.is_dir() and (goes_on or not any(trials.iterdir()))):
+        raise UserError("exists already; name another folder", file=trials, key="--keep-trials")
+    return trials.absolute()
 
 
 def _row(r: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,7 @@ from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_
 from vispeg.evaluation.films.media import film_seeds
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
-from vispeg.evaluation.measured import Trials, read_csv
+from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
 from vispeg.report.gap import words
@@ -95,7 +95,7 @@ def gap(
         controls: as in `vispeg.evaluation.controls`; by default all that the first world has.
         control_worlds: worlds of the controls; by default the first and the last of `worlds`.
         records: files of episodes to reuse.
-        measured: CSV of a real robot's trials.
+        measured: a real robot's trials: a CSV, or a folder of what `vispeg run` kept.
         robot: the name of that target.
         videos: seeds of each policy to film in the first and the last world; needs `out`.
         fine_tuned: allow policies that were trained with a part of a target.
@@ -112,7 +112,7 @@ def gap(
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")
     who, stored_before = ready(policies) if named else [], read_all(files) if files else []
     networks = [*((e.name, e.train_seed) for e in who), *((e.policy, e.train_seed) for e in stored_before)]
-    trials = _measured(measured, networks, robot)
+    trials = _measured(measured, networks, robot, {e.digest: (e.name, e.train_seed) for e in who})
     read: list[str | Path | None] = [*files, measured, *folders(who)]
     chosen = None
     if who:
@@ -176,9 +176,14 @@ def _worlds(
     return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 
 
-def _measured(csv: str | Path | None, networks: Sequence[tuple[str, int]], robot: str) -> Trials:
-    """A real robot's trials of these policies (name, training seed); none without a file."""
+def _measured(
+    source: str | Path | None,
+    networks: Sequence[tuple[str, int]],
+    robot: str,
+    digests: Mapping[str, tuple[str, int]],
+) -> Trials:
+    """A real robot's trials of these policies (name, training seed); none without a file or folder."""
     seeds: dict[str, set[int]] = {}
     for name, seed in networks:
         seeds.setdefault(name, set()).add(seed)
-    return Trials() if csv is None else read_csv(Path(csv), robot, seeds, ())
+    return Trials() if source is None else read_measured(Path(source), robot, seeds, digests)

@@ -72,7 +72,7 @@ def run(
     out: str | Path,
     *,
     episodes: int = 1,
-    seed: int = 0,
+    seed: int | None = None,
     how: How | None = None,
     world: str | Path | None = None,
     name: str | None = None,
@@ -90,7 +90,7 @@ def run(
         robot: as `--robot`, or an object with the four calls of `vispeg.trials.driver.Driver`.
         out: folder of the trials.
         episodes: number of them.
-        seed: of the first one.
+        seed: of the first one; by default the number of its folder.
         how: limits, shadow, slow, the believed goal.
         world: on whose arm the policy is played; None for the one that it was trained in.
         name: of the policy in tables; by default its folder's or file's.
@@ -114,7 +114,7 @@ def run(
             for k in range(episodes):
                 ready(k)
                 options = {"name": called, "clock": clock, "show": show, "key": key, "watch": watch}
-                trial = run_episode(acts, interface, target, who, seed + k, how, **options)
+                trial = run_episode(acts, interface, target, who, k + (first if seed is None else seed), how, **options)
                 if ask is not None:
                     said = trial.said.model_copy(update={"outcome": ask(trial.said.outcome)})
                     trial = type(trial)(said, trial.recording, trial.steps)

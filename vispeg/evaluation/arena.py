@@ -11,6 +11,8 @@ from vispeg.evaluation.controls import ON_IMAGES, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
+from vispeg.trials.kept import Kept
+from vispeg.trials.trial import PolicyPart
 
 if TYPE_CHECKING:  # which needs torch
     from vispeg.learn.evaluation import Outcome
@@ -27,11 +29,16 @@ def play(job: Job) -> list[Episode]:
     from vispeg.learn.evaluation import run_episodes
 
     env: Any = environment(job)
-    policy: Any = player(job.entrant, env.config)
+    vec, who = env, job.entrant
+    policy: Any = player(who, env.config)
     if job.control in ON_IMAGES:
         policy = Controlled(policy, job.control)
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
+    if job.trials is not None:
+        part = PolicyPart(name=who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
+        stem = "-".join(filter(None, (f"{who.name}_s{who.train_seed}", job.world_name, job.control)))
+        env = Kept(env, vec, part, job.trials, stem, job.seeds, job.world_name, job.world_hash)
     return [episode(job, outcome) for outcome in run_episodes(policy, env, list(job.seeds))]
 
 

@@ -58,6 +58,7 @@ class Job:
         profile: whether force profiles are kept.
         rows: episodes side by side.
         dump: folder for episodes that diverge, to be played again.
+        trials: folder in which each episode becomes a trial, or None.
     """
 
     entrant: Entrant
@@ -71,6 +72,7 @@ class Job:
     profile: bool = False
     rows: int = STATE_ROWS
     dump: Path | None = None
+    trials: Path | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
         """The keys of the episodes that it makes, see Episode."""

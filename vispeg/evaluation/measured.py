@@ -1,4 +1,4 @@
-"""Success records of a real robot, as a CSV that a person can type."""
+"""Success records of a real robot: a CSV that a person can type, or the trials that `vispeg run` kept."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from vispeg.evaluation.records import LAST_SEED, Episode, measure
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import MB, read_text
 from vispeg.task.registry import FIRST, task
+from vispeg.trials.trial import FILE, folders, read_said
 
 LARGEST = 64 * MB
 REQUIRED = ("policy", "seed", "outcome")
@@ -97,6 +98,56 @@ def read_csv(
         named = ", ".join(repr(o) for o in others)
         raise UserError(f"the suite does not know the configurations {named}", file=path, choices=configurations)
     notes = [_note(path, name, seeds_of[name]) for name in untold]
+    return Trials(list(episodes.values()), notes)
+
+
+def read_measured(
+    path: str | Path,
+    world: str = "robot",
+    policies: Mapping[str, Collection[int]] | None = None,
+    digests: Mapping[str, tuple[str, int]] | None = None,
+) -> Trials:
+    """Reads a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
+
+    Args:
+        path: of either.
+        world, policies: as in `read_csv`.
+        digests: of the known policies -> name and training seed; a trial's policy is told by it where it can be.
+
+    Raises:
+        UserError: as `read_csv`; of a folder without trials, or a trial that cannot be, or one whose policy is unknown.
+    """
+    if not Path(path).is_dir():
+        return read_csv(path, world, policies)
+    episodes: dict[tuple[object, ...], Episode] = {}
+    shadows = 0
+    for folder in folders(path):
+        said, file = read_said(folder), folder / FILE
+        if said.how.shadow:
+            shadows += 1
+            continue
+        name, seed = (digests or {}).get(said.policy.digest, (said.policy.name, said.policy.train_seed))
+        if policies and name not in policies:
+            raise UserError("unknown policy", file=file, key="policy.name", got=name, choices=sorted(policies))
+        o = said.outcome
+        numbers = {"time": o.time_s, "peak_force": o.peak_force_n, "depth": o.depth_m}
+        episode = Episode(
+            policy=name,
+            modality=said.policy.modality,
+            train_seed=seed,
+            world=world,
+            world_hash="",
+            seed=said.seed or 0,
+            success=o.success,
+            category=o.category,
+            **{key: math.nan if value is None else value for key, value in numbers.items()},
+        )
+        if episode.key in episodes:
+            raise UserError("the same trial twice", file=file, key="seed", got=episode.key)
+        episodes[episode.key] = episode
+    if not episodes:
+        raise UserError("no trials in which the arm was moved", file=path)
+    notes = [f"{shadows} trials of {Path(path).name} were shadows and do not count"] if shadows else []
     return Trials(list(episodes.values()), notes)
 
 

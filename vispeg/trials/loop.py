@@ -24,6 +24,7 @@ from vispeg.trials.limits import STOPPED, WATCHDOG, WORKSPACE, Limits
 from vispeg.trials.tape import Tape
 from vispeg.trials.trial import HowPart, OutcomePart, PolicyPart, Said, StartPart, TimingPart, Trial, WorldPart
 
+REST = 1.2  # s in free air: of less, `compare` and `diagnose` compare neither joints (a second) nor wrench (0.3 s)
 SILENCE = 0.25  # s without a new reading after which the arm stops: a dozen frames of a camera, no more than 2 steps
 
 
@@ -58,6 +59,7 @@ class How:
         slow: share of an action's offset that is asked for; an episode gets as many steps more.
         goal: (3,) m, where the goal is believed to be, base; None for what the robot says, else the nominal place.
         silence: s without a new reading after which the arm stops.
+        rest: s for which the arm is recorded at rest before the policy acts.
     """
 
     limits: Limits = Limits()
@@ -65,6 +67,7 @@ class How:
     slow: float = 1.0
     goal: tuple[float, float, float] | None = None
     silence: float = SILENCE
+    rest: float = REST
 
     def __post_init__(self) -> None:
         if not 0.05 <= self.slow <= 1.0:
@@ -204,16 +207,17 @@ class _Loop:
         """Until the end; returns the limit that ended it, `success` for the goal reached, None for time."""
         i, period = self.interface, self.interface.controller.period_s
         self.policy.reset(1)
+        rest = round(self.how.rest / period)
         begin, tick, steps, newest, fresh = self.clock.now(), 0, 0, -np.inf, self.clock.now()
         while True:
             due = begin + tick * period
             self.clock.wait(due)
-            acts = tick >= steps * i.ticks
+            acts = tick >= rest + steps * i.ticks
             reading = self.robot.read(self.cameras if acts else ())
             beat()
             self.reads += 1
             wrench = self._wrench(reading)
-            if self.first is None:
+            if self.first is None or (acts and steps == 0):
                 self._begin(reading)
             elif reading.time > newest:
                 self.builder.feel(wrench)
@@ -288,7 +292,7 @@ class _Loop:
             self.target = target
         late = self.clock.now() - due
         self.missed += late > self.deadline
-        self.tape.step(late, obs["policy"], action, target, reading.pictures)
+        self.tape.step(late, obs["policy"], action, target, reading.pictures, moves=not self.how.shadow)
         self.show(Step(number + 1, self.count, tip, force, late, self.missed))
         return None
 
@@ -322,7 +326,7 @@ class _Loop:
             seed=seed,
             world=WorldPart(**self.connected.world),
             start=StartPart(**start),
-            outcome=OutcomePart(**{"time_s": self.tape.length, **outcome}),
+            outcome=OutcomePart(**{"time_s": self.tape.length - self.tape.begun, **outcome}),
             timing=timing,
             how=HowPart(shadow=self.how.shadow, slow=self.how.slow),
         )

@@ -48,9 +48,11 @@ class Tape:
         action: np.ndarray,
         target: np.ndarray,
         pictures: Mapping[str, Picture],
+        moves: bool = True,
     ) -> None:
-        """The policy acted on the last reading."""
-        time = self._ticks[-1][0]
+        """The policy acted on the last reading; with `moves` the target that followed from it is held from there on."""
+        time, *measured, before = self._ticks[-1]
+        self._ticks[-1] = (time, *measured, np.array(target, float) if moves else before)  # type: ignore[assignment]
         self._steps.append((time, late, *(np.array(x, float).reshape(-1) for x in (seen, action, target))))
         self._pictures += [(time, name, picture) for name, picture in pictures.items()]
 
@@ -63,6 +65,11 @@ class Tape:
     def length(self) -> float:
         """Seconds so far, on the robot's clock."""
         return self._ticks[-1][0] - self._ticks[0][0] if self._ticks else 0.0
+
+    @property
+    def begun(self) -> float:
+        """Seconds until the policy acted first."""
+        return self._steps[0][0] - self._ticks[0][0] if self._steps else 0.0
 
     def steps(self) -> Steps:
         """What the policy saw and did."""

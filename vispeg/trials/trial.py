@@ -158,7 +158,7 @@ class Trial:
     path: Path | None = field(default=None)
 
 
-def write_trial(trial: Trial, folder: str | Path) -> Path:
+def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Path:
     """Writes a trial's folder, which is a recording with two files more; it appears whole or not at all.
 
     Raises:
@@ -172,7 +172,7 @@ def write_trial(trial: Trial, folder: str | Path) -> Path:
     columns |= {f"seen.{i}": column for i, column in enumerate(steps.seen.T)}
     columns |= {f"action.{i}": column for i, column in enumerate(steps.action.T)}
     columns |= dict(zip((f"target.{axis}" for axis in POSE), steps.target.T, strict=True))
-    with new_folder(target, overwrite=False, holds="recording") as part:
+    with new_folder(target, overwrite, holds="recording") as part:
         fill(part, replace(trial.recording, outcomes=(ended,)), target)
         write_csv(part / STEPS, columns)
         text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)

@@ -49,6 +49,8 @@ class Args:
     """Failures of each policy to film; 0 for none."""
     rerun: Path | None = None
     """Write a file FILE.rrd for the Rerun viewer: one episode of each policy in 3D, a failure if any."""
+    keep_trials: Path | None = None
+    """Keep each episode that is played as a trial in this folder: joints, wrench, pictures, what the policy did."""
     trials: Played = Trials()
 
     @goes_on()
@@ -71,6 +73,7 @@ class Args:
             controls=self.controls,
             task=task,
             videos=self.videos,
+            trials=self.keep_trials,
             **self.trials.options(out),
         )
         others = []

@@ -5,8 +5,9 @@ world (VNP combines V, N and P) is split into shares. Controls are played in the
 control is a policy of its own, of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
 A world that a policy was trained in is its home, and marked so. A policy that was trained with a part of a target is
-refused without --fine-tuned. --measured adds a real robot's trials as a target (CSV: policy, configuration, seed,
-outcome, category). --records reuses episodes of `vispeg evaluate` or of an earlier gap; films need the policies too.
+refused without --fine-tuned. --measured adds a real robot's trials as a target: a folder of `vispeg run`, or a CSV
+(policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or of an earlier gap;
+films need the policies too.
 
 Example:
     vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -53,7 +54,7 @@ class Args:
     records: tuple[Path, ...] = ()
     """Files of episodes to reuse."""
     measured: Path | None = None
-    """CSV of a real robot's trials."""
+    """A real robot's trials: a CSV, or a folder of trials as `vispeg run` keeps them."""
     robot: str = "robot"
     """The name of the measured target in tables."""
     videos: int = 2

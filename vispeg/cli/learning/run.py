@@ -45,8 +45,8 @@ class Args:
     """Folder of the trials; those that are there stay, numbers go on."""
     episodes: int = 1
     """Number of episodes."""
-    seed: int = 0
-    """Seed of the first episode: what a simulated robot draws its start from, else the trial's number."""
+    seed: int | None = None
+    """What a simulated robot draws the first episode's start from; default: the trial's number."""
     goal: tuple[float, float, float] | None = None
     """Where the goal is believed to be, m in the base; default: what the robot says, else its nominal place."""
     shadow: bool = False
