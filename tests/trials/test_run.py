@@ -202,7 +202,9 @@ class Stuck:
 
 def test_a_watchdog_stops_a_robot_whose_driver_hangs(robot):
     stuck, interface = Stuck(), meaning(robot.robot)
-    trial = run_episode(Scripted(robot.robot.config), interface, stuck, WHO, 0, How(Limits(reach=2.0), silence=0.1))
+    trial = run_episode(
+        Scripted(robot.robot.config), interface, stuck, WHO, 0, How(Limits(reach=2.0), silence=0.1, rest=0.0)
+    )
     assert trial.said.outcome.category == "watchdog" and stuck.stopped >= 1
     assert time.monotonic() - stuck.began < 30
 

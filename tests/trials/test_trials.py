@@ -81,7 +81,7 @@ def test_a_trial_is_a_recording_that_compare_reads(tmp_path):
     for model in ("iiwa14", "peg-cell"):
         out = tmp_path / model
         assert main(["compare", model, "--recording", str(folder), "--out", str(out), "--quiet"]) == 0
-        assert json.loads((out / "compare.json").read_text())["ratio"] < 1
+        assert json.loads((out / "compare.json").read_text())["chi2"] < 1
 
 
 @pytest.mark.parametrize(
