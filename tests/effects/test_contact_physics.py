@@ -236,3 +236,30 @@ def test_believed_goal_is_off_by_the_imprecision_and_the_goal_is_not():
     np.testing.assert_allclose(told[1] - goal[1], [0.002, -0.001, 0.0], atol=1e-15)
     batch, fields = written([world])
     assert not fields.touched and isinstance(batch.model, mujoco.MjModel)
+
+
+def test_the_peak_of_a_blow_hardly_goes_by_the_stiffness():
+    """Docs: 5 % more at a quarter of the stiffness, 15 % at a tenth, from any height: damping stops a blow."""
+    worlds = [NOMINAL, one("contact_stiffness", scale=0.25), one("contact_stiffness", scale=0.1)]
+    for height in (0.005, 0.02):
+        speed, _, _ = drop(worlds, height, np.sqrt(2 * height / G) + 0.012)
+        peak = (-np.diff(speed, axis=0) / 1e-4).max(axis=0)
+        np.testing.assert_allclose(peak / peak[0], [1.0, 1.05, 1.15], atol=0.01)
+
+
+def test_a_ball_stands_as_deep_as_the_formulas_of_the_guide_say():
+    """docs/worlds.md: stiffness m d k / (1 - d) of what the contact moves, against MuJoCo alone."""
+    contact = 'solref="0.004 1" solimp="0.95 0.99 0.0002 0.5 2"'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="0.0005"/><worldbody><geom type="plane" size="1 1 .1" {contact}/>'
+        f'<body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="0.83" {contact}/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    data.xfrc_applied[1, 2] = 0.83 * G - 18.0
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+    depth = -float(data.contact.dist[0])
+    assert depth == pytest.approx(18.7e-6, rel=0.02) and 18 / depth == pytest.approx(9.7e5, rel=0.02)
+    d, d1, t, z, m = 0.95, 0.99, 0.004, 1.0, 0.83
+    assert m * d * (d / (d1 * t * z) ** 2) / (1 - d) == pytest.approx(9.6e5, rel=0.01)
+    assert m * d * (2 / (d1 * t)) / (1 - d) == pytest.approx(8.0e3, rel=0.01)
