@@ -16,8 +16,9 @@ from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.trials.driver import Driver, driver
+from vispeg.trials.driver import Driver
 from vispeg.trials.loop import Acts, Clock, How, Step, run_episode
+from vispeg.trials.named import driver
 from vispeg.trials.trial import OutcomePart, PolicyPart, Said, is_trial, write_trial
 
 DIGITS = 4  # of a trial's number

@@ -1,0 +1,45 @@
+"""The driver that a text names."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.trials.driver import Driver
+from vispeg.trials.socket_robot import SocketRobot
+
+CALLS = ("connect", "read", "command", "stop")
+SIMULATED, PYTHON = "sim", "python"
+
+
+def driver(text: str) -> Driver:
+    """The driver that `--robot` names: `sim:WORLD`, or `python:MODULE:CALLABLE`.
+
+    Raises:
+        UserError: no such kind, module or world, or an object without the four calls.
+    """
+    kind, _, rest = text.partition(":")
+    if kind == SIMULATED and rest:
+        return SocketRobot(rest)
+    if kind == PYTHON and rest.count(":") == 1:
+        return _imported(text, *rest.split(":"))
+    expected = f"{SIMULATED}:WORLD, or {PYTHON}:MODULE:CALLABLE"
+    raise UserError("no such robot", key="--robot", expected=expected, got=text)
+
+
+def _imported(text: str, module: str, name: str) -> Any:
+    try:
+        target = getattr(importlib.import_module(module), name)()
+    except UserError:
+        raise
+    except Exception as error:  # a module may raise anything while it is imported, a driver as it is made
+        what = (str(error).splitlines() or [""])[0]
+        expected = "a callable without arguments, in a module on PYTHONPATH or installed"
+        raise UserError(
+            f"no such driver ({type(error).__name__}: {what})", key="--robot", expected=expected, got=text
+        ) from error
+    lacking = [call for call in CALLS if not callable(getattr(target, call, None))]
+    if lacking:
+        raise UserError(f"a driver without {', '.join(lacking)}", key="--robot", expected=", ".join(CALLS), got=text)
+    return target
