@@ -130,7 +130,6 @@ def read_measured(
         if policies and name not in policies:
             raise UserError("unknown policy", file=file, key="policy.name", got=name, choices=sorted(policies))
         o = said.outcome
-        numbers = {"time": o.time_s, "peak_force": o.peak_force_n, "depth": o.depth_m}
         episode = Episode(
             policy=name,
             modality=said.policy.modality,
@@ -140,7 +139,9 @@ def read_measured(
             seed=said.seed or 0,
             success=o.success,
             category=o.category,
-            **{key: math.nan if value is None else value for key, value in numbers.items()},
+            time=o.time_s,
+            peak_force=math.nan if o.peak_force_n is None else o.peak_force_n,
+            depth=math.nan if o.depth_m is None else o.depth_m,
         )
         if episode.key in episodes:
             raise UserError("the same trial twice", file=file, key="seed", got=episode.key)

@@ -138,7 +138,7 @@ class Interface(_Part):
     title: str
     modality: str
     told: Annotated[tuple[Told, ...], Field(min_length=1)]
-    limit: Literal[20.0] = LIMIT
+    limit: Annotated[float, Field(ge=LIMIT, le=LIMIT)] = LIMIT
     stack: Count
     images: dict[str, Seen] = {}
     recurrent: Annotated[int, Field(ge=0)] = 0

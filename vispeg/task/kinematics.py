@@ -32,7 +32,9 @@ def chain_of(robot: RobotModel) -> Chain:
                 rows.append((turn, pos, model.jnt_pos[joint].copy(), model.jnt_axis[joint].copy(), zero, order[joint]))
                 turn, pos = np.eye(3), np.zeros(3)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return Chain(*columns, turn @ _matrix(model.site_quat[site]), pos + turn @ model.site_pos[site])
+    turns, places, anchors, axes, zeros, numbers = columns
+    end_turn, end_pos = turn @ _matrix(model.site_quat[site]), pos + turn @ model.site_pos[site]
+    return Chain(turns, places, anchors, axes, zeros, numbers, end_turn, end_pos)
 
 
 def _matrix(quat: np.ndarray) -> np.ndarray:

@@ -109,7 +109,7 @@ class Kept:
             out.setdefault(camera_of(key), {})["depth" if deep else "rgb"] = (
                 image[0] if deep else np.moveaxis(image, 0, -1)
             )
-        return {name: Picture(**images) for name, images in out.items()}
+        return {name: Picture(images.get("rgb"), images.get("depth")) for name, images in out.items()}
 
     def _write(self, row: int, record: Mapping[str, Any]) -> None:
         tape, config, seed = self._tapes.pop(row), self.config, int(record["seed"])

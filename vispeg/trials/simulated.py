@@ -48,7 +48,7 @@ class SimulatedRobot:
         sim = self.sim
         self.ticks, self.ended = 0, None
         self._force, self._felt = [], []
-        self.measured = tuple(x.copy() for x in sim.cell.measure())
+        self.measured = self._measured()
         at_rest = sim.seen.chain.rotation(self.measured[0])[0].T @ sim.seen.weight
         self.wrench = np.concatenate([at_rest, np.zeros(3)])
         return {
@@ -65,10 +65,15 @@ class SimulatedRobot:
         self._felt.append(felt.copy())
         self._force.append(force.copy())
         sim.cell.read()
-        self.measured = tuple(x.copy() for x in sim.cell.measure())
+        self.measured = self._measured()
         self.ticks += 1
         if self.ticks % n == 0:
             self._judge()
+
+    def _measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the encoders say now, (1, nj) rad and rad/s; to be asked once a control period."""
+        q, dq = self.sim.cell.measure()
+        return q.copy(), dq.copy()
 
     def _judge(self) -> None:
         """The task's judge looks at the time since it last did."""

@@ -89,7 +89,7 @@ class SocketRobot:
         for key, image in values.items():
             if key not in ("q", "dq", "wrench"):
                 pictures.setdefault(camera_of(key), {})["depth" if image.ndim == 2 else "rgb"] = image
-        seen = {name: Picture(**images) for name, images in pictures.items()}
+        seen = {name: Picture(i.get("rgb"), i.get("depth")) for name, i in pictures.items()}
         return Reading(told["time"], values["q"], values["dq"], values["wrench"], seen)
 
     def command(self, pose: np.ndarray) -> None:

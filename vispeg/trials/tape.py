@@ -39,7 +39,8 @@ class Tape:
         its axes; and the flange pose (7,) that is asked for.
         """
         if not self._ticks or time > self._ticks[-1][0]:
-            self._ticks.append((time, *(np.array(x, float) for x in (q, dq, wrench, target))))
+            read = np.array(q, float), np.array(dq, float), np.array(wrench, float), np.array(target, float)
+            self._ticks.append((time, *read))
 
     def step(
         self,
@@ -53,7 +54,8 @@ class Tape:
         """The policy acted on the last reading; with `moves` the target that followed from it is held from there on."""
         time, *measured, before = self._ticks[-1]
         self._ticks[-1] = (time, *measured, np.array(target, float) if moves else before)  # type: ignore[assignment]
-        self._steps.append((time, late, *(np.array(x, float).reshape(-1) for x in (seen, action, target))))
+        told, did, asked = (np.array(x, float).reshape(-1) for x in (seen, action, target))
+        self._steps.append((time, late, told, did, asked))
         self._pictures += [(time, name, picture) for name, picture in pictures.items()]
 
     @property
