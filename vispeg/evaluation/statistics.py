@@ -42,8 +42,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import stdtrit
 from scipy.stats import binom, binomtest, chi2, fisher_exact, norm
-from scipy.stats import t as student
 
 from vispeg.core.errors import UserError
 from vispeg.evaluation.schema.estimate import Interval
@@ -386,7 +386,7 @@ class _Moments:
     def half(self, alpha: float) -> float:
         """Half the width of the 1 - alpha interval: both parts' half-widths, added as squares."""
         parts = (self.networks, self.df_networks), (self.episodes, self.df_episodes)
-        return math.sqrt(sum(v * float(student.ppf(1 - alpha / 2, df)) ** 2 for v, df in parts if v > 0))
+        return math.sqrt(sum(v * float(stdtrit(df, alpha / 2)) ** 2 for v, df in parts if v > 0))
 
 
 def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False, each: int = 1) -> _Moments:
@@ -719,7 +719,7 @@ def mean_interval(values: np.ndarray) -> Estimate:
     n, value = len(values), float(np.mean(values))
     if n < FEWEST_NETWORKS:
         return Estimate(value, math.nan, math.nan, n)
-    half = float(student.ppf(1 - ALPHA / 2, n - 1)) * float(np.std(values, ddof=1)) / math.sqrt(n)
+    half = -float(stdtrit(n - 1, ALPHA / 2)) * float(np.std(values, ddof=1)) / math.sqrt(n)
     return Estimate(value, max(-1.0, value - half), min(1.0, value + half), n)
 
 
