@@ -29,10 +29,20 @@ def test_a_saved_result_is_opened_again(results, kind):
     again = vispeg.load(folder)
     assert type(again) is type(result) and str(again) == str(result)
     assert len(repr(result)) < 200 and repr(result).startswith(f"<{type(result).__name__}: ")
+    assert "\n" not in repr(result) and "\x1b" not in repr(result) + str(result)
     table = again.to_pandas()
     assert len(table) and table.equals(result.to_pandas())
     if kind == "fit":
         assert [e.label for e in again.effects] == [e.label for e in result.effects] == ["coulomb_friction(joint4)"]
+
+
+def test_a_notebook_gets_the_same_text_and_nothing_beside_it(results, monkeypatch, capsys):
+    """Inside Jupyter rich would colour the text and show an output of its own."""
+    plain = {kind: (str(result), repr(result)) for kind, (result, _) in results.items()}
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    monkeypatch.setattr("rich.jupyter.display", lambda *_: pytest.fail("an output of its own"))
+    assert {kind: (str(result), repr(result)) for kind, (result, _) in results.items()} == plain
+    assert capsys.readouterr() == ("", "")
 
 
 def test_pictures_of_results(results):
@@ -40,9 +50,12 @@ def test_pictures_of_results(results):
     lines = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 10]
     measured = results["compare"][0].arrays["0/measured"][:, 0]
     assert any(np.isclose(np.nanmax(line.get_ydata()), measured.max(), atol=1e-3) for line in lines)
-    assert results["fit"][0].plot().axes
-    with pytest.raises(vispeg.UserError, match="save"):
-        results["evaluate"][0].plot()
+    figure = results["fit"][0].plot()
+    assert figure.axes and figure._repr_png_().startswith(b"\x89PNG"), "a notebook shows it without pyplot"
+    axes = results["evaluate"][0].plot().axes[0]
+    success = results["evaluate"][0].record["success"][0]["success"]
+    assert [*axes.lines[0].get_xdata()] == [100 * success["low"], 100 * success["high"]]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["expert in nominal"]
 
 
 def test_a_world_takes_an_effect_by_its_name():

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from vispeg.api.result import Result
 from vispeg.core.errors import UserError
@@ -20,9 +20,13 @@ from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job
 from vispeg.evaluation.records import Episode, append
+from vispeg.report.gap import words
 from vispeg.report.gap.build import write
 from vispeg.task.registry import scene_of
 from vispeg.task.world_file import WorldFile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NO_CONTROL = "none"
 Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
@@ -49,6 +53,23 @@ class Played(Result):
     media: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
     sources: tuple[str | Path, ...] = ()
     command: ClassVar[str]
+
+    def plot(self) -> Figure:
+        """Draw the success of every policy in every world with its 95 % interval; see `Result.plot`."""
+        from vispeg.report.drawings.figures import BEFORE, RULE, WIDE, new_figure, styled
+
+        rows = self.record["success"]
+        with styled(WIDE):
+            figure = new_figure(0.9 + 0.28 * len(rows), WIDE.width)
+            axes = figure.add_subplot()
+            for y, row in enumerate(rows):
+                value, low, high = (100 * row["success"][key] for key in ("value", "low", "high"))
+                axes.plot([low, high], [y, y], color=BEFORE, linewidth=2)
+                axes.plot(value, y, "o", color=BEFORE)
+            axes.set_yticks(range(len(rows)), [f"{words.name(r)} in {r['world']}" for r in rows])
+            axes.set(xlim=(-2, 102), ylim=(len(rows) - 0.5, -0.5), xlabel="success, % of episodes, with 95 % interval")
+            axes.grid(axis="x", color=RULE, linewidth=0.5)
+        return figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
         """Writes record, page and episodes into a folder; see `Result.save`."""

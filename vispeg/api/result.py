@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.report.text.summary import Block, html, print_summary
-from vispeg.report.text.tables import PIPED
+from vispeg.report.text.tables import PIPED, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+LONGEST = 150  # letters of a result in one line
 
 
 class Result(ABC):
@@ -74,8 +77,12 @@ class Result(ABC):
         return pandas.json_normalize([*record[name]])
 
     def __repr__(self) -> str:
-        first = next((line for line in str(self).splitlines() if line.strip()), "")
-        return f"<{type(self).__name__}: {first.strip()}>"
+        first = next(iter(self.summary), None)
+        if isinstance(first, Sheet):
+            said = "; ".join(" ".join(filter(None, (str(cell).strip() for cell in row))) for row in first.rows)
+        else:
+            said = "" if first is None else first.text
+        return f"<{type(self).__name__}: {said if len(said) < LONGEST else f'{said[:LONGEST]} ...'}>"
 
     def _repr_html_(self) -> str:
         return html(self.summary)
@@ -83,7 +90,8 @@ class Result(ABC):
     def __str__(self) -> str:
         from rich.console import Console
 
-        console = Console(highlight=False, width=PIPED, no_color=True)
-        with console.capture() as text:
-            print_summary(self.summary, console)
-        return text.get().rstrip("\n")
+        # Plain text everywhere: in a notebook rich would show an empty output of its own and colour what it returns.
+        plain = StringIO()
+        console = Console(file=plain, highlight=False, width=PIPED, color_system=None, force_jupyter=False)
+        print_summary(self.summary, console)
+        return plain.getvalue().rstrip("\n")
