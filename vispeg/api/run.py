@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
@@ -40,7 +39,7 @@ class RunResult:
     robot: str
 
     @property
-    def record(self) -> dict[str, Any]:
+    def record(self) -> dict[str, object]:
         """What `vispeg run --json` prints."""
         each = [
             {"trial": str(self.folder / name), **said.outcome.model_dump(), "timing": said.timing.model_dump()}

@@ -190,7 +190,7 @@ def _example(folder: Path) -> Path:
     start = StartPart(q_rad=q[0].tolist(), goal_m=[0.6, 0.0, 0.05], believed_m=[0.6, 0.0, 0.05], effects=[delay])
     outcome = OutcomePart(success=False, category="jam", by="person", time_s=0.2, peak_force_n=12.0)
     said = Said(
-        policy=PolicyPart(name="a", digest="0" * 64), robot="mine", task="peg", seed=3, start=start, outcome=outcome
+        policy=PolicyPart(name="a", digest="0" * 64), robot="mine", task="mine", seed=3, start=start, outcome=outcome
     )
     return write_trial(Trial(said, rec, steps), folder / "trial-0001")
 
