@@ -96,7 +96,7 @@ def test_of_pages_on_which_nothing_differs_few_call_anything():
 
 @pytest.mark.slow
 def test_of_many_pages_on_which_nothing_differs_at_most_five_per_cent_call_anything():
-    for k, most in ((1, 0.07), (3, 0.07), (2, 0.0)):
+    for k, most in ((1, 0.07), (3, 0.07), (2, 0.07)):
         assert called(k, k, 300) / 300 <= most, k
 
 
