@@ -243,7 +243,7 @@ def diagnose_object(
     first = next(iter(WINDOWS.values()))
     evidence = Restarts(fitted, model, first, nthread=nthread)
     judged = Restarts(held_out, model, first, sigma=evidence.sigma, nthread=nthread)
-    judge = Judge(judged)  # type: ignore[arg-type]
+    judge = Judge(judged)
     progress = Progress() if progress is None else progress
     search = ObjectSearch(evidence, judge, say, progress)
     n_fixed = len(world.effects)
@@ -253,7 +253,7 @@ def diagnose_object(
     say("what else would do as well")
     equals = search.rivals(final, n_fixed)
     before, after = (judge.mean(judge.losses([w])[0]) for w in (world, final))
-    distance = [judged.errors(w)[0] for w in (world, final)]
+    distance = [judged.missed(w)[0] for w in (world, final)]
     rms = [float(np.sqrt(np.mean(d**2))) for d in distance]
     seen = (rms[0] / judged.floor, rms[1] / judged.floor)
     verdict = decide(before, after, len(final.effects) - n_fixed, [], [], errors=seen)
@@ -320,7 +320,7 @@ def windows(
         judged = Restarts(held_out, model, seconds, sigma=sigma, nthread=nthread)
         row: dict[str, object] = {"window": label, "count": sum(len(w.first) for w in judged.items)}
         for name, world in (("before", before), ("after", after)):
-            distance, turn = judged.errors(world)
+            distance, turn = judged.missed(world)
             row[name] = {"median_m": float(np.median(distance)), "median_rad": float(np.median(turn)),
                          "rms_m": float(np.sqrt(np.mean(distance**2)))}  # fmt: skip
         evidence = Restarts(fitted, model, seconds, sigma=sigma, nthread=nthread)
@@ -344,7 +344,7 @@ def _effect(e: EffectInstance, others: Sequence[EffectInstance]) -> FoundEffect:
 def _ladder(evidence: Restarts, judged: Restarts, world: World, state: Tossed) -> list[Rung]:
     labels = ["nominal", *(f"+ {best.placed.label}" for best, _ in state.steps)]
     worlds = [world, *(best.world for best, _ in state.steps)]
-    rms = lambda e, w: float(np.sqrt(np.mean(e.errors(w)[0] ** 2)))  # noqa: E731
+    rms = lambda e, w: float(np.sqrt(np.mean(e.missed(w)[0] ** 2)))  # noqa: E731
     return [
         {"model": label, "fit_error": rms(evidence, w), "heldout_error": rms(judged, w), "unit": "m RMS"}
         for label, w in zip(labels, worlds, strict=True)

@@ -10,7 +10,7 @@ window is one reading of six values. Large residuals count linearly (Huber), sin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.errors import UserError
+from vispeg.identify.evidence import Evidence
 from vispeg.recordings.objects import ObjectRecording, turn_between
 from vispeg.robots.objects import ObjectModel
 from vispeg.sim.physics import derive
@@ -70,8 +71,8 @@ class Windows:
         return np.ones(self.measured.shape, bool)
 
 
-class Restarts:
-    """Windows of recordings against an object's model; the surface of `identify.evidence.Evidence`.
+class Restarts(Evidence):
+    """Windows of recordings against an object's model.
 
     Args:
         recordings: of one object.
@@ -82,12 +83,7 @@ class Restarts:
     """
 
     least_gain = 0.02
-    unit = "m"
     most_effects = 4
-
-    def tells(self, difference: np.ndarray) -> np.ndarray:
-        """(n,) bool: every toss tells two worlds apart."""
-        return np.ones(len(difference), bool)
 
     def __init__(
         self,
@@ -166,6 +162,11 @@ class Restarts:
         )
         return np.repeat([1.4826 * np.median(np.abs(error[:, :3])), 1.4826 * np.median(np.abs(error[:, 3:]))], 3)
 
+    @property
+    def unit(self) -> str:
+        """Metres: where the object is at a window's end."""
+        return "m"
+
     def sees(self, kind: Effect) -> bool:
         """Whether an effect can act on the object."""
         return kind.targets(self.model) == list(self.model.free)
@@ -175,13 +176,11 @@ class Restarts:
         self.rollouts += len(worlds) * sum(float(np.sum(w.last - w.first)) for w in self.items) / self.rate
         return self._predicted(worlds, self.items)
 
-    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
+    def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
         """Per world, the whitened residual of all windows, flat."""
         per_toss = self.simulated(worlds)
-        return [
-            np.concatenate([self.whiten(w, y[k]).ravel() for w, y in zip(self.items, per_toss, strict=True)])
-            for k in range(len(worlds))
-        ]
+        for k in range(len(worlds)):
+            yield np.concatenate([self.whiten(w, y[k]).ravel() for w, y in zip(self.items, per_toss, strict=True)])
 
     @staticmethod
     def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
@@ -191,16 +190,11 @@ class Restarts:
         size = np.abs(r)
         return np.where(size <= HUBER, r, np.sign(r) * np.sqrt(np.maximum(2 * HUBER * size - HUBER**2, 0.0)))
 
-    @property
-    def count(self) -> int:
-        """Number of values compared."""
-        return sum(w.measured.size for w in self.items)
-
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
         """Block number of every residual entry: a toss is a block, since only tosses are independent."""
         return np.concatenate([np.full(w.measured.size, i) for i, w in enumerate(self.items)])
 
-    def errors(self, world: World) -> tuple[np.ndarray, np.ndarray]:
+    def missed(self, world: World) -> tuple[np.ndarray, np.ndarray]:
         """Distance (n,) in m and turn (n,) in rad between measured and predicted pose at every window's end."""
         error = np.concatenate([w.measured - y[0] for w, y in zip(self.items, self.simulated([world]), strict=True)])
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)

@@ -122,12 +122,8 @@ class BorderEvidence(Evidence):
         return [misplacement(self.geometry, item.sight, world, item.points) for item in self.items]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """The same as `residuals`, one by one."""
-        yield from self.residuals(worlds)
-
-    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the whitened misplacement of all points, flat."""
-        return [self._residual(world) for world in worlds]
+        return map(self._residual, worlds)
 
     def _residual(self, world: World) -> np.ndarray:
         for earlier, answer in self._recent:
@@ -145,11 +141,6 @@ class BorderEvidence(Evidence):
         """Misplacements (n,) in units of the noise, those that are not trusted 0."""
         r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
         return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
-
-    @property
-    def count(self) -> int:
-        """Number of trusted readings."""
-        return int(sum(i.valid.sum() for i in self.items))
 
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
         """The image of every residual entry, in the order of `residuals`: errors within an image hang together.

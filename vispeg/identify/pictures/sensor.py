@@ -124,17 +124,8 @@ class SensorEvidence(Evidence):
         return out
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """The same as `residuals`, one by one."""
-        yield from self.residuals(worlds)
-
-    def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, all figures' residuals, flat; those that are not known 0."""
-        return [np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds]
-
-    @property
-    def count(self) -> int:
-        """Number of figures."""
-        return int(sum(i.valid.sum() for i in self.items))
+        return (np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds)
 
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
         """The frame of every residual entry."""
