@@ -4,7 +4,8 @@
 
 DATA holds one folder a robot, each with recordings in the project's format or tables to convert. A row is one way to a
 model, each fitted on the same recordings and judged on the same others; `diagnose` and `fit` are the commands of those
-names, `least squares` is of all inertial parameters with friction and bias (torques only; it is no model).
+names, `likely` is what `diagnose` says first, from a linear model of torques; `least squares` is of all inertial
+parameters with friction and bias (torques only; it is no model). With `--short` nothing is diagnosed or fitted.
 
 FOLDER keeps the rows, the commands' results (FOLDER/panda/diagnose/report.html) and where each stands: a run that was
 killed goes on, and what is there is not worked out again. Processor seconds are those of all its runs.
@@ -29,6 +30,7 @@ from vispeg.api.inputs import Inputs, read_inputs
 from vispeg.cli.recordings.convert import Args as Convert
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
+from vispeg.diagnosis.proposal import propose
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.worlds.model_file import load_model
@@ -106,7 +108,7 @@ class Bench:
             [self._recording(data / name) for name in names] for names in (self.arm.fitted, self.arm.held_out)
         )
         given: Inputs = read_inputs(self.model, self.fitted, self.held_out, seconds=self.arm.seconds)
-        self.world = given.world
+        self.given, self.world = given, given.world
         self.evidence = evidence_for(given.world, given.fitted)
         self.judged = evidence_for(given.world, given.held_out, h_max=1e-3)
 
@@ -123,10 +125,11 @@ class Bench:
         pairs = zip(self.judged.items, self.judged.simulated([world]), strict=True)
         return _rms(self.judged, [i.measured[:, : i.nj] - y[0][:, : i.nj] for i, y in pairs])
 
-    def rows(self) -> list[dict]:
-        """Each way's name, errors and processor seconds, and what it has to say."""
+    def rows(self, short: bool = False) -> list[dict]:
+        """Each way's name, errors and processor seconds, and what it has to say; of a diagnosis behind the given."""
         given = {"way": "the model as given", "errors": self.errors(self.world).tolist(), "seconds": 0.0}
-        rows = [given, self._row("diagnose", self._diagnosed), self._row("fit", self._fit)]
+        rows = [given, *([] if short else [self._row("diagnose", self._diagnosed), self._row("fit", self._fit)])]
+        rows.append(self._row("likely", self._proposed))
         if isinstance(self.evidence, TorqueEvidence) and isinstance(self.judged, TorqueEvidence):
             rows.append(self._row("least-squares", partial(self._least_squares, self.evidence, self.judged)))
         return rows
@@ -150,6 +153,13 @@ class Bench:
         record = json.loads((out / "diagnosis.json").read_text())
         found = {key: record[key] for key in ("verdict", "reason", "effects")}
         return {"way": "`diagnose`", "errors": self._saved(out)} | found
+
+    def _proposed(self, clock: Clock) -> dict:
+        found = propose(self.world, self.given.fitted, self.given.held_out)
+        named = () if found is None else found.named
+        errors = self.errors(self.world.add(*(n.placed for n in named)))
+        said = [f"{n.placed.label}, {100 * n.share:.0f} %" for n in named]
+        return {"way": f"likely: {len(named)} effects", "errors": errors.tolist(), "likely": said}
 
     def _fit(self, clock: Clock) -> dict:
         result = fit(
@@ -184,9 +194,9 @@ def _rms(evidence: Evidence, residuals: list[np.ndarray]) -> np.ndarray:
     return np.sqrt(np.append(joints / np.maximum(count, 1), joints.sum() / max(count.sum(), 1)))
 
 
-def table(name: str, bench: Bench) -> str:
+def table(name: str, bench: Bench, short: bool = False) -> str:
     """One robot's tables as Markdown."""
-    rows = bench.rows()
+    rows = bench.rows(short)
     joints = len(rows[0]["errors"]) - 1
     lines = [f"### {name}, RMS on {', '.join(bench.arm.held_out)}, {bench.judged.unit}", ""]
     lines.append("| model | " + " | ".join(f"J{j + 1}" for j in range(joints)) + " | all | processor, s |")
@@ -194,6 +204,9 @@ def table(name: str, bench: Bench) -> str:
     for row in rows:
         errors = " | ".join(f"{e:.3g}" for e in row["errors"])
         lines.append(f"| {row['way']} | {errors} | {row['seconds']:.0f} |")
+    lines += ["", *(f"{row['way']}: {'; '.join(row['likely'])}." for row in rows if row.get("likely"))]
+    if short:
+        return "\n".join(lines) + "\n"
     record = rows[1]
     lines += ["", f"`{record['verdict']}`: {record['reason']}.", ""]
     lines += ["| effect | where | parameter | value | 95 % | |", "|" + "---|" * 6]
@@ -212,12 +225,13 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--work", type=Path, required=True, help="folder that keeps rows and results")
     parser.add_argument("--only", nargs="*", choices=sorted(ARMS), default=sorted(ARMS))
+    parser.add_argument("--short", action="store_true", help="neither diagnose nor fit")
     parser.add_argument("--out", type=Path, default=None, help="also write the tables there")
     args = parser.parse_args()
     warnings.filterwarnings("ignore", category=UserWarning)
     done = []
     for name in args.only:
-        done.append(table(name, Bench(args.data, args.work, name)))
+        done.append(table(name, Bench(args.data, args.work, name), args.short))
         print(done[-1], flush=True)
     if args.out is not None:
         write_text_atomic(args.out, "\n".join(done), overwrite=True)
