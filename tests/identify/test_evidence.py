@@ -12,7 +12,7 @@ from loops import iiwa_segment, recorded
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.identify.evidence import PENALTY, SETTLE, Evidence
+from vispeg.identify.evidence import PENALTY, READINGS, SETTLE, Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -125,3 +125,29 @@ def test_worlds_are_rolled_out_a_few_at_a_time_where_memory_is_short(evidence, m
         tracemalloc.stop()
     np.testing.assert_allclose(answers[1], answers[0], rtol=1e-9)
     assert peaks[1] < 0.4 * peaks[0]  # two of 24 at a time, beside what does not depend on their number
+
+
+def test_readings_beyond_what_is_needed_are_left_out_evenly(recordings, evidence, monkeypatch):
+    """What is compared of a long log is what the whole of it says at those samples, and the notes say it."""
+    monkeypatch.setattr("vispeg.identify.evidence.READINGS", evidence.length / 2.5)
+    part = Evidence(recordings)
+    pairs = zip(
+        split(part, part.residuals([World()])[0]), split(evidence, evidence.residuals([World()])[0]), strict=True
+    )
+    for (_, some), (_, every) in pairs:
+        np.testing.assert_allclose(some, every[::3], rtol=1e-9)
+    assert len(part.notes) == len(evidence.notes) + 2 and all("one sample in 3" in note for note in part.notes[:2])
+
+
+def test_of_a_long_log_no_more_is_held_than_of_a_short_one(recordings):
+    """Two minutes of seven joints at 500 Hz: each residual, of which a search holds hundreds, is 1.2 MB."""
+    rec, rows = recordings[0], 60_000
+    time = np.arange(rows) / rec.rate_hz
+    q = rec.q[0] + 0.3 * np.sin(0.5 * time[:, None] + np.arange(len(rec.joints)))
+    long = {"time": time, "q": q, "q_cmd": q, "tau": np.zeros_like(q), "dq": None, "dq_cmd": None}
+    tracemalloc.start()
+    evidence = Evidence([replace(rec, **long)])
+    kept, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert READINGS / 2 < evidence.length <= READINGS
+    assert kept < 3 * (q.nbytes + long["tau"].nbytes)

@@ -36,7 +36,10 @@ SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that 
 SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is no faster than 150 rad/s
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
 PENALTY = 1e4  # whitened residual of a rollout that diverged
-SAMPLES_HZ = 250.0  # of a long recording that are compared: more would only repeat what a robot can do in 4 ms
+# Readings of an evidence, beyond which samples are left out evenly: memory is this times the parameters and candidates.
+# The cases of scripts/bench/hidden_effects have 70,000; their intervals hold, and more would make them narrower alone.
+READINGS = 150_000
+LEAST_HZ = 50.0  # that are compared whatever that comes to: a block of time (0.25 s) has a dozen samples then
 LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at once
 AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
 ROWS = 32  # worlds at once, a process: whatever effects are in a batch are asked of all its rows
@@ -57,14 +60,15 @@ class Evidence(Freedom):
         servo = all(rec.control.mode == "servo" for rec in recordings)
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
-        self.items = [item for rec, contact in touched for item in _items(rec, contact)]
+        every = _every(self.recordings)
+        self.items = [i for (rec, contact), n in zip(touched, every, strict=True) for i in _items(rec, contact, n)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
             c = item.recording.control
             key = (id(item.robot), c.mode, c.rate_hz, c.nullspace is None or id(c.nullspace))
             groups.setdefault(key, []).append(i)
         self.groups = list(groups.values())
-        self.notes = [_windows(rec) for rec in recordings if rec.chosen]
+        self.notes = [_used(rec, n) for rec, n in zip(recordings, every, strict=True) if rec.chosen or n > 1]
         self.notes += [line for rec in recordings for line in missing.said(rec)]
         self.notes += [contact.said(rec.name) for rec, contact in touched if contact is not None]
         self.notes += [said(rec, rest) for rec, rest in zip(recordings, sound, strict=True) if rest is not rec]
@@ -165,6 +169,11 @@ class Evidence(Freedom):
         return r
 
     @property
+    def length(self) -> int:
+        """Number of entries of a residual."""
+        return sum(item.measured.size for item in self.items)
+
+    @property
     def count(self) -> int:
         """Number of valid readings."""
         return int(sum(i.valid.sum() for i in self.items))
@@ -206,9 +215,9 @@ class Evidence(Freedom):
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
 
-def _windows(rec: Recording) -> str:
+def _used(rec: Recording, every: int) -> str:
     """What is used of a long recording."""
-    said, every = rec.chosen.said(rec.name) if rec.chosen else "", _every(rec)
+    said = rec.chosen.said(rec.name) if rec.chosen else f"{rec.name}: all of it is simulated"
     return said if every == 1 else f"{said}; one sample in {every} is compared"
 
 
@@ -236,19 +245,22 @@ def _settle(rec: Recording) -> float:
     return SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
 
 
-def _every(rec: Recording) -> int:
-    """Of so many samples one is compared: of all where the recording is used whole."""
-    return max(1, round(rec.rate_hz / SAMPLES_HZ)) if rec.chosen else 1
+def _every(recordings: Sequence[Recording]) -> list[int]:
+    """Of so many samples of each recording one is compared: as many of all as leave `READINGS` readings."""
+    signals = [1 + (r.tau is not None and r.torque_sensor != "none") + (r.load is not None) for r in recordings]
+    readings = sum(n * r.q.size for n, r in zip(signals, recordings, strict=True))
+    most = int(np.ceil(readings / READINGS))
+    return [max(1, min(most, int(r.rate_hz / LEAST_HZ))) for r in recordings]
 
 
-def _items(rec: Recording, contact: Contact | None) -> list[Item]:
+def _items(rec: Recording, contact: Contact | None, every: int) -> list[Item]:
     robot, noise = robot_of(rec), noise_of(rec)
     out = []
     settle = _settle(rec)
     for segment in segments(rec):
         if segment.time[-1] <= 2 * settle:
             continue
-        thin = slice(None, None, _every(rec))
+        thin = slice(None, None, every)
         segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
         late = (segment.time >= settle)[:, None]
         if contact is not None:

@@ -33,6 +33,7 @@ from vispeg.worlds.world import World
 
 MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
 SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it
+REMEMBERED = 128e6  # bytes of inertias along motions: of a minute of seven joints a hundred, of thirty joints six
 ENDS = 0.5  # s at either end of an episode, where a zero-phase filter guesses
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
 REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
@@ -104,12 +105,14 @@ class TorqueEvidence(Evidence):
         """Inertia (m, nj, nj) and bias torque (m, nj) along a motion: each sample is a row of one batch; remembered."""
         rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
         key = (i, repr([(e.label, e.params) for e in rigid.effects]))
-        if key not in self._rigid:
-            if len(self._rigid) > 64 * len(self.items):
-                self._rigid.clear()
+        found = self._rigid.pop(key, None)
+        if found is None:
             seg = self.items[i].segment
-            self._rigid[key] = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
-        return self._rigid[key]
+            found = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
+        self._rigid[key] = found  # the last one, of which the first go
+        while len(self._rigid) > 1 and sum(mass.nbytes for mass, _ in self._rigid.values()) > REMEMBERED:
+            del self._rigid[next(iter(self._rigid))]
+        return found
 
 
 def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
