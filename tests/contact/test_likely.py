@@ -18,7 +18,7 @@ from vispeg.worlds.world import World
 
 def linear_fit(placed, jacobian, rest, sigma) -> Fit:
     space = Space(World().add(placed), [0], Only(("x", "y", "z")))
-    return Fit(space.world, rest, jacobian, space, space.start, sigma, np.eye(3), cost=float(np.mean(rest**2)))
+    return Fit(space.world, rest, (jacobian,), space, space.start, sigma, np.eye(3), cost=float(np.mean(rest**2)))
 
 
 class Only(Freedom):
@@ -97,7 +97,7 @@ def test_recordings_that_disagree_widen_an_interval_by_birges_ratio():
     rest = -np.repeat(apart, 200) * column
     space = Space(World().add(placed), [0], Only(("x",)))
     fit = Fit(
-        space.world, rest, column[:, None], space, space.start, np.ones(1), np.eye(1), cost=float(np.mean(rest**2))
+        space.world, rest, (column[:, None],), space, space.start, np.ones(1), np.eye(1), cost=float(np.mean(rest**2))
     )
     (found,) = disagreement(fit, sizes)
     assert found == pytest.approx(float(column[:200] @ column[:200]) * float(apart @ apart) / 2)

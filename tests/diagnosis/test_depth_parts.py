@@ -87,7 +87,7 @@ def fit_of(values: dict[str, float], covariance: np.ndarray) -> Fit:
     space = Space(world, [0], measured("depth"))
     sigma = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sigma, sigma)
-    return Fit(world, np.zeros(0), np.zeros((0, len(sigma))), space, space.start, sigma, correlation)
+    return Fit(world, np.zeros(0), (np.zeros((0, len(sigma))),), space, space.start, sigma, correlation)
 
 
 def test_the_smallest_sets_are_those_whose_rest_may_be_none():

@@ -235,7 +235,7 @@ def fitted(values: np.ndarray, sigma: np.ndarray) -> Fit:
     """A fit of a camera's offset, six numbers."""
     world = CELL.add(EffectInstance.of("camera_offset", WRIST))
     space = Space(world, [0])
-    return Fit(world, np.zeros(0), np.zeros((0, 6)), space, values, sigma, np.eye(6))
+    return Fit(world, np.zeros(0), (np.zeros((0, 6)),), space, values, sigma, np.eye(6))
 
 
 def test_two_recordings_that_disagree_widen_an_interval_to_their_own_spread():
@@ -264,7 +264,7 @@ def test_intervals_hold_the_truth_whatever_lies_between_two_recordings(spread):
 
 def test_a_figure_that_is_off_in_all_frames_moves_what_depends_on_it():
     rng = np.random.default_rng(2)
-    fit = replace(fitted(np.zeros(6), np.ones(6)), jacobian=rng.normal(size=(40, 6)))
+    fit = replace(fitted(np.zeros(6), np.ones(6)), columns=(rng.normal(size=(40, 6)),))
     moves = rng.normal(size=6)
     assert of_form(fit, (fit.jacobian @ moves)[:, None]) == pytest.approx(np.abs(moves))
     assert of_form(fit, np.zeros((40, 0))) == pytest.approx(np.zeros(6))

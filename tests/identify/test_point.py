@@ -21,7 +21,7 @@ CHATTER = 6.0  # of the squared residual, up and down
 class Rough(Freedom):
     """Evidence whose residual is a straight line of three coordinates, beside a number that any change throws anew."""
 
-    correlated = 1.0
+    correlated, length = 1.0, 301
 
     def __init__(self, rough: float, chatter: float = CHATTER):
         rng = stream(3, "rough")

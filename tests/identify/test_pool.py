@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -39,7 +41,7 @@ def test_every_job_gets_its_own_answers(plans):
 
         return run
 
-    results = run_together([job(i, plan) for i, plan in enumerate(plans)], squares, most_rows=3)
+    results = run_together([job(i, plan) for i, plan in enumerate(plans)], squares, at_once=24)
     assert [i for i, _ in results] == list(range(len(plans)))
     for _, turns in results:
         for asked, got in turns:
@@ -61,15 +63,27 @@ def test_requests_are_merged_into_one_batch():
     assert sizes == [10, 10, 10]
 
 
-def test_batches_are_no_larger_than_asked():
-    sizes = []
+def test_answers_wait_for_a_few_jobs_at_a_time_however_many_ask():
+    """Twelve fits of five derivatives each: memory is that of a few requests, and each turn has answers for all."""
+    long, turns = 100_000, []
 
     def evaluate(worlds):
-        sizes.append(len(worlds))
-        return squares(worlds)
+        return [np.full(long, value_of(w)) for w in worlds]
 
-    run_together([lambda submit: submit([world(float(i)) for i in range(10)])], evaluate, most_rows=4)
-    assert sizes == [4, 4, 2]
+    def job(submit):
+        for _ in range(3):
+            assert len(np.stack(submit([world(float(k)) for k in range(5)]), axis=1)) == long
+
+    def peak(count):
+        tracemalloc.start()
+        run_together([job] * count, evaluate, turn=lambda: turns.append(count), length=long, at_once=12 * 8 * long)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    few, many = peak(2), peak(12)
+    assert turns == [2] * 3 + [12] * 3
+    assert many < 1.6 * few and many < 30 * 8 * long
 
 
 def test_a_failing_job_is_raised_and_the_others_end():

@@ -77,7 +77,7 @@ def calibrate(
         rng, gentler = stream(seed, "fit", "cma", i), [_shrunk(begin, free, share) for share in SHRINK]
         options = {"iterations": iterations, "method": how, "rng": rng, "trace": trace}
         jobs.append(fit_job(evidence, begin, free, starts=gentler, **options))
-    fits = run_together(jobs, evidence.residuals, say)
+    fits = run_together(jobs, evidence.residuals, say, length=evidence.length)
     best = min(fits, key=lambda f: f.cost)
     return Calibration(best, tuple(f.cost for f in fits), how)
 

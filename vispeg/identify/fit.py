@@ -29,7 +29,8 @@ class Fit:
     Attributes:
         world: with fitted values and their 95 % intervals.
         residual: whitened residual on the fitted evidence, flat.
-        jacobian: its derivative to the optimizer coordinates at the solution, (len(residual), naxis).
+        columns: its derivatives to the optimizer coordinates at the solution, (len(residual), naxis) side by side:
+            first those of an earlier fit, where they were taken as constant; fits that share them hold them once.
         space: the coordinates.
         u: the solution in them.
         sigma: standard error of each coordinate.
@@ -42,7 +43,7 @@ class Fit:
 
     world: World
     residual: np.ndarray
-    jacobian: np.ndarray
+    columns: tuple[np.ndarray, ...]
     space: Space
     u: np.ndarray
     sigma: np.ndarray
@@ -53,9 +54,14 @@ class Fit:
     cost: float = field(default=0.0)
 
     @property
+    def jacobian(self) -> np.ndarray:
+        """(len(residual), naxis) all derivatives."""
+        return self.columns[0] if len(self.columns) == 1 else np.column_stack(self.columns)
+
+    @property
     def bare(self) -> Fit:
         """The same without what is as long as the recordings are."""
-        return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, len(self.u))))
+        return replace(self, residual=np.zeros(0), columns=(np.zeros((0, len(self.u))),))
 
 
 class Race:
@@ -148,9 +154,8 @@ def fit_job(
                 if trace is not None:
                     trace.chosen(costs)
             best = candidates[int(np.argmin(costs))]
-        size = sum(item.measured.size for item in evidence.items)
         point = Point(space, submit, trace, columns, evidence.rough)
-        point, u, converged = _least_squares(point, best, iterations, race, trace, size)
+        point, u, converged = _least_squares(point, best, iterations, race, trace, evidence.length)
         return _summary(evidence, space, u, converged, point)
 
     return job
@@ -202,6 +207,7 @@ def _cma(
 
 def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, point: Point) -> Fit:
     r, jac = point.at(u)
+    columns = (jac,) if point.columns is None else (point.columns, jac[:, point.columns.shape[1] :].copy())
     sigma, correlation, weak = _uncertainty(evidence, r, jac, space)
     low, high = space.bounds
     t = float(stats.t.ppf(0.975, max(2, len(np.unique(evidence.blocks())) - len(u))))
@@ -215,7 +221,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
         if not axis.param.shape and min(value - lo, hi - value) < 1e-6 * max(1.0, hi - lo):
             bound.append(f"{placed.label}.{axis.name}")
     world = replace(space.world, effects=tuple(effects))
-    return Fit(world, r, jac, space, u, sigma, correlation, tuple(bound), weak, converged, float(np.mean(r * r)))
+    return Fit(world, r, columns, space, u, sigma, correlation, tuple(bound), weak, converged, float(np.mean(r * r)))
 
 
 def _uncertainty(

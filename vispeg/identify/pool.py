@@ -1,13 +1,14 @@
 """Many library optimizers at once, their rollouts merged into one batch.
 
-Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer wants rollouts. Jobs run in threads;
-once every living job waits, all that was asked for is simulated as rows of one batch.
+Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer wants rollouts. Jobs run in threads,
+one at a time; once every living job waits, what was asked for is simulated as rows of one batch, or of several where
+the answers would fill the memory.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -16,15 +17,22 @@ from vispeg.worlds.world import World
 
 T = TypeVar("T")
 Submit = Callable[[Sequence[World]], list[np.ndarray]]
+AT_ONCE = 128e6  # bytes of answers that wait for their jobs
 
 
 def run_together(
     jobs: Sequence[Callable[[Submit], T]],
     evaluate: Submit,
     progress: Callable[[str], None] | None = None,
-    most_rows: int = 256,
+    turn: Callable[[], None] = lambda: None,
+    length: int = 1,
+    at_once: float = AT_ONCE,
 ) -> list[T]:
-    """Results of `jobs`, in order; `evaluate` gets the merged requests. The first exception of a job is raised."""
+    """Results of `jobs`, in order; `evaluate` gets the merged requests. The first exception of a job is raised.
+
+    `turn` is called each time that all jobs wait, before any is answered. Answers, `length` numbers each, take up
+    `at_once` bytes at a time, or those of one request where it has more.
+    """
     lock = threading.Condition()
     asked: dict[int, Sequence[World]] = {}
     answers: dict[int, list[np.ndarray] | BaseException] = {}
@@ -54,6 +62,15 @@ def run_together(
                 alive.discard(i)
                 lock.notify_all()
 
+    def reply(i: int, answer: list[np.ndarray] | BaseException) -> None:
+        """Answer one job and wait until it asks again or ends: what it works with is as long as the recordings are."""
+        with lock:
+            del asked[i]
+            answers[i] = answer
+            del answer
+            lock.notify_all()
+            lock.wait_for(lambda: i in asked or i not in alive)
+
     alive = set(range(len(jobs)))
     threads = [threading.Thread(target=work, args=(i,), daemon=True) for i in range(len(jobs))]
     for thread in threads:
@@ -63,24 +80,29 @@ def run_together(
             lock.wait_for(lambda: len(asked) == len(alive))
             if not alive:
                 break
-            batch = dict(sorted(asked.items()))
-            asked.clear()
-        flat = [w for worlds in batch.values() for w in worlds]
-        try:
-            values: list[np.ndarray] = []
-            for start in range(0, len(flat), most_rows):
-                values += evaluate(flat[start : start + most_rows])
-            replies, at = {}, 0
-            for i, worlds in batch.items():
-                replies[i] = values[at : at + len(worlds)]
-                at += len(worlds)
-        except BaseException as error:
-            replies = dict.fromkeys(batch, error)
-        with lock:
-            answers.update(replies)
-            lock.notify_all()
+            waiting = dict(sorted(asked.items()))
+        turn()
+        rows = sum(map(len, waiting.values()))
+        while waiting:
+            some = _first(waiting, at_once / (8 * length))
+            try:
+                values = evaluate([w for i in some for w in waiting[i]])
+                values.reverse()
+            except BaseException as error:
+                failure, values = error, []
+            else:
+                failure = None
+            for i in some:
+                count = len(waiting.pop(i))
+                reply(i, failure or [values.pop() for _ in range(count)])
         if progress is not None:
-            progress(f"{len(flat)} rollouts")
+            progress(f"{rows} rollouts")
     if failed:
         raise failed[0]
     return [done[i] for i in range(len(jobs))]
+
+
+def _first(waiting: Mapping[int, Sequence[World]], rows: float) -> list[int]:
+    """The first jobs whose requests have so many rows together; one at least."""
+    total = np.cumsum([len(worlds) for worlds in waiting.values()])
+    return [*waiting][: max(1, int(np.sum(total <= rows)))]

@@ -189,14 +189,14 @@ class PictureSearch(Loop[State, Trial], Shown):
             return fit_job(chosen, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
 
         def work_out() -> list:
-            fresh.extend(run_together([job(w) for w in worlds], chosen.residuals))
+            fresh.extend(run_together([job(w) for w in worlds], chosen.residuals, length=chosen.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds ask alike
         question = ["pictures", which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
         ends = self.progress.recall(question, work_out)
         again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
-        return fresh or run_together(again, chosen.residuals)
+        return fresh or run_together(again, chosen.residuals, length=chosen.length)
 
     def shift(self, world: World, placed: EffectInstance) -> float:
         """RMS change that one effect of a world makes to the held-out views."""

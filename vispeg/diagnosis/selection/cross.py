@@ -81,4 +81,4 @@ def on_held_out(judge: Judge, fit: Fit) -> Fit:
     residual, *after = judge.evidence.residuals([fit.world, *moved])
     columns = [(r - residual) / step for r, step in zip(after, steps, strict=True)]
     jacobian = np.stack(columns, axis=1) if columns else np.empty((len(residual), 0))
-    return replace(fit, residual=residual, jacobian=jacobian)
+    return replace(fit, residual=residual, columns=(jacobian,))

@@ -54,7 +54,7 @@ class Judge:
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the summed squared whitened residual of each block and joint (nblock, nj)."""
-        return [self.loss(r) for r in self.evidence.residuals(worlds)]
+        return [self.loss(r) for r in self.evidence.each_residual(worlds)]
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
         """Summed squared whitened residual of each block and joint."""

@@ -257,21 +257,21 @@ class Search(Loop[State, Trial], Shown, Proposals):
             options = {"race": raced[k], "iterations": iterations, "ended": ended, "columns": held[k]}
             return fit_job(self.evidence, worlds[k], free, **options)
 
-        def evaluate(some: Sequence[World]) -> list[np.ndarray]:
+        def turn() -> None:
             for race in raced:
                 if race is not None:
                     race.turn()
-            return self.evidence.residuals(some)
 
         def work_out() -> list:
-            fresh.extend(run_together([job(k) for k in range(len(worlds))], evaluate))
+            jobs = [job(k) for k in range(len(worlds))]
+            fresh.extend(run_together(jobs, self.evidence.residuals, turn=turn, length=self.evidence.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         quick = [None if c is None else c.shape[1] for c in held]
         question = ["fits", [model_text(w) for w in worlds], n_fixed, races is not None, iterations, quick]
         ends = self.progress.recall(question, work_out)
         again = [job(k, (u, bool(c))) for k, (u, c) in enumerate(ends)]
-        return fresh or run_together(again, self.evidence.residuals)
+        return fresh or run_together(again, self.evidence.residuals, length=self.evidence.length)
 
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None

@@ -61,6 +61,8 @@ class State:
         """Derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
         if self.fit is None:
             return None
+        if not out:
+            return self.fit.jacobian
         gone = {e.label for e in out}
         stay = [self.world.effects[a.index].label not in gone for a in self.fit.space.axes]
         return self.fit.jacobian[:, stay]
