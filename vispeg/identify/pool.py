@@ -85,13 +85,11 @@ def run_together(
         rows = sum(map(len, waiting.values()))
         while waiting:
             some = _first(waiting, at_once / (8 * length))
+            failure, values = None, list[np.ndarray]()
             try:
-                values = evaluate([w for i in some for w in waiting[i]])
-                values.reverse()
+                values += evaluate([w for i in some for w in waiting[i]])[::-1]
             except BaseException as error:
-                failure, values = error, []
-            else:
-                failure = None
+                failure, some = error, [*waiting]
             for i in some:
                 count = len(waiting.pop(i))
                 reply(i, failure or [values.pop() for _ in range(count)])
