@@ -72,7 +72,8 @@ def test_doubts_are_said(tmp_path, capsys):
     assert Args(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True).run() == 0
     said = capsys.readouterr().out
     assert "q_cmd.joint3: {column: goal_rad_Elbow, unit: rad}" in said and "elbow is joint3" in said
-    assert "torque_sensor: " not in said and "load_nm_Jaw (never negative" in said and "nothing can be compared" in said
+    assert "torque_sensor: " not in said and "load_nm_Jaw (never negative" in said
+    assert "recording: {control: {mode: servo}}" in said and "goals drive each joint's own loop" in said
     own = (
         {"time": TIME}
         | {f"q.{j}": Q[:, k] for k, j in enumerate(JOINTS)}
@@ -116,9 +117,9 @@ def test_a_lerobot_table_of_lists(tmp_path):
 def test_what_cannot_be_guessed(tmp_path, columns, words):
     with pytest.raises(UserError, match=words):
         Args(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True).run()
-    np.savez(tmp_path / "run.npz", a=TIME)
-    with pytest.raises(UserError, match="cannot be guessed.*archives and bags name"):
-        Args(tmp_path / "run.npz", "iiwa14", guess=True).run()
+    (tmp_path / "run.bag").touch()
+    with pytest.raises(UserError, match="cannot be guessed.*bags name"):
+        Args(tmp_path / "run.bag", "iiwa14", guess=True).run()
 
 
 @pytest.mark.skipif(not (SHARED / "data" / "so101").is_dir(), reason="the real logs are not here")

@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 EXTRAS = {
     "learn": ("torch", "stable_baselines3", "tensorboard", "safetensors", "onnx", "onnxruntime"),
     "meshes": ("coacd",),
-    "logs": ("rosbags",),
+    "logs": ("rosbags", "h5py"),
     "video": ("av",),
     "cluster": ("ray",),
     "view": ("viser", "websockets"),

@@ -22,12 +22,14 @@ def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
     if tuple(rec.joints) != robot.joints:
         return None
 
+    model = copy(compiled(robot))
+    model.opt.disableflags |= UNUSED
+    data = mujoco.MjData(model)
+    places = [model.joint(joint).qposadr[0] for joint in robot.joints]
+    dofs = [model.joint(joint).dofadr[0] for joint in robot.joints]
+
     def needs(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        model = copy(compiled(robot))
-        model.opt.disableflags |= UNUSED
-        data, out = mujoco.MjData(model), np.empty_like(q)
-        places = [model.joint(joint).qposadr[0] for joint in robot.joints]
-        dofs = [model.joint(joint).dofadr[0] for joint in robot.joints]
+        out = np.empty_like(q)
         for k in range(len(q)):
             data.qpos[places], data.qvel[dofs], data.qacc[dofs] = q[k], dq[k], ddq[k]
             mujoco.mj_inverse(model, data)

@@ -15,7 +15,7 @@ from vispeg.formats.guard import is_file, opened
 from vispeg.view.run_folder import is_run
 
 Kind = Literal["recording", "log", "model", "world", "policy", "dataset", "run"]
-TABLES = (".csv", ".gz", ".parquet", ".npz", ".mcap", ".bag", ".db3")
+TABLES = (".csv", ".gz", ".tsv", ".parquet", ".npz", ".hdf5", ".h5", ".mat", ".mcap", ".bag", ".db3")
 HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # ending -> words in a file's first lines that say what it is
     ".urdf": ((b"<robot", "model"),),
     ".xml": ((b"<mujoco", "model"),),

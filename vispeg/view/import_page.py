@@ -18,7 +18,7 @@ from vispeg.view.importing import WHERE, Importer, Look, Proposed, map_file
 from vispeg.view.job import Job
 from vispeg.view.place import Page, Place
 
-KINDS = (("s", "ms", "us", "ns"), ("rad", "mrad", "deg", "mdeg", "turn"), ("rad/s", "deg/s", "rpm"))
+KINDS = (("s", "ms", "us", "ns"), ("rad", "mrad", "deg", "mdeg", "turn", "tick"), ("rad/s", "deg/s", "rpm"))
 KINDS += (("m", "mm"), ("N m", "Nm", "mNm", "N cm", "kg cm", "N"))
 SI = {"q": "rad", "q_cmd": "rad", "dq": "rad/s", "dq_cmd": "rad/s", "tau": "N m", "tau_cmd": "N m"}
 COLOURS = ("#1f6fb4", "#d9541e", "#2a9d60", "#a2456b", "#b0892b", "#5b4bb7", "#0a7a75", "#7a5230")
@@ -26,6 +26,7 @@ STATED = {words: value for value, words in WHERE.items()}
 OTHERS = "table", "joints", "recording"  # keys of a map that are no columns
 UNKNOWN, NONE = "not known", "none"
 MODES = {UNKNOWN: "unknown", "holds angles (q_cmd)": "position", "applies torques (tau_cmd)": "torque"}
+MODES |= {"is a servo of unknown gains (q_cmd)": "servo"}
 GRAVITY = {"by the model": "model", "not at all": "none"}
 NEXT = "Drop a log, or choose one that is there. Its columns and units are proposed, with the reason for each."
 
@@ -151,9 +152,9 @@ class ImportPage(Page):
         columns: dict[str, Any] = dict(self.proposed.data) if self.proposed is not None else {}
         for target, value in columns.items():
             signal = target.partition(".")[0]
-            if target not in OTHERS and signal in self.units:
+            if target not in OTHERS and signal in self.units and isinstance(value, dict) and "unit" in value:
                 columns[target] = {**value, "unit": str(self.units[signal].value)}
-        recording = dict(columns.get("recording", {}))
+        recording = {key: v for key, v in dict(columns.get("recording", {})).items() if key != "control"}
         sensor = STATED[str(self.sensor.value)]
         if sensor != recording.get("torque_sensor", "none"):
             recording["torque_sensor"] = sensor
@@ -195,7 +196,8 @@ class ImportPage(Page):
         self.topic.options = proposed.topics or (NONE,)
         self.command.options = (NONE, *proposed.topics)
         self.topic.visible = self.command.visible = len(proposed.topics) > 1
-        self.mode.value = UNKNOWN
+        mode = dict(dict(proposed.data.get("recording", {})).get("control", {})).get("mode", "unknown")
+        self.mode.value = next(words for words, value in MODES.items() if value == mode)
         self.filling = False
         self._named()
 
@@ -222,14 +224,18 @@ class ImportPage(Page):
     def _moded(self) -> None:
         held = self._mode() == "position"
         self.kp.visible = self.kd.visible = held
-        self.gravity.visible = self._mode() != "unknown"
+        self.gravity.visible = self._mode() not in ("unknown", "servo")
         if self.seen is not None:
             self.guide.content = html.next_step("A log becomes a recording", self._next())
 
     def _control(self) -> dict[str, Any] | None:
         """What was stated of the controller. Raises UserError: gains that are no numbers."""
-        if self._mode() == "unknown" or self.seen is None or not self.controller.visible:
+        if self._mode() == "unknown" or (
+            self._mode() != "servo" and (self.seen is None or not self.controller.visible)
+        ):
             return None
+        if self._mode() == "servo":
+            return {"mode": "servo"}
         out: dict[str, Any] = {"mode": self._mode(), "rate_hz": self.seen.rate_hz}
         out["gravity_compensation"] = GRAVITY[str(self.gravity.value)]
         if self._mode() == "position":

@@ -15,6 +15,7 @@ from vispeg.api.recording.convert import convert, placed
 from vispeg.api.recording.guess import propose
 from vispeg.core.errors import UserError
 from vispeg.core.files import refuse, write_text_atomic
+from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.importers.guess.propose import Proposal
@@ -22,7 +23,7 @@ from vispeg.recordings.importers.mapping import FACTORS, map_from
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.rosbag import Topics, joint_topics
 from vispeg.recordings.importers.source import is_bag, is_table, read_source
-from vispeg.robots.model import load
+from vispeg.robots.model import load, load_for
 from vispeg.sim.units import needs_of
 
 MOST = 2000  # samples of the look
@@ -79,7 +80,7 @@ class Importer:
         self.tell("say", f"reading {source.name}")
         robot = robot_of(model)
         proposed = Proposed((), {}, {}, (), robot=robot)
-        if is_table(source):
+        if is_table(source) and not _own_arrays(source):
             guessed = propose(source, robot)
             proposal = guessed.proposal
             lines = tuple((line.target, line.column, line.unit or "", line.why) for line in proposal.lines)
@@ -94,12 +95,13 @@ class Importer:
         """Reads the log with a map, and of a bag the topics, and tells what comes out."""
         robot = robot_of(model)
         arm = load(robot)
-        rec = read_source(source, placed(robot), arm.joints, map_from(columns, source, arm.joints), topics=topics)
+        mapping = map_from(columns, source, arm.joints)
+        rec = read_source(source, placed(robot), arm.joints, mapping, limits=Limits.of(arm), topics=topics)
         every = slice(None, None, max(1, -(-len(rec.time) // MOST)))
         there = {name: getattr(rec, name)[every] for name in SIGNALS if getattr(rec, name) is not None}
         signals = {name: value for name, value in there.items() if value.ndim == 2}
         degrees = str(columns.get(f"q.{rec.joints[0]}", {})).find("deg") >= 0
-        said = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(arm, rec))
+        said = doubts(rec, Limits.of(arm, rec.joints), degrees, needs_of(load_for(rec.joints, robot), rec))
         lines = tuple(f"{d.key}: {d.said}" + (f" (likely {d.likely})" if d.likely else "") for d in said)
         self.tell("look", Look(rec.time[every], tuple(rec.joints), signals, rec.rate_hz, len(rec.time), lines))
 
@@ -130,6 +132,11 @@ class Importer:
         return str(out)
 
 
+def _own_arrays(source: Path) -> bool:
+    """Whether an archive names its signals as a recording does, so that nothing is to be guessed."""
+    return source.suffix.lower() == ".npz" and {"time", "q"} <= set(read_arrays(source))
+
+
 def robot_of(model: str) -> str:
     """The robot of a model, a world or a robot: the name or file that a log's joints are looked up in."""
     return str(read_model(model).robot)
@@ -152,8 +159,9 @@ def _remarks(proposal: Proposal) -> tuple[str, ...]:
         out.append(
             f"Torque is taken as `{WHERE[sensor]}`, from its name: change it in `Torque is` where that is wrong."
         )
-    if driven:
+    servo = proposal.recording.get("control", {}).get("mode") == "servo"
+    if driven and not servo:
         out.append("State the controller to compare delays, gear play, elasticity and encoder errors as well.")
-    elif "tau" not in signals:
+    elif "tau" not in signals and not servo:
         out.append("The log has angles alone, so no model can be compared with it: log torques or commands as well.")
     return tuple(out)

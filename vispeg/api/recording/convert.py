@@ -10,8 +10,9 @@ from typing import Literal, get_args
 
 from vispeg.core.errors import UserError
 from vispeg.core.several import several
+from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.frames.camera import RecordedCamera, Sensor
-from vispeg.recordings.importers.mapping import ColumnMap, read_map
+from vispeg.recordings.importers.mapping import ColumnMap, checked_rate, read_map
 from vispeg.recordings.importers.objects import import_object
 from vispeg.recordings.importers.plausible import refuse_units
 from vispeg.recordings.importers.rosbag import Topics
@@ -21,7 +22,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
 from vispeg.render.cameras.camera_files import load_cameras
 from vispeg.render.cameras.model_camera import cameras_of
-from vispeg.robots.model import RobotModel, load
+from vispeg.robots.model import RobotModel, load, load_for
 from vispeg.robots.objects import load_object
 from vispeg.sim.units import needs_of
 from vispeg.vision.eye import recorded_of
@@ -37,6 +38,8 @@ def convert(
     cameras: Path | Sequence[Path] = (),
     depth_camera: str | Sequence[str] = (),
     torque_sensor: Literal["joint", "motor", "none"] | None = None,
+    rate_hz: float | None = None,
+    column_names: Sequence[str] = (),
     insist: bool = False,
     table: Literal["csv", "parquet"] = "csv",
     overwrite: bool = False,
@@ -54,6 +57,8 @@ def convert(
         depth_camera: kind of the depth cameras, by whose noise their depth is judged: `d405`, `d435`,
             `structured_light`, or NAME=KIND for one of several.
         torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
+        rate_hz: samples a second of a table that keeps no time.
+        column_names: of the columns of a table without a header line; else they are numbered from 1.
         insist: take the stated units even where they cannot be true.
         table: format of the samples.
         overwrite: replace `out`.
@@ -68,12 +73,17 @@ def convert(
     kinds, model = _kinds(depth_camera), load(robot)
     files = several(cameras)
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
+    if rate_hz is not None:
+        columns = replace(columns, rate_hz=checked_rate(rate_hz, "--rate-hz"))
+    if column_names:
+        columns = replace(columns, dialect=replace(columns.dialect, names=tuple(column_names)))
     with TemporaryDirectory() as scratch:
         rec = read_source(
             source,
             robot,
             model.joints,
             columns,
+            limits=Limits.of(model),
             topics=topics,
             cameras=_cameras(files, model),
             torque_sensor=torque_sensor,
@@ -84,7 +94,8 @@ def convert(
             rec = _stated(rec, kinds, source)
         if not insist:
             file = mapping if isinstance(mapping, Path) else source
-            refuse_units(rec, model, columns, file, "a map" if mapping is None else "the map", needs_of(model, rec))
+            stated = "a map" if mapping is None else "the map"
+            refuse_units(rec, model, columns, file, stated, needs_of(load_for(rec.joints, robot), rec))
         read = [source, mapping if isinstance(mapping, Path) else None, *files]
         write(rec, Path(out), overwrite, table, inputs=read)
     return rec
@@ -117,8 +128,7 @@ def convert_object(
     if source.suffix.lower() != ".npz":
         expected = "an .npz archive with `state` and `start`; a table is a recording already, see docs/formats.md"
         raise UserError("cannot be converted", file=source, expected=expected)
-    if rate_hz is not None and not 1 <= rate_hz <= 100_000:
-        raise UserError("not a rate", key="--rate-hz", expected="1 to 100000 samples a second", got=rate_hz)
+    rate_hz = None if rate_hz is None else checked_rate(rate_hz, "--rate-hz")
     rec = import_object(source, load_object(robot).name, rate_hz, first, last)
     write_object(rec, Path(out), overwrite, inputs=(source, robot))
     return rec

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -9,12 +10,16 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.importers.fits import Needs
 from vispeg.recordings.importers.guess import words
 from vispeg.recordings.importers.guess.propose import Proposal
 from vispeg.recordings.importers.guess.source import guess
-from vispeg.recordings.importers.mapping import ColumnMap, map_from
-from vispeg.recordings.importers.source import TABLES, is_table
-from vispeg.robots.model import load
+from vispeg.recordings.importers.mapping import ColumnMap, checked_rate, map_from
+from vispeg.recordings.importers.source import is_table
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.tables.read import STORES, TABLES
+from vispeg.robots.model import load, load_for
+from vispeg.sim.units import needs_of
 
 
 @dataclass(frozen=True)
@@ -61,18 +66,41 @@ class GuessedMap:
         return path
 
 
-def propose(source: str | Path, robot: str, torque_sensor: str | None = None) -> GuessedMap:
-    """A map for a table of unknown names, with a reason for each column.
+def propose(
+    source: str | Path,
+    robot: str,
+    torque_sensor: str | None = None,
+    *,
+    rate_hz: float | None = None,
+    columns: Sequence[str] = (),
+    calibration: Path | None = None,
+) -> GuessedMap:
+    """A map for a table of unknown names, with a reason for each column, tried against the robot's model.
+
+    Args:
+        source: a table, a file of arrays, or a folder of them (a LeRobot data set, episodes, signals of one run).
+        robot: a name, or a path to an MJCF or URDF.
+        torque_sensor: what measured torque is, in place of what is guessed.
+        rate_hz: samples a second of a file that keeps no time.
+        columns: names of the columns of a file without a header.
+        calibration: LeRobot's calibration file.
 
     Raises:
         UserError: no table, or one in which no column can be the time or the angles; no such robot.
     """
     source = Path(source)
     if not is_table(source):
-        expected = f"a table ({', '.join(TABLES)}); archives and bags name their signals themselves"
+        expected = f"a table ({', '.join((*TABLES, *STORES))}); bags name their signals themselves"
         raise UserError("cannot be guessed", file=source, key="--guess", expected=expected)
+    rate_hz = None if rate_hz is None else checked_rate(rate_hz, "--rate-hz")
     model = load(robot)
-    proposal = guess(source, model.joints, Limits.of(model))
+
+    def needs(rec: Recording) -> Needs | None:
+        return needs_of(load_for(rec.joints, robot), rec)
+
+    proposal = guess(
+        source, model.joints, Limits.of(model), needs, rate_hz=rate_hz, names=columns, calibration=calibration
+    )
     if torque_sensor is not None:
         proposal.recording["torque_sensor"] = torque_sensor
         proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]

@@ -5,9 +5,12 @@ Example:
     vispeg convert log.csv --robot iiwa14 --map map.yaml --out rig-a
     vispeg convert run.mcap --robot arm.urdf --topic /joint_states --torque-sensor joint --out rig-b
     vispeg convert run.mcap --robot iiwa14 --images all --cameras wrist.yaml --out rig-c
+    vispeg convert so101-pick-place --robot so101_new_calib.xml --guess --yes --out pick
+    vispeg convert episode_0.hdf5 --robot arm.urdf --guess --rate-hz 50 --save-map map.yaml
     vispeg convert tosses.npz --robot cube.xml --rate-hz 148 --episodes 0:285 --out toss-a
 
-SOURCE is a CSV or Parquet table, a NumPy archive or a ROS bag. A map names columns and units, one a line:
+SOURCE is a table, a file of arrays (HDF5, MATLAB, NumPy, JSON), a LeRobot data set or a ROS bag.
+A map names columns and units, one a line:
 `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
 `joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml,
 `table: {separator: ";", decimal: ","}` describes a text table. `--guess` proposes a map from a table's header
@@ -36,7 +39,8 @@ class Args:
     """Arguments of `vispeg convert`."""
 
     source: tyro.conf.Positional[Path]
-    """A .csv, .csv.gz, .parquet, .npz, .bag, .db3 or .mcap file, or a ROS 2 bag's folder."""
+    """A table (.csv, .csv.gz, .tsv, .txt, .parquet), arrays (.hdf5, .h5, .mat, .npz, .npy, .json, .jsonl), a bag (.bag,
+    .db3, .mcap), or a folder: a LeRobot data set, a ROS 2 bag, tables of episodes or of one run's signals."""
     robot: str
     """A robot's name (iiwa14) or a path to its MJCF or URDF."""
     out: Path | None = None
@@ -50,7 +54,11 @@ class Args:
     save_map: Path | None = None
     """With --guess: write the proposed map to this file, to be edited and passed as --map."""
     rate_hz: float | None = None
-    """For an object's archive without `time`: sample rate, Hz."""
+    """Samples a second of a file that keeps no time."""
+    columns: str | None = None
+    """Names of the columns of a table without a header line, with commas: time,q1,q2."""
+    calibration: Path | None = None
+    """With --guess: LeRobot's calibration file (encoder ranges); default: calibration.json in the data set."""
     episodes: str | None = None
     """For an object's archive: tosses to convert, FIRST:LAST without LAST. The others can be held out."""
     insist: bool = False
@@ -89,9 +97,8 @@ class Args:
             raise UserError("does not exist", file=self.source)
         if is_object(placed(self.robot)):
             return self._object()
-        for flag in ("rate_hz", "episodes"):
-            if getattr(self, flag) is not None:
-                raise UserError(f"--{flag.replace('_', '-')} is for a free object's tosses", file=self.source)
+        if self.episodes is not None:
+            raise UserError("--episodes is for a free object's tosses", file=self.source)
         mapping = self._guessed() if self.guess else self.map
         if self.guess and mapping is None:
             return 0
@@ -105,6 +112,8 @@ class Args:
                 cameras=self.cameras,
                 depth_camera=self.depth_camera,
                 torque_sensor=self.torque_sensor,
+                rate_hz=self.rate_hz,
+                column_names=self._names(),
                 insist=self.insist,
                 table=self.table,
                 overwrite=self.overwrite,
@@ -118,6 +127,9 @@ class Args:
         line += f"; {frames} frames of {', '.join(rec.frames.names)}" if rec.frames is not None else ""
         self.output.give({"recording": str(self.out), **shape, "signals": signals, "frames": frames}, [line])
         return 0
+
+    def _names(self) -> list[str]:
+        return [] if self.columns is None else [name.strip() for name in self.columns.split(",")]
 
     def _out(self) -> Path:
         if self.out is None:
@@ -153,7 +165,14 @@ class Args:
 
         if self.map is not None:
             raise UserError("a map is given already", key="--guess", expected="--guess or --map, not both")
-        proposed = propose(self.source, self.robot, self.torque_sensor)
+        proposed = propose(
+            self.source,
+            self.robot,
+            self.torque_sensor,
+            rate_hz=self.rate_hz,
+            columns=self._names(),
+            calibration=self.calibration,
+        )
         self.output.line(str(proposed))
         if self.save_map is not None:
             proposed.save(self.save_map, overwrite=self.overwrite)

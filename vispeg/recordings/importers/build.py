@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.clock import cleaned
 from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.load import assemble
 from vispeg.recordings.recording import Recording
@@ -24,7 +25,7 @@ def joints_of(joints: Sequence[str], mapping: ColumnMap) -> list[str]:
     return [str(name) for name in stated] if isinstance(stated, list) else list(joints)
 
 
-def convert(values: np.ndarray, source: Source) -> np.ndarray:
+def si(values: np.ndarray, source: Source) -> np.ndarray:
     """Raw values in SI units."""
     return values if source.factor == 1.0 and source.offset == 0.0 else values * source.factor + source.offset
 
@@ -52,7 +53,8 @@ def build(
     time = columns.get("time")
     if time is None:
         raise UserError("has no time", file=source, expected="a column `time`, or a map that says which it is")
-    columns = dict(columns)
+    columns = cleaned(dict(columns), source, first_row)
+    time = columns["time"]
     start = time[0] if len(time) else 0.0
     if np.isfinite(start) and abs(start) > EPOCH:
         columns["time"] = time - start

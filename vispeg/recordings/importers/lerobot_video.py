@@ -27,7 +27,10 @@ PREFIX = "observation.images."
 
 def root_of(table: Path) -> Path | None:
     """The folder of the data set that a table belongs to; None where it belongs to none."""
-    return next((folder for folder in table.resolve().parents if (folder / "meta" / "info.json").is_file()), None)
+    return next(
+        (folder for folder in (table.resolve(), *table.resolve().parents) if (folder / "meta" / "info.json").is_file()),
+        None,
+    )
 
 
 def import_video(

@@ -17,6 +17,7 @@ from vispeg.recordings.tables.table import Dialect
 FACTORS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     **{"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi},
+    "tick": 2 * math.pi / 4096,  # of the encoders of Feetech's STS3215 and Dynamixel's X series
     **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
     **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
 }
@@ -26,11 +27,18 @@ SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column or array comes from: value = factor * raw + offset, the offset in SI units."""
+    """Where a column or array comes from: value = factor * raw + offset, the offset in SI units.
+
+    Attributes:
+        name: of the column; empty for one that is stated as missing.
+        factor, offset: as above.
+        plus: what is added: nanoseconds beside seconds.
+    """
 
     name: str
     factor: float = 1.0
     offset: float = 0.0
+    plus: Source | None = None
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,7 @@ class ColumnMap:
         joints: joint name -> its name in the source, where they differ.
         recording: further keys of recording.yaml (control, tool, torque_sensor, noise, ...).
         dialect: how a text table is written.
+        rate_hz: samples a second of a log that keeps no time; None where it does.
     """
 
     file: Path | None = None
@@ -50,6 +59,13 @@ class ColumnMap:
     joints: Mapping[str, str] = field(default_factory=dict)
     recording: Mapping[str, Any] = field(default_factory=dict)
     dialect: Dialect = Dialect()
+    rate_hz: float | None = None
+
+    @property
+    def names(self) -> set[str]:
+        """All columns of the source that are asked for."""
+        sources = [*self.columns.values()]
+        return {part.name for part in [*sources, *(s.plus for s in sources if s.plus is not None)]} - {""}
 
 
 def _example(folder: Path) -> Path:
@@ -69,7 +85,7 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
     """Reads a map file for a robot with these joints; without one every name stands for itself.
 
     A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
-    offset (SI) is added last.
+    offset (SI) is added last, and `plus` names a further column to add. `none` stands for a column of missing readings.
 
     Raises:
         UserError: an unknown target, unit or key, or a value of the wrong kind.
@@ -89,28 +105,42 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
         if joint not in names:
             raise UserError("no such joint", file=file, key="joints", got=joint, choices=map(str, names))
     targets = ["time", "episode", *SIGNALS, *(c for s in SIGNALS for c in columns_of(s, list(map(str, names))))]
-    columns = {}
+    columns, rate = {}, None
     for target, value in data.items():
         if target in OTHER:
+            continue
+        if target == "time" and isinstance(value, dict) and [*value] == ["rate_hz"]:
+            rate = checked_rate(value["rate_hz"], "time.rate_hz", file)
             continue
         if target not in targets:
             raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
         columns[target] = _source(value, target, file)
-    return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file))
+    return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate)
+
+
+def checked_rate(value: Any, key: str, file: Path | None = None) -> float:
+    """A rate, samples a second. Raises UserError: none that a log can have."""
+    number = not isinstance(value, bool) and isinstance(value, int | float)
+    if not number or not 1 <= value <= 100_000:
+        raise UserError("not a rate", file=file, key=key, expected="1 to 100000 samples a second", got=value)
+    return float(value)
 
 
 def _dialect(section: dict, file: Path) -> Dialect:
     dialect = {"separator": section.get("separator", ","), "decimal": section.get("decimal", ".")}
     for key in section:
-        if key not in dialect:
-            raise UserError("unknown key", file=file, key="table", got=key, choices=dialect)
+        if key not in (*dialect, "columns"):
+            raise UserError("unknown key", file=file, key="table", got=key, choices=(*dialect, "columns"))
+    names = section.get("columns", [])
+    if not isinstance(names, list) or not all(isinstance(name, str | int) for name in names):
+        raise UserError("is not a list of names", file=file, key="table.columns", got=names)
     for key, choices in (("separator", SEPARATORS), ("decimal", DECIMALS)):
         if dialect[key] not in choices:
             names = [repr(choice) for choice in choices]
             raise UserError("cannot be read", file=file, key=f"table.{key}", got=dialect[key], choices=names)
     if dialect["separator"] == dialect["decimal"]:
         raise UserError("separates cells and decimals by one sign", file=file, key="table", got=dialect["decimal"])
-    return Dialect(**dialect)
+    return Dialect(**dialect, names=tuple(map(str, names)))
 
 
 def _section(data: dict, key: str, file: Path) -> dict:
@@ -121,13 +151,15 @@ def _section(data: dict, key: str, file: Path) -> dict:
 
 
 def _source(value: Any, target: str, file: Path) -> Source:
+    if value == "none":
+        return Source("")
     if isinstance(value, str | int):
         return Source(str(value))
     if not isinstance(value, dict) or "column" not in value:
         raise UserError(
             "names no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value
         )
-    keys = ("column", "unit", "scale", "offset")
+    keys = ("column", "unit", "scale", "offset", "plus")
     for key in value:
         if key not in keys:
             raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
@@ -141,4 +173,5 @@ def _source(value: Any, target: str, file: Path) -> Source:
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise UserError("is not a number", file=file, key=f"{target}.{key}", got=number)
         numbers[key] = float(number)
-    return Source(str(value["column"]), numbers["scale"] * factor, numbers["offset"])
+    plus = None if "plus" not in value else _source(value["plus"], f"{target}.plus", file)
+    return Source(str(value["column"]), numbers["scale"] * factor, numbers["offset"], plus)

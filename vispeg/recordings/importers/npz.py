@@ -11,7 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.columns import SIGNALS, columns_of
-from vispeg.recordings.importers.build import build, convert, joints_of
+from vispeg.recordings.importers.build import build, joints_of, si
 from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.table import MAX_BYTES
@@ -55,7 +55,7 @@ def import_npz(
         if values.shape != (rows, len(tails)):
             shape = (rows, len(tails))
             raise UserError("has the wrong shape", file=source, key=origin.name, expected=shape, got=values.shape)
-        columns |= dict(zip(tails, convert(values, origin).T, strict=True))
+        columns |= dict(zip(tails, si(values, origin).T, strict=True))
     return build(columns, source, robot, joints, mapping, **header)
 
 

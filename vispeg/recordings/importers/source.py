@@ -5,20 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 from vispeg.core.errors import UserError
+from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.rosbag import Topics
+from vispeg.recordings.importers.turns import turned
 from vispeg.recordings.recording import Recording
+from vispeg.recordings.tables.read import STORES, TABLES, parts
 
-TABLES, BAGS = (".csv", ".csv.gz", ".parquet"), (".bag", ".db3", ".mcap")
+BAGS = (".bag", ".db3", ".mcap")
+INSTEAD = {  # what is not read, and how to get a table of it
+    ".xlsx": "pandas.read_excel(FILE).to_csv('log.csv')",
+    ".xls": "pandas.read_excel(FILE).to_csv('log.csv')",
+    ".pkl": "a CSV that its own program writes: a pickle can run any code, and is never opened",
+    ".pickle": "a CSV that its own program writes: a pickle can run any code, and is never opened",
+    ".pt": "a CSV that its own program writes: a pickle can run any code, and is never opened",
+    ".feather": "pandas.read_feather(FILE).to_parquet('log.parquet')",
+}
 FLAGS = {"joints": "--topic", "command": "--command-topic", "pose": "--pose-topic", "wrench": "--wrench-topic"}
 
 
 def is_table(source: Path) -> bool:
-    """Whether a log's columns have names that a map may give."""
-    return source.name.lower().endswith(TABLES)
+    """Whether a log's columns have names that a map may give: a table, a file of arrays, or a folder of them."""
+    if source.is_dir():
+        return not is_bag(source) and bool(parts(source))
+    return source.name.lower().endswith((*TABLES, *STORES))
 
 
 def is_bag(source: Path) -> bool:
@@ -32,6 +47,7 @@ def read_source(
     joints: Sequence[str],
     mapping: ColumnMap,
     *,
+    limits: Limits | None = None,
     topics: Topics | None = None,
     cameras: Mapping[str, RecordedCamera] | None = None,
     torque_sensor: str | None = None,
@@ -45,6 +61,7 @@ def read_source(
         robot: a name or a path.
         joints: the robot's.
         mapping: names and units.
+        limits: of these joints, by which angles that wrap are put into their ranges; None leaves them as they are.
         topics: of a bag; `images` also names the videos of a LeRobot table.
         cameras: what the source does not say of its cameras, by name.
         torque_sensor: what measured torque is, in place of what the map says.
@@ -57,7 +74,25 @@ def read_source(
     if torque_sensor is not None:
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
     header = {"torque_sensor": mapping.recording.get("torque_sensor", "none")}
-    name, topics = source.name.lower(), topics or Topics()
+    topics = topics or Topics()
+    rec = _read(source, robot, joints, mapping, topics, cameras, scratch, progress, header)
+    if limits is None or not set(rec.joints) <= set(joints):
+        return rec
+    order = [list(joints).index(joint) for joint in rec.joints]
+    return turned(rec, Limits(limits.range[order], limits.velocity[order], limits.torque[order]), source)
+
+
+def _read(
+    source: Path,
+    robot: str,
+    joints: Sequence[str],
+    mapping: ColumnMap,
+    topics: Topics,
+    cameras: Mapping[str, RecordedCamera] | None,
+    scratch: Path | None,
+    progress: Callable[[float], None],
+    header: Mapping[str, Any],
+) -> Recording:
     if is_bag(source):
         from vispeg.recordings.importers.rosbag import import_rosbag
 
@@ -65,6 +100,13 @@ def read_source(
     for field in fields(topics):
         if field.name in FLAGS and getattr(topics, field.name) is not None:
             raise UserError(f"{FLAGS[field.name]} is for bags", file=source)
+    whole = any(target in SIGNALS for target in mapping.columns) or not mapping.columns
+    if source.name.lower().endswith(".npz") and whole:  # the recording's own arrays, or a map of whole ones
+        if topics.images:
+            raise UserError("--images is for bags and LeRobot tables", file=source)
+        from vispeg.recordings.importers.npz import import_npz
+
+        return import_npz(source, robot, joints, mapping, **header)
     if is_table(source):
         from vispeg.recordings.importers.table import import_table
 
@@ -76,9 +118,8 @@ def read_source(
         return replace(rec, frames=import_video(source, rec, topics.images, cameras or {}, scratch))
     if topics.images:
         raise UserError("--images is for bags and LeRobot tables", file=source)
-    if name.endswith(".npz"):
-        from vispeg.recordings.importers.npz import import_npz
-
-        return import_npz(source, robot, joints, mapping, **header)
-    choices = (*TABLES, ".npz", *BAGS, "a ROS 2 bag's folder")
-    raise UserError("cannot be converted", file=source, got=source.suffix.lower() or source.name, choices=choices)
+    kind = source.suffix.lower()
+    if kind in INSTEAD:
+        raise UserError("cannot be converted", file=source, got=kind, expected=INSTEAD[kind])
+    choices = (*TABLES, *STORES, *BAGS, "a folder of these", "a ROS 2 bag's folder")
+    raise UserError("cannot be converted", file=source, got=kind or source.name, choices=choices)

@@ -6,13 +6,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vispeg.core.errors import UserError
+from vispeg.core.notes import note
 from vispeg.recordings.columns import SIGNALS, columns_of
-from vispeg.recordings.importers.build import build, convert, joints_of
+from vispeg.recordings.importers.build import build, joints_of, si
+from vispeg.recordings.importers.clock import counted
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
-from vispeg.recordings.tables.table import Reading
+from vispeg.recordings.tables.table import Reading, Table
 
 
 def import_table(
@@ -26,7 +30,7 @@ def import_table(
     """A recording from a table; columns that the map does not name are taken by the recording format's own names.
 
     Args:
-        source: a .csv, .csv.gz or .parquet file.
+        source: what `read_table` reads.
         robot: a name or a path.
         joints: the robot's joints.
         mapping: names and units of the columns.
@@ -37,18 +41,43 @@ def import_table(
         UserError: a mapped column is absent or not numeric, or the recording would not pass `load`.
     """
     mapping = mapping or ColumnMap()
-    names = joints_of(joints, mapping)
-    targets = ["time", "episode", *(c for s in SIGNALS for c in columns_of(s, names))]
-    wanted = {*targets, *(origin.name for origin in mapping.columns.values())}
+    targets = _targets(joints_of(joints, mapping))
+    wanted = {*targets, *mapping.names}
     table = read_table(source, Reading(keep=lambda _: wanted, progress=progress, dialect=mapping.dialect))
+    return from_table(table, source, robot, joints, mapping, **header)
+
+
+def from_table(
+    table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap, **header: Any
+) -> Recording:
+    """A recording from a table that is read; see `import_table`."""
+    targets = _targets(joints_of(joints, mapping))
     columns = {}
     for target, origin in mapping.columns.items():
         if target not in targets:  # a whole signal can only come from an array
             raise UserError("names no single column", file=mapping.file, key=target, choices=targets)
-        columns[target] = convert(table.number(origin.name), origin)
+        if not origin.name:  # stated as not there
+            columns[target] = np.full(table.rows, np.nan)
+            continue
+        columns[target] = si(table.number(origin.name), origin)
+        if origin.plus is not None:
+            columns[target] = columns[target] + si(table.number(origin.plus.name), origin.plus)
     for target in targets:
         if target not in columns and target in table.names:
             columns[target] = table.number(target)
+    if mapping.rate_hz is not None:
+        columns["time"] = counted(columns.get("episode"), table.rows) / mapping.rate_hz
     if "time" not in columns:
-        raise UserError("has no column `time`; a map can say which it is", file=source, choices=table.names)
+        said = "has no column `time`; a map can say which it is, or --rate-hz how many samples a second there are"
+        raise UserError(said, file=source, choices=table.names)
+    if table.comments:
+        count = len(table.comments)
+        lines = (
+            "1 line before the header is no sample" if count == 1 else f"{count} lines before the header are no samples"
+        )
+        note(f"{source}: {lines}: {table.comments[0][:80]}")
     return build(columns, source, robot, joints, mapping, table.first_row, **header)
+
+
+def _targets(names: list[str]) -> list[str]:
+    return ["time", "episode", *(c for s in SIGNALS for c in columns_of(s, names))]

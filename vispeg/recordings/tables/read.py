@@ -1,31 +1,133 @@
-"""Reads a table of samples, whichever format it has."""
+"""Reads a table of samples, whichever format it has: one file, or a folder of files that belong together."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import refuse_special
-from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table
+from vispeg.recordings.tables.stores import EPISODES, READERS, read_store
+from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table, check_rows
 from vispeg.recordings.tables.table_csv import read_csv
 from vispeg.recordings.tables.table_parquet import read_parquet
 
 EVERYTHING = Reading()
+TEXTS = (".csv", ".csv.gz", ".tsv", ".txt", ".dat")
+TABLES = (*TEXTS, ".parquet")
+STORES = tuple(READERS)
+LEROBOT = Path("meta") / "info.json"
+HELD = re.compile(r"cmd|command|goal|target|desired|setpoint|(^|[^a-z])ref|action", re.IGNORECASE)
+CLOCKS = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|zeit)([^a-z]|$)", re.IGNORECASE)
+
+
+def is_text(file: Path) -> bool:
+    """Whether a table is written as text."""
+    return file.name.lower().endswith(TEXTS)
+
+
+def parts(source: Path) -> list[Path]:
+    """The files of a table that is a folder, in order: a LeRobot data set's, or all tables in it; empty for others."""
+    if not source.is_dir():
+        return []
+    if (source / LEROBOT).is_file():
+        return sorted((source / "data").rglob("*.parquet"))
+    files = [path for path in source.iterdir() if path.name.lower().endswith((*TABLES, *STORES)) and path.is_file()]
+    data = [path for path in files if path.suffix.lower() != ".json"] or files  # beside them settings may lie
+    return sorted(data, key=lambda path: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", path.name)])
 
 
 def read_table(file: Path, reading: Reading = EVERYTHING) -> Table:
-    """Reads a .csv, .csv.gz or .parquet file. Raises UserError for what is no table of a header and samples."""
+    """Reads a table.
+
+    Args:
+        file: a text table, Parquet, a file of arrays (`stores`), or a folder. Of a folder's files those with the same
+            columns are episodes (a LeRobot data set counts its own); others are signals of one run (`position.csv`,
+            `effort.csv`), joined on their times.
+        reading: what is kept.
+
+    Raises:
+        UserError: no table of samples; files of a folder that do not fit together.
+    """
     import pyarrow
 
     refuse_special(file)
+    files = parts(file)
     try:
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise UserError("is too large", file=file, expected=f"at most {MAX_BYTES} bytes; split it", got=size)
-        table = (read_parquet if file.suffix.lower() == ".parquet" else read_csv)(file, reading)
+        table = _folder(file, files, reading) if files else _file(file, reading)
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
     pyarrow.default_memory_pool().release_unused()  # half as much again as the columns, kept for a next time
     if table.rows == 0:
         raise UserError("holds no samples", file=file)
     return table
+
+
+def _file(file: Path, reading: Reading) -> Table:
+    kind = file.suffix.lower()
+    if kind in READERS:
+        return read_store(file, reading)
+    size = file.stat().st_size
+    if size > MAX_BYTES:
+        raise UserError("is too large", file=file, expected=f"at most {MAX_BYTES} bytes; split it", got=size)
+    return (read_parquet if kind == ".parquet" else read_csv)(file, reading)
+
+
+def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
+    whole = replace(reading, keep=None, look=None)
+    if len(files) == 1:
+        return replace(_file(files[0], reading), file=folder)
+    tables = [_file(file, whole) for file in files]
+    check_rows(sum(table.rows for table in tables), folder)
+    alike = all(table.names == tables[0].names for table in tables)
+    columns = _episodes(tables) if alike else _joined(folder, tables)
+    names = list(columns)
+    text = tables[0].text if alike else {}
+    rows = len(next(iter(columns.values()), ()))
+    kept = {name: columns[name] for name in reading.retained(names) if name in columns}
+    return Table(folder, kept, [*names, *text], rows, 0, dict(text))
+
+
+def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
+    """Tables with the same columns one after the other, counted where they do not count themselves."""
+    names = [name for name in tables[0].names if all(name in table.columns for table in tables)]
+    out = {name: np.concatenate([table.columns[name] for table in tables]) for name in names}
+    if not any(EPISODES in re.findall(r"[a-z]+", name.lower()) for name in names):
+        out[EPISODES] = np.repeat(np.arange(len(tables), dtype=float), [table.rows for table in tables])
+    return out
+
+
+def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
+    """Tables of one run on the times of the first that says position or angle, or of the longest.
+
+    Measured values in between are on the line between their neighbours, commands hold until the next; a column has its
+    file's name before its own.
+    """
+    clocks = []
+    for table in tables:
+        named = [name for name in table.names if CLOCKS.search(name) and name in table.columns]
+        if not named:
+            raise UserError("has no column for the time", file=table.file, expected="one in every file that is joined")
+        clocks.append(min(named, key=len))
+    first = next((i for i, t in enumerate(tables) if re.search("pos|angle|state|_q|q_", t.file.stem.lower())), None)
+    first = max(range(len(tables)), key=lambda i: tables[i].rows) if first is None else first
+    time = tables[first].columns[clocks[first]]
+    out = {clocks[first]: time}
+    for table, clock in zip(tables, clocks, strict=True):
+        at = table.columns[clock]
+        if at[0] > time[-1] or at[-1] < time[0]:
+            raise UserError("does not overlap the other files in time", file=table.file, key=clock)
+        at, once = np.unique(at, return_index=True)
+        for name, values in table.columns.items():
+            if name != clock:
+                key = f"{table.file.stem.split('.')[0]}/{name}"
+                if HELD.search(key):
+                    last = np.searchsorted(at, time, side="right") - 1
+                    out[key] = np.where(last >= 0, values[once][np.maximum(last, 0)], np.nan)
+                else:
+                    out[key] = np.interp(time, at, values[once], np.nan, np.nan)
+    return out

@@ -21,10 +21,17 @@ MAX_COLUMNS = 5_000
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text table is written: what stands between cells, and what in a number."""
+    """How a text table is written: what stands between cells, and what in a number.
+
+    Attributes:
+        separator: between cells; " " is any run of blanks.
+        decimal: sign in a number.
+        names: of the columns of a table without a header line, where they are told; else they are numbered from 1.
+    """
 
     separator: str = ","
     decimal: str = "."
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,7 @@ class Table:
         rows: number of samples.
         first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
         text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
+        comments: lines before the header that are none of it.
     """
 
     file: Path
@@ -46,6 +54,7 @@ class Table:
     rows: int
     first_row: int
     text: dict[str, tuple[int, str]] = field(default_factory=dict)
+    comments: tuple[str, ...] = ()
 
     def row(self, index: int | np.integer) -> str:
         """How a message names the sample at `index`."""

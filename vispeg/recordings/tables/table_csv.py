@@ -6,10 +6,12 @@ import csv
 import gzip
 import io
 import os
+import re
 import zlib
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,37 +32,92 @@ from vispeg.recordings.tables.table import (
 
 BLOCK = 1 << 22  # bytes
 MAX_LINE = 1 << 20
+RUNS = re.compile(rb"[ \t\r\n]+")
+COMMENT, MOST_COMMENTS = "#%", 1000
+
+
+@dataclass(frozen=True)
+class Head:
+    """What stands before the samples of a text table.
+
+    Attributes:
+        names: of the columns.
+        lines: before the first sample.
+        comments: those of them that are not the header.
+    """
+
+    names: list[str]
+    lines: int
+    comments: tuple[str, ...] = ()
 
 
 def read_csv(file: Path, reading: Reading) -> Table:
     """The table. Raises UserError for what is no text table, and for cells that are missing or too many."""
     with opened(file) as stream:
-        head, second = _line(stream, file, 0), _line(stream, file, 1)
-        if not head.strip():
-            raise UserError("is empty" if not second.strip() else "has no header line", file=file)
-        _refuse_dialect(head, second, reading.dialect, file)
-        names = header(head, reading.dialect, file)
-    wanted = reading.wanted(names)
-    table = _all_numbers(file, names, wanted, reading) if wanted else None
-    return table if table is not None else _cell_by_cell(file, names, wanted, reading)
+        head = _head(stream, file, reading.dialect)
+    wanted = reading.wanted(head.names)
+    table = _all_numbers(file, head, wanted, reading) if wanted else None
+    return table if table is not None else _cell_by_cell(file, head, wanted, reading)
 
 
-def header(line: str, dialect: Dialect, file: Path) -> list[str]:
-    """The names in a header line."""
+def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
+    """Reads up to the first sample. Raises UserError: no header or sample that these signs separate."""
+    before: list[str] = []
+    while True:
+        line = _line(stream, file, len(before))
+        if not line:
+            raise UserError("is empty" if not before else "has no header line", file=file)
+        if line.strip() and line.lstrip()[0] not in COMMENT:
+            break
+        before.append(line)
+        if len(before) > MOST_COMMENTS:
+            raise UserError("has no header line", file=file, expected=f"one after {MOST_COMMENTS} comments at most")
+    first = split_cells(line, dialect)
+    said = [i for i, text in enumerate(before) if text.strip()]
+    told = uncommented(before[said[-1]], dialect) if said else []
+    numeric = [as_float(cell.replace(dialect.decimal, ".")) is not None for cell in first]
+    if told and len(told) == len(first) > 1 and any(numeric):  # np.savetxt, gnuplot, rostopic: the header is a comment
+        names, lines = told, len(before)
+        before = [text for i, text in enumerate(before) if i != said[-1]]
+    elif all(numeric):
+        names, lines = list(dialect.names) or [str(k + 1) for k in range(len(first))], len(before)
+        if len(names) != len(first):
+            got = f"{len(names)} names"
+            raise UserError("has another number of columns", file=file, key="--columns", expected=len(first), got=got)
+    else:
+        _refuse_dialect(line, _line(stream, file, len(before) + 1), dialect, file)
+        names, lines = first, len(before) + 1
+    comments = tuple(text.strip() for text in before if text.strip())
+    return Head(checked_names([name.strip() for name in names], file), lines, comments)
+
+
+def uncommented(line: str, dialect: Dialect) -> list[str]:
+    """The cells of a comment, without its sign; `%time` of rostopic is a name and stays."""
+    text = line.lstrip()
+    return split_cells(text if text[0] == "%" and text[1:2].isalpha() else text[1:].lstrip(), dialect)
+
+
+def split_cells(line: str, dialect: Dialect) -> list[str]:
+    """The cells of a line; none where it cannot be cut."""
+    line = line.rstrip("\r\n")
+    if dialect.separator == " ":
+        return line.split()
     try:
-        cells = next(csv.reader([line.rstrip("\r\n")], delimiter=dialect.separator))
-        return checked_names([name.strip() for name in cells], file)
-    except (csv.Error, StopIteration) as error:
-        raise UserError(f"header line cannot be read: {error}", file=file) from error
+        return next(csv.reader([line], delimiter=dialect.separator), [])
+    except csv.Error:
+        return []
 
 
 @contextmanager
-def opened(file: Path) -> Iterator[BinaryIO]:
-    """The bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is."""
+def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
+    """The bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is.
+
+    With `blanks` every run of blanks and tabs becomes one blank, and none stays at the ends of a line.
+    """
     refuse_special(file)
     with file.open("rb") as raw:
         packed = file.suffix.lower() == ".gz"
-        stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file)
+        stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file, blanks)
         try:
             yield io.BufferedReader(stream, 1 << 18)  # type: ignore[return-value]
         except (gzip.BadGzipFile, zlib.error, EOFError) as error:
@@ -70,8 +127,8 @@ def opened(file: Path) -> Iterator[BinaryIO]:
 class _Limited(io.RawIOBase):
     """A stream without its byte order mark and without blank lines at its end, that ends a file grown too large."""
 
-    def __init__(self, stream: Any, raw: BinaryIO, file: Path):
-        self._stream, self.raw, self._file = stream, raw, file
+    def __init__(self, stream: Any, raw: BinaryIO, file: Path, blanks: bool = False):
+        self._stream, self.raw, self._file, self._blanks = stream, raw, file, blanks
         self._held, self._ready, self._count = b"", b"", 0
 
     def readable(self) -> bool:
@@ -89,14 +146,20 @@ class _Limited(io.RawIOBase):
             self._count += len(data)
             if self._count > MAX_BYTES:
                 raise UserError("is too large", file=self._file, expected=f"at most {MAX_BYTES} bytes unpacked")
-            solid = data.rstrip(b" \r\n")
+            solid = data.rstrip(b" \t\r\n" if self._blanks else b" \r\n")
             if solid:
                 self._ready, self._held = self._held + solid, data[len(solid) :]
+                self._ready = RUNS.sub(_one, self._ready) if self._blanks else self._ready
             else:
                 self._held += data
         n = min(len(buffer), len(self._ready))
         buffer[:n], self._ready = self._ready[:n], self._ready[n:]
         return n
+
+
+def _one(run: re.Match[bytes]) -> bytes:
+    """A line's end for blanks around one, else one blank."""
+    return b"\n" * run[0].count(b"\n") or b" "
 
 
 def _line(stream: BinaryIO, file: Path, number: int) -> str:
@@ -119,11 +182,12 @@ def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> Non
     raise UserError(f"columns are separated by {name}{also}", file=file, expected=repr(separator), got=other)
 
 
-def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Reading) -> Table | None:
+def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table | None:
     """The wanted columns where each of their cells is a number or empty; None where a closer look is needed."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
+    names, first = head.names, head.lines + 1
     collected, size = Columns(reading.retained(names)), max(os.stat(file).st_size, 1)
     convert = arrow.ConvertOptions(
         column_types=dict.fromkeys(wanted, pa.float64()),
@@ -132,9 +196,10 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
         decimal_point=reading.dialect.decimal,
     )
     try:
-        with opened(file) as stream:
+        with opened(file, reading.dialect.separator == " ") as stream:
             limited: Any = stream.raw  # type: ignore[attr-defined]
-            stream.readline()
+            for _ in range(head.lines):
+                stream.readline()
             source = arrow.open_csv(
                 stream,
                 arrow.ReadOptions(column_names=names, use_threads=False, block_size=BLOCK),
@@ -144,7 +209,7 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
             for batch in source:
                 block = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
                 if reading.look is not None:
-                    reading.look(Table(file, block, names, batch.num_rows, 2 + collected.rows))
+                    reading.look(Table(file, block, names, batch.num_rows, first + collected.rows))
                 collected.add(block, batch.num_rows)
                 check_rows(collected.rows, file)
                 reading.progress(limited.raw.tell() / size)
@@ -152,19 +217,21 @@ def _all_numbers(file: Path, names: list[str], wanted: list[str], reading: Readi
                     break
     except pa.ArrowException:
         return None
-    return Table(file, collected.done(), names, collected.rows, 2)
+    return Table(file, collected.done(), names, collected.rows, first, comments=head.comments)
 
 
-def _cell_by_cell(file: Path, names: list[str], wanted: list[str], reading: Reading) -> Table:
+def _cell_by_cell(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table:
+    names, first = head.names, head.lines + 1
     columns = {names.index(name): array("d") for name in wanted}
     text: dict[str, tuple[int, str]] = {}
     point = reading.dialect.decimal
     rows = 0
-    with opened(file) as stream:
-        stream.readline()
-        lines = (_line(stream, file, n) for n in range(1, 1 << 62))
+    with opened(file, reading.dialect.separator == " ") as stream:
+        for _ in range(head.lines):
+            stream.readline()
+        lines = (_line(stream, file, n) for n in range(head.lines, 1 << 62))
         try:
-            for number, cells in enumerate(csv.reader(_until_empty(lines), delimiter=reading.dialect.separator), 2):
+            for number, cells in enumerate(csv.reader(_until_empty(lines), delimiter=reading.dialect.separator), first):
                 if len(cells) != len(names):
                     raise _torn(file, number, cells, names)
                 for i, column in columns.items():
@@ -180,7 +247,7 @@ def _cell_by_cell(file: Path, names: list[str], wanted: list[str], reading: Read
         except csv.Error as error:
             raise UserError(f"cannot be read: {error}", file=file) from error
     values = {names[i]: np.array(column) for i, column in columns.items() if names[i] not in text}
-    table = Table(file, values, names, rows, 2, text)
+    table = Table(file, values, names, rows, first, text, head.comments)
     if reading.look is not None:
         reading.look(table)
     return table

@@ -29,13 +29,15 @@ OF_UNIT = {
     **dict.fromkeys(("N m", "mNm", "N cm"), "tau"),
 }
 TIME = {"t", "time", "timestamp", "stamp", "timestep", "clock", "elapsed", "zeit", "zeitstempel", "uhrzeit"}
-POSITION = {"q", "pos", "position", "positions", "angle", "angles", "theta", "jpos", "winkel", "state", "phi"}
-VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "omega", "qdot", "geschwindigkeit"}
+POSITION = {"q", "pos", "position", "positions", "angle", "angles", "theta", "jpos", "winkel", "state", "phi",
+            "qpos"}  # fmt: skip
+VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "omega", "qdot", "geschwindigkeit",
+            "qvel"}  # fmt: skip
 TORQUE = {"tau", "trq", "tq", "torque", "torques", "effort", "efforts", "moment", "moments", "load", "drehmoment"}
 OTHER = {  # quantity -> words, and why it is not used
     "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"}, "accelerations are not"),
-    "current": ({"current", "currents", "curr", "amp", "amps", "macur", "iq", "strom"}, "a current is no torque: its "
-                "torque constant is not known"),
+    "current": ({"current", "currents", "curr", "amp", "amps", "macur", "iq", "strom"}, "measured torque is there, "
+                "so that currents are not"),
     "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
     "temperature": ({"temp", "temperature", "temperatur"}, "temperatures are not"),
     "voltage": ({"voltage", "volt", "spannung"}, "voltages are not"),
@@ -45,10 +47,12 @@ OTHER = {  # quantity -> words, and why it is not used
 }  # fmt: skip
 COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "target", "targets", "setpoint", "setpoints",
              "goal", "goals", "ref", "reference", "action", "soll", "sollwert", "sp"}  # fmt: skip
-MEASURED = {"act", "actual", "meas", "measured", "ist", "istwert", "state", "fb", "feedback", "observation", "present"}
+MEASURED = {"act", "actual", "meas", "measured", "ist", "istwert", "state", "fb", "feedback", "present",
+            "observation", "observations", "obs"}  # fmt: skip
 WHOLE = {  # a word that says quantity and source at once: KUKA's RSI
     "aipos": ("q", False), "aspos": ("q", True), "axisact": ("q", False), "axisactmeas": ("q", False),
 }  # fmt: skip
+NO_JOINT = {"tcp", "rx", "ry", "rz", "camera", "gyro", "imu"}  # with a unit, yet of no joint
 FILL = {"field", "data", "value", "values", "robot", "arm", "joint", "joints", "axis", "axes", "states", "j", "motor",
         "measuredjoint", "commandedjoint", "msg", "lbr", "js", "gelenk", "achse", "ee", "hat", "filtered"}  # fmt: skip
 
@@ -100,10 +104,17 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
             commanded, taken = True, taken | {i}
         elif commanded is None and word in MEASURED:
             commanded, taken = False, taken | {i}
+    if commanded is None and not quantity and unit in OF_UNIT and not set(words) & NO_JOINT:
+        quantity, said = OF_UNIT[unit], f"[{unit}]"  # `M1 [Nm]`
     if commanded is not None and not quantity:  # `goal_rad`, `action`: the unit has to say of what
         quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
     label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
     return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
+
+
+def bare(name: str) -> str:
+    """A name without its unit."""
+    return _unit(name)[1]
 
 
 def split(name: str) -> list[str]:

@@ -4,33 +4,62 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypedDict
+from typing import Literal, TypedDict
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess import values
-from vispeg.recordings.importers.guess.names import OTHER, TIME, Meaning, meaning, split
+from vispeg.recordings.importers.guess.names import (
+    FILL,
+    OTHER,
+    TIME,
+    TORQUE,
+    VELOCITY,
+    Meaning,
+    bare,
+    meaning,
+    split,
+)
+from vispeg.recordings.importers.guess.ticks import Decoded, decoded
 from vispeg.recordings.importers.mapping import FACTORS
+from vispeg.recordings.importers.slopes import TOGETHER, slope
 from vispeg.recordings.tables.table import Dialect, Table
 
 NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque", "q_cmd": "commanded angle",
          "dq_cmd": "commanded speed", "tau_cmd": "commanded torque"}  # fmt: skip
+SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
+SHOWN = 8  # numbers of a row that are shown
 ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")
 
 
 @dataclass(frozen=True)
 class Line:
-    """One column of the map: what it becomes, which column it is, its unit, and why."""
+    """One column of the map.
+
+    Attributes:
+        target: what it becomes.
+        column: which it is; empty for one that is stated as missing.
+        unit: of its values.
+        why: in words.
+        sure: how sure that is: `stated` by the file, `measured` in its numbers, or `likely`.
+        scale: factor on the values beside the unit.
+        plus: a further column that is added, and its unit.
+        rate_hz: samples a second, where the file keeps no time.
+    """
 
     target: str
     column: str
     unit: str
     why: str
+    sure: Literal["stated", "measured", "likely"] = "likely"
+    scale: float = 1.0
+    plus: tuple[str, str] | None = None
+    rate_hz: float | None = None
 
 
 class Stated(TypedDict, total=False):
@@ -38,6 +67,7 @@ class Stated(TypedDict, total=False):
 
     joints: list[str]
     torque_sensor: str
+    control: dict[str, str]
 
 
 @dataclass
@@ -52,6 +82,9 @@ class Proposal:
         dialect: of a text table.
         doubts: sentences on what a person should look at.
         unused: column -> why it is not used.
+        assumed: signals whose columns are taken in an order that nothing states.
+        current: whether measured torque is a motor current, whose scale has to be found.
+        rows: the rows that decided, as they stand in the file.
     """
 
     file: Path
@@ -61,6 +94,9 @@ class Proposal:
     dialect: Dialect
     doubts: list[str] = field(default_factory=list)
     unused: dict[str, str] = field(default_factory=dict)
+    assumed: set[str] = field(default_factory=set)
+    current: bool = False
+    rows: list[str] = field(default_factory=list)
 
     def signals(self) -> set[str]:
         """Names of the signals that were found."""
@@ -68,7 +104,15 @@ class Proposal:
 
 
 def propose(
-    table: Table, joints: Sequence[str], limits: Limits, dialect: Dialect, labels: dict[str, str] | None = None
+    table: Table,
+    joints: Sequence[str],
+    limits: Limits,
+    dialect: Dialect,
+    labels: dict[str, str] | None = None,
+    *,
+    order: Sequence[int] | None = None,
+    rate_hz: float | None = None,
+    calibration: Mapping[str, int] | None = None,
 ) -> Proposal:
     """Guesses what the columns of a table are.
 
@@ -78,15 +122,25 @@ def propose(
         limits: of these joints; what angles and speeds are held against.
         dialect: how the table is written.
         labels: column -> joint, where something beside the header says so.
+        order: for each joint, whose column it gets where nothing states an order.
+        rate_hz: samples a second, of a file that keeps no time.
+        calibration: joint -> encoder ticks of its calibrated range.
 
     Raises:
         UserError: no column can be the time, or none the angles.
     """
-    meanings = [meaning(name, _labels(table, labels or {})) for name in table.names]
+    named = _labels(table, labels or {})
+    meanings = _own([meaning(name, named) for name in table.names], joints, table)
     out = Proposal(table.file, [], [], {}, dialect)
-    groups = _groups([m for m in meanings if m.name in table.columns and m.quantity in ("q", "dq", "tau")])
+    there = [m for m in meanings if m.name in table.columns]
+    groups = _groups([m for m in there if m.quantity in ("q", "dq", "tau")])
     chosen = _chosen(groups, out)
-    placed = {signal: _placed(group, joints, signal, out) for signal, group in chosen.items()}
+    if "tau" not in chosen:
+        currents = _groups([m for m in there if m.quantity == "current"])
+        measured = [group for (_, commanded, _), group in currents.items() if not commanded]
+        if measured:
+            chosen["tau"], out.current = max(measured, key=len), True
+    placed = {signal: _placed(group, joints, signal, out, order) for signal, group in chosen.items()}
     placed = {signal: columns for signal, columns in placed.items() if columns}
     if "q" not in placed:
         expected = "names such as q1, position_0, joint1.pos, actual_q_0; a map of your own says it otherwise"
@@ -101,28 +155,35 @@ def propose(
         out.unused |= {
             m.name: "never negative: the size of a torque without its sign" for m in placed.pop("tau").values()
         }
-    order = [list(joints).index(joint) for joint in out.joints]
-    selected = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
+    places = [list(joints).index(joint) for joint in out.joints]
+    selected = Limits(limits.range[places], limits.velocity[places], limits.torque[places])
     stacks = {s: _stack(table, [placed[s][j] for j in out.joints]) for s in placed}
-    units = values.units_of({s: [placed[s][j] for j in out.joints] for s in placed}, stacks, selected, out.doubts)
-    speeds = {s: _speeds([placed[s][j] for j in out.joints]) for s in ("dq", "dq_cmd") if s in placed}
-    time = _time(table, meanings, stacks, units, selected, speeds.get("dq", ()), out)
+    ticks = _ticks(placed["q"], stacks, out, calibration)
+    known = {s: ("tick", "encoder ticks") for s in ("q", "q_cmd") if s in placed and any(ticks)}
+    known |= {"tau": ("", "a motor current, whose scale is found by the model")} if out.current else {}
+    columns = {s: [placed[s][j] for j in out.joints] for s in placed}
+    units = values.units_of(columns, stacks, selected, out.doubts, known)
+    speeds = {s: _speeds(columns[s]) for s in ("dq", "dq_cmd") if s in placed}
+    time = _time(table, meanings, stacks, units, selected, speeds.get("dq", ()), out, rate_hz)
     out.lines.append(time)
-    seconds = table.columns[time.column] * FACTORS[time.unit]
+    seconds = _seconds(table, time)
     for signal, some in speeds.items():
         angle = "q_cmd" if signal == "dq_cmd" and "q_cmd" in placed else "q"
         q = stacks[angle] * FACTORS[units[angle][0]]
         units[signal] = values.speed_unit(seconds, q, stacks[signal], units[signal], some)
     episode = next((m.name for m in meanings if m.quantity == "episode" and m.name in table.columns), None)
     if episode is not None and values.all_integers(table.columns[episode]):
-        out.lines.append(Line("episode", episode, "", "its name says that it counts runs"))
+        out.lines.append(Line("episode", episode, "", "its name says that it counts runs", "stated"))
     for signal in sorted(placed, key=ORDER.index):
         unit, why = units[signal]
-        for joint in out.joints:
+        for joint, tick in zip(out.joints, ticks, strict=True):
             m = placed[signal][joint]
             low, high = values.span(table.columns[m.name])
-            words = f"{NAMES[signal]}: {m.said!r}{' of ' + repr(m.label) if m.label else ''}, {low:.4g} to {high:.4g}"
-            out.lines.append(Line(f"{signal}.{joint}", m.name, unit, f"{words}; {why}"))
+            called = m.said if " " in m.said else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
+            words = f"{NAMES[signal]}: {called}, {low:.4g} to {high:.4g}"
+            reason, scale = (why, 1.0) if tick is None or unit != "tick" else (_said(tick), tick.scale)
+            out.lines.append(Line(f"{signal}.{joint}", m.name, unit, f"{words}; {reason}", _sure(reason), scale))
+    out.rows = _rows(table, out, time)
     _leftover(table, meanings, out)
     if len(out.joints) < len(joints):
         out.recording["joints"] = out.joints
@@ -132,15 +193,116 @@ def propose(
         )
     if "tau" in placed:
         _sensor([m.name for m in placed["tau"].values()], out)
+    elif "q_cmd" in placed:
+        _servo(stacks, units, out)
     return out
 
 
+def _own(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
+    """Columns that are called as the joints are hold angles, or what the file's name says."""
+    full = {"_".join(split(joint)): joint for joint in joints}
+    short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
+    own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
+    found = {m.name: own[key] for m in meanings if not m.quantity and (key := "_".join(split(bare(m.name)))) in own}
+    if len(set(found.values())) < min(2, len(joints)):
+        return meanings
+    file = set(split(table.file.name))
+    quantity = "dq" if file & VELOCITY else "tau" if file & TORQUE else "q"
+    said = "the joint's own name"
+    return [replace(m, quantity=quantity, label=found[m.name], said=said) if m.name in found else m for m in meanings]
+
+
+def _ticks(
+    columns: Mapping[str, Meaning], stacks: dict[str, np.ndarray], out: Proposal, calibration: Mapping[str, int] | None
+) -> list[Decoded | None]:
+    """How normalised values become encoder ticks; the stacks of angles and goals are ticks then."""
+    if {m.unit for m in columns.values()} - {""}:
+        return [None] * len(out.joints)
+    names = [columns[joint].label or joint for joint in out.joints]
+    ticks = decoded(
+        stacks["q"], [f"{name} {joint}" for name, joint in zip(names, out.joints, strict=True)], calibration
+    )
+    if not any(ticks):
+        return ticks
+    for signal in ("q", "q_cmd"):
+        if signal in stacks:
+            stacks[signal] = stacks[signal] * [1.0 if tick is None else tick.scale for tick in ticks]
+    guessed = [j for j, tick in zip(out.joints, ticks, strict=True) if tick is not None and not tick.sure]
+    if guessed:
+        what = "hardly move, so that their range is not in the values: as wide as the others' is put down"
+        out.doubts.append(f"{', '.join(guessed)} {what}; a calibration file gives it")
+    out.doubts.append(
+        "normalised units: 0 is the middle of a joint's calibrated range, which is the zero of so101_new_calib.xml and "
+        "its like; 0 % of a gripper is its closed end, whose angle in the model the log does not say"
+    )
+    return ticks
+
+
+def _said(tick: Decoded) -> str:
+    unit = "per cent" if tick.full == 100 else "-100 to 100"
+    if not tick.values:
+        return f"{unit} of {tick.span} encoder ticks, as its calibration says"
+    if not tick.sure:
+        return f"{unit} of {tick.span} encoder ticks, which is a guess"
+    return f"{unit} of {tick.span} encoder ticks, of which all {tick.values} values are whole numbers"
+
+
+def _sure(reason: str) -> Literal["stated", "measured", "likely"]:
+    if reason.startswith("the name says") or "calibration says" in reason:
+        return "stated"
+    return "measured" if any(word in reason for word in ("match the change", "whole ", "no other unit")) else "likely"
+
+
+def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
+    """The rows that decide between units: the first, that of the largest angle, and the last."""
+    columns = [line.column for line in out.lines if line.target.startswith("q.")]
+    stack = np.stack([table.columns[name] for name in columns], axis=1)
+    peak = int(np.argmax(np.nanmax(np.abs(np.nan_to_num(stack)), axis=1)))
+    out_rows = []
+    for row in dict.fromkeys((0, peak, table.rows - 1)):
+        numbers = ", ".join(f"{value:.6g}" for value in stack[row, :SHOWN]) + (", .." if len(columns) > SHOWN else "")
+        at = f"{time.column} {table.columns[time.column][row]:.10g}: " if time.column else ""
+        out_rows.append(f"{table.row(row)}: {at}{numbers}")
+    return out_rows
+
+
+def _seconds(table: Table, time: Line) -> np.ndarray:
+    """The time (n,) s that a line makes."""
+    if time.rate_hz is not None:
+        return np.arange(table.rows) / time.rate_hz
+    seconds = table.columns[time.column] * FACTORS[time.unit]
+    return seconds if time.plus is None else seconds + table.columns[time.plus[0]] * FACTORS[time.plus[1]]
+
+
+def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], out: Proposal) -> None:
+    """Goals and angles without torque are a servo's, as far as the angles follow."""
+    q, goal = (stacks[s] * FACTORS[units[s][0]] for s in ("q", "q_cmd"))
+    ratio = slope(goal - np.nanmean(goal, axis=0), q - np.nanmean(q, axis=0))
+    if ratio is None or not 0.5 < ratio < 2.0:
+        out.doubts.append("the measured angles do not follow the goals: what drove the robot is not known")
+        return
+    out.recording["control"] = {"mode": "servo"}
+    out.doubts.append(
+        "control: servo is proposed, as there are goals and angles, no torque and no gains: each joint's own loop is "
+        "fitted; with its gains in N m/rad say mode: position, kp, kd"
+    )
+
+
 def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
-    """Columns `field.name0` = shoulder say that position0 belongs to shoulder, as ROS tools write JointState."""
+    """Columns that name joints: `field.name0` = shoulder for position0, or `name` = [shoulder, elbow] for all."""
     labels = dict(stated)
     for name, (_, cell) in table.text.items():
+        if "name" not in split(name) and "names" not in split(name):
+            continue
+        listed = re.findall(r"[A-Za-z_][\w./-]*", cell) if re.match(r"\s*[\[({]", cell) or "," in cell else []
+        if listed:  # bagpy, pandas: the list of a message's names in a column
+            for other in table.columns:
+                numbers = re.findall(r"\d+", other)
+                if numbers and int(numbers[-1]) < len(listed) and split(other)[-1:] == [str(int(numbers[-1]))]:
+                    labels.setdefault(other, listed[int(numbers[-1])])
+            continue
         numbers = re.findall(r"\d+", name)
-        if "name" in split(name) and numbers and re.fullmatch(r"[A-Za-z]\w*", cell.strip()):
+        if numbers and re.fullmatch(r"[A-Za-z]\w*", cell.strip()):
             for other in table.columns:
                 if re.findall(r"\d+", other)[-1:] == numbers[-1:] and split(other)[:-2] == split(name)[:-2]:
                     labels[other] = cell.strip()
@@ -158,7 +320,7 @@ def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[
 def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Proposal) -> dict[str, list[Meaning]]:
     """For each signal the group that is most surely it: the one that says `actual` before others, then the largest."""
     best: dict[str, list[Meaning]] = {}
-    for (quantity, commanded, _), group in sorted(groups.items(), key=lambda g: (g[0][1] is None, -len(g[1]))):
+    for (quantity, commanded, _), group in sorted(groups.items(), key=_rank):
         signal = quantity + ("_cmd" if commanded else "")
         if signal in best:
             rival = best[signal][0].name
@@ -168,8 +330,16 @@ def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Prop
     return best
 
 
-def _placed(group: list[Meaning], joints: Sequence[str], signal: str, out: Proposal) -> dict[str, Meaning]:
-    """Joint -> column: by the joint's name, else by number, else in order."""
+def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bool, bool, int]:
+    """Groups that say what they are first, then those that say `actual`, then the largest."""
+    (_, commanded, said), columns = group
+    return said.startswith("[") or " " in said, commanded is None, -len(columns)
+
+
+def _placed(
+    group: list[Meaning], joints: Sequence[str], signal: str, out: Proposal, order: Sequence[int] | None = None
+) -> dict[str, Meaning]:
+    """Joint -> column: by the joint's name, else by number, else in order, or in the one that is given."""
     named = _by_name(group, joints)
     if named:
         out.unused |= {m.name: "of no joint of this robot" for m in group if m not in named.values()}
@@ -179,17 +349,30 @@ def _placed(group: list[Meaning], joints: Sequence[str], signal: str, out: Propo
         first = min(int(label) for label in labels)
         numbered = {int(label) - (1 if first >= 1 else 0): m for label, m in zip(labels, group, strict=True)}
         out.unused |= {m.name: "the robot has no so many joints" for k, m in numbered.items() if k >= len(joints)}
-        return {joints[k]: m for k, m in sorted(numbered.items()) if k < len(joints)}
+        doubt = "no column names the joints: taken by their numbers in the robot's order"
+        if doubt not in out.doubts:
+            out.doubts.append(doubt)
+        out.assumed.add(signal)
+        return _ordered({joints[k]: m for k, m in sorted(numbered.items()) if k < len(joints)}, order)
     if len(group) == 1 and len(joints) > 1 or len(group) > len(joints):
         why = f"{len(group)} columns, {len(joints)} joints, and no name or number says which is which"
         out.unused |= {m.name: why for m in group}
         return {}
-    pairs = dict(zip(joints, group, strict=False))
-    order = ", ".join(f"{m.label or m.name} is {joint}" for joint, m in pairs.items())
-    doubt = f"no column is called as the robot's joints are: taken in the file's order ({order})"
+    pairs = _ordered(dict(zip(joints, group, strict=False)), order)
+    which = ", ".join(f"{m.label or m.name} is {joint}" for joint, m in pairs.items())
+    doubt = f"no column is called as the robot's joints are: taken in the file's order ({which})"
     if doubt not in out.doubts:
         out.doubts.append(doubt)
+    out.assumed.add(signal)
     return pairs
+
+
+def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str, Meaning]:
+    """The same columns in another order: joint `i` gets that of joint `order[i]`."""
+    if order is None or len(order) != len(pairs):
+        return pairs
+    names, columns = list(pairs), list(pairs.values())
+    return {name: columns[k] for name, k in zip(names, order, strict=True)}
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
@@ -201,7 +384,8 @@ def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
         words = "_".join(split(m.label))
         name = "_".join(split(m.name))
         hits = [n for n in full if re.search(rf"(?<![a-z0-9]){re.escape(n)}(?![0-9a-z])", name)]
-        joint = full[max(hits, key=len)] if hits else short.get(words) if not words.isdigit() else None
+        joint = full[max(hits, key=len)] if hits else full.get(words)
+        joint = short.get(words) if joint is None and not words.isdigit() else joint
         if joint is not None:
             columns.setdefault(joint, m)
     return columns if len(columns) > 1 or len(joints) == 1 else {}
@@ -229,24 +413,62 @@ def _time(
     limits: Limits,
     speeds: Sequence[str],
     out: Proposal,
+    rate_hz: float | None = None,
 ) -> Line:
-    """The column that is the time: named so and increasing, else any that increases by even steps."""
+    """The column that is the time: named so and increasing, else any that increases by even steps, else the rate."""
+    if rate_hz is not None:
+        return Line("time", "", "", f"the file is read at {rate_hz:g} Hz, as stated", "stated", rate_hz=rate_hz)
+    pair = _pair(table, meanings)
+    if pair is not None:
+        return Line("time", pair[0], "s", "seconds, and nanoseconds beside them", "stated", plus=(pair[1], "ns"))
     named = [m for m in meanings if m.name in table.columns and (m.quantity == "time" or set(split(m.name)) & TIME)]
     running = [m for m in named if values.increases(table.columns[m.name])]
     if not running:
         taken = {line.column for line in out.lines}
         running = [m for m in meanings if m.name in table.columns and m.name not in taken and not m.quantity]
         running = [m for m in running if values.increases(table.columns[m.name], even=True)]
+        if not running and (found := _rate(stacks, units)) is not None:
+            why = "no column is the time; at this rate the measured speeds are the change of the angles"
+            return Line("time", "", "", why, "measured", rate_hz=found)
         if not running:
-            raise UserError("no column looks like the time", file=table.file, expected="one that increases",
-                            choices=table.names)  # fmt: skip
+            expected = "one that increases; or --rate-hz, how many samples a second there are"
+            raise UserError("no column looks like the time", file=table.file, expected=expected, choices=table.names)
         out.doubts.append(f"no column is called time: {running[0].name} increases by even steps")
     best = min(running, key=lambda m: ("nano" in m.name or "nsec" in split(m.name), len(split(m.name))))
     for other in running:
         if other is not best:
             out.unused[other.name] = f"{best.name} is taken for the time"
     unit, why = values.time_unit(table.columns[best.name], best.unit, stacks, units, limits, out.doubts, speeds)
-    return Line("time", best.name, unit, why)
+    return Line("time", best.name, unit, why, _sure(why))
+
+
+def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]) -> float | None:
+    """Samples a second by which measured speeds are the slope of the angles; None where that is not known."""
+    if "dq" not in stacks:
+        return None
+    q, dq = (stacks[signal] * FACTORS[units[signal][0]] for signal in ("q", "dq"))
+    step, speed = np.diff(q, axis=0), 0.5 * (dq[1:] + dq[:-1])
+    usual = np.abs(step) <= 3 * np.nanquantile(np.abs(step), 0.99, axis=0)  # between two episodes the angles jump
+    rate = slope(np.where(usual, step, np.nan), speed, TOGETHER)
+    if rate is None or not values.RATES[0] <= rate <= values.RATES[1]:
+        return None
+    return float(round(rate)) if abs(rate / round(rate) - 1) < 0.01 else rate
+
+
+def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
+    """Columns of whole seconds and of the nanoseconds in them, as ROS and DROID write a stamp; None where none are."""
+    for m in meanings:
+        words = split(m.name)
+        if m.name not in table.columns or not words or words[-1] not in NANOS:
+            continue
+        for other in meanings:
+            theirs = split(other.name)
+            if theirs[:-1] == words[:-1] and theirs[-1] in SECONDS and other.name in table.columns:
+                nanos, whole = table.columns[m.name], table.columns[other.name]
+                total = whole + 1e-9 * nanos
+                if values.all_integers(whole) and 0 <= values.span(nanos)[0] and values.increases(total):
+                    return other.name, m.name
+    return None
 
 
 def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
@@ -257,7 +479,7 @@ def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
 
 def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
     """A word on every column that is not used."""
-    taken = {line.column for line in out.lines}
+    taken = {line.column for line in out.lines} | {line.plus[0] for line in out.lines if line.plus is not None}
     for m in meanings:
         if m.name in taken or m.name in out.unused:
             continue

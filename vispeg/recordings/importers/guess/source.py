@@ -1,42 +1,163 @@
-"""Reads as much of a table as a guess needs, and what lies beside it."""
+"""Reads as much of a table as a guess needs and what lies beside it, and tries what is guessed against the model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vispeg.core.errors import UserError
+from vispeg.core.notes import Note
 from vispeg.formats.json_data import read_json
 from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.importers.fits import Needs, order_that_fits, scales
+from vispeg.recordings.importers.guess import words
 from vispeg.recordings.importers.guess.dialect import dialect_of
-from vispeg.recordings.importers.guess.propose import Proposal, propose
-from vispeg.recordings.tables.read import read_table
-from vispeg.recordings.tables.table import Dialect, Reading
+from vispeg.recordings.importers.guess.propose import Line, Proposal, propose
+from vispeg.recordings.importers.guess.ticks import calibration_beside, read_calibration
+from vispeg.recordings.importers.mapping import map_from
+from vispeg.recordings.importers.plausible import doubts
+from vispeg.recordings.importers.table import from_table
+from vispeg.recordings.importers.turns import turned
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.tables.read import is_text, read_table
+from vispeg.recordings.tables.table import Dialect, Reading, Table
 
 ROWS = 200_000  # that are looked at: header and ranges need no more
 INFO = "meta/info.json"  # of a LeRobot data set, up to four folders above its tables
 
+NeedsOf = Callable[[Recording], Needs | None]  # the robot's torques for the joints of a recording
 
-def guess(source: Path, joints: Sequence[str], limits: Limits) -> Proposal:
-    """A map for a table of unknown names; nothing is taken from a name that the numbers contradict.
+
+def guess(
+    source: Path,
+    joints: Sequence[str],
+    limits: Limits,
+    needs_of: NeedsOf = lambda rec: None,
+    *,
+    rate_hz: float | None = None,
+    names: Sequence[str] = (),
+    calibration: Path | None = None,
+) -> Proposal:
+    """A map for a table of unknown names; nothing is proposed that the numbers or the model contradict unsaid.
 
     Args:
-        source: a .csv, .csv.gz or .parquet file.
+        source: what `read_table` reads.
         joints: the robot's joints.
         limits: of these joints.
+        needs_of: the model's torques, against which an order that nothing states and the scale of torques are tested.
+        rate_hz: samples a second of a file that keeps no time.
+        names: of the columns of a text table or array without a header.
+        calibration: LeRobot's calibration file; by default the one beside the data set.
 
     Raises:
         UserError: no table, or one in which no column can be the time or the angles.
     """
-    dialect = Dialect() if source.suffix.lower() == ".parquet" else dialect_of(source)
+    dialect = dialect_of(source, tuple(names)) if is_text(source) and source.is_file() else Dialect(names=tuple(names))
     table = read_table(source, Reading(most_rows=ROWS, dialect=dialect))
-    return propose(table, joints, limits, dialect, _lerobot(source))
+    if all(name.isdigit() for name in table.names):
+        expected = f"--columns with {len(table.names)} names, such as time,q1,q2"
+        raise UserError("the first line holds numbers", file=source, expected=expected)
+    file = calibration or calibration_beside(source)
+    ranges = None if file is None else read_calibration(file)
+
+    def proposed(order: Sequence[int] | None = None) -> Proposal:
+        return propose(
+            table, joints, limits, dialect, _lerobot(source), order=order, rate_hz=rate_hz, calibration=ranges
+        )
+
+    out = proposed()
+    rec = _tried(out, table, source, joints, limits)
+    needs = None if rec is None else needs_of(rec)
+    if rec is None or needs is None:
+        return _without_current(out)
+    if out.assumed and rec.tau is not None and not out.current:
+        better = order_that_fits(rec, needs)
+        if better is not None:
+            out = proposed(better.order)
+            mended = _tried(out, table, source, joints, limits)
+            which = ", ".join(line.column for line in out.lines if line.target.startswith("q."))
+            out.doubts.append(
+                f"another order than the file's fits the model: {better.best:.3g} N m are left in place of "
+                f"{better.given:.3g}; it is proposed: {which}"
+            )
+            rec = rec if mended is None else mended
+    _scaled(out, rec, needs)
+    return out
+
+
+def _tried(out: Proposal, table: Table, source: Path, joints: Sequence[str], limits: Limits) -> Recording | None:
+    """The recording that a proposal makes of what was read; what cannot be true of it becomes a doubt."""
+    try:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            rec = from_table(table, source, "robot", joints, map_from(words.data(out), source, joints))
+            order = [list(joints).index(joint) for joint in rec.joints]
+            chosen = Limits(limits.range[order], limits.velocity[order], limits.torque[order])
+            rec = turned(rec, chosen, source)
+    except UserError as error:
+        out.doubts.append(str(error).removeprefix(f"{source}: "))
+        return None
+    notes = [str(w.message).removeprefix(f"{source}: ") for w in said if issubclass(w.category, Note)]
+    out.doubts += [text for text in notes if "torque_sensor" not in text]  # is said of the proposal itself
+    degrees = any(line.unit == "deg" for line in out.lines if line.target.startswith("q."))
+    judged = replace(rec, tau=None) if out.current else rec
+    out.doubts += [doubt.line for doubt in doubts(judged, chosen, degrees)]
+    return rec
+
+
+def _scaled(out: Proposal, rec: Recording, needs: Needs) -> None:
+    """Gives torques that are none in N m the scale at which they are the model's, and leaves out those of no joint."""
+    found = None if rec.tau is None else scales(rec, needs)
+    if found is None or not (found.foreign or (out.current and found.told)):
+        if out.current:
+            _without_current(out)
+        return
+    out.doubts.append(found.line)
+    if any("the name says" in line.why for line in out.lines if line.target.startswith("tau.")):
+        return
+    known = np.abs(found.scale[np.isfinite(found.scale)])
+    usual = float(np.median(known))
+    lines = []
+    for line in out.lines:
+        signal, _, joint = line.target.partition(".")
+        if signal != "tau":
+            lines.append(line)
+            continue
+        j = found.joints.index(joint)
+        if not np.isfinite(found.scale[j]):
+            why = "carries nothing" if found.silent[j] else f"its scale is not known (the others' is {usual:.2g})"
+            out.unused[line.column] = f"{joint}: {why}"
+            lines.append(Line(line.target, "", "", f"measured torque: {why}", "measured"))
+            continue
+        s, sigma = float(found.scale[j]), float(found.sigma[j])
+        why = f"in proportion to the model's torque by {s:.3g} +- {sigma:.1g} a N m, {found.explained[j]:.0%} explained"
+        lines.append(replace(line, unit="N m", scale=float(f"{1 / s:.4g}"), why=f"{line.why}; {why}", sure="measured"))
+    out.lines = lines
+    out.recording["torque_sensor"] = "motor"
+    out.doubts = [d for d in out.doubts if not d.startswith("torque_sensor") and "it is not used until you" not in d]
+    out.doubts.append("torque_sensor: motor, as a current is; its scale can be fitted beside friction (torque_gain)")
+
+
+def _without_current(out: Proposal) -> Proposal:
+    """The proposal without currents whose scale nothing tells."""
+    if out.current:
+        why = "a current, whose scale this motion does not tell: no torque"
+        out.unused |= {line.column: why for line in out.lines if line.target.startswith("tau.")}
+        out.lines = [line for line in out.lines if not line.target.startswith("tau.")]
+        out.recording.pop("torque_sensor", None)
+        out.doubts = [doubt for doubt in out.doubts if not doubt.startswith("torque_sensor")]
+        out.current = False
+    return out
 
 
 def _lerobot(source: Path) -> dict[str, str]:
     """Columns `observation.state[0]` -> the joint that a LeRobot data set's information names for it."""
-    for folder in source.resolve().parents[:4]:
+    for folder in [source.resolve(), *source.resolve().parents[:4]]:
         if (folder / INFO).is_file():
             try:
                 features = read_json(folder / INFO)["features"]

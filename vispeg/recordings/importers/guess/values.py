@@ -9,8 +9,10 @@ import numpy as np
 
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.guess.names import Meaning
+from vispeg.recordings.importers.guess.ticks import step_of_degrees
 from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
+from vispeg.recordings.importers.turns import straightened
 
 TIMES = ("s", "ms", "us", "ns")
 SPEEDS = ("rad/s", "deg/s")  # what the speeds of a log are in whose names state no unit
@@ -35,17 +37,25 @@ def all_integers(column: np.ndarray) -> bool:
 def increases(column: np.ndarray, even: bool = False) -> bool:
     """Whether a column runs like a clock: upwards but for a few restarts; `even`: by steps that hardly differ."""
     step = np.diff(column)
+    if not even:
+        step = step[step != 0] if np.mean(step != 0) > 0.5 else step  # loggers write rows twice
     if len(step) < 2 or not np.isfinite(step).all() or np.mean(step > 0) < 0.97:
         return False
     return not even or bool(np.quantile(step, 0.95) < 1.5 * np.quantile(step, 0.05))
 
 
 def units_of(
-    columns: Mapping[str, list[Meaning]], stacks: Mapping[str, np.ndarray], limits: Limits, doubts: list[str]
+    columns: Mapping[str, list[Meaning]],
+    stacks: Mapping[str, np.ndarray],
+    limits: Limits,
+    doubts: list[str],
+    known: Mapping[str, tuple[str, str]] | None = None,
 ) -> dict[str, tuple[str, str]]:
-    """Signal -> (unit, why), of angles first, as the others are held against them."""
-    out = {}
+    """Signal -> (unit, why), of angles first, as the others are held against them; `known` are found already."""
+    out = dict(known or {})
     for signal in sorted(columns, key=lambda s: ("q", "q_cmd").index(s) if s in ("q", "q_cmd") else 2):
+        if signal in out:
+            continue
         said = {m.unit for m in columns[signal]} - {""}
         unit = said.pop() if len(said) == 1 else ""
         values = stacks[signal]
@@ -73,16 +83,19 @@ def _angle(
             f"{signal} reaches {peak:.4g}: neither radians nor degrees (encoder counts?); degrees are put down"
         )
         return "deg", f"beyond {TURNS:.3g}, so no radians"
+    if peak > TURNS and (step := step_of_degrees(values)) is not None:
+        return "deg", f"whole encoder ticks of {step:.5g} degrees"
     lerobot = any(word in m.name for m in columns for word in ("observation", "action", ".pos"))
     if peak > TURNS:
         if lerobot and 90 < peak <= 101:
             doubts.append(
-                f"{signal} stays within -100 to 100: degrees, or LeRobot's normalised units (use_degrees: false), "
-                "which no unit here turns into angles"
+                f"{signal} stays within -100 to 100: degrees, or LeRobot's normalised units (use_degrees: false), of "
+                "which the values show no encoder ticks; a calibration file gives the ranges"
             )
         return "deg", f"up to {peak:.4g}, beyond two turns in radians"
     low, high = limits.range.T
-    beyond = float(np.mean((values < low - 0.1) | (values > high + 0.1)))
+    straight, _ = straightened(values, limits.range)  # 0 to 2 pi is outside a range of +-pi, and no degrees
+    beyond = float(np.mean((straight < low - 0.1) | (straight > high + 0.1)))
     within = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
     if beyond > 0.02 and within == 0:
         return "deg", f"as radians {beyond:.0%} of the readings were outside the joints' ranges"
@@ -152,7 +165,10 @@ def _fits(
     if not RATES[0] <= 1.0 / period <= RATES[1]:
         return False
     good = step > 0
-    speed = np.diff(q, axis=0)[good] / (step[good] * factor)[:, None]
+    speed = (
+        np.diff(straightened(q, np.tile([-np.inf, np.inf], (q.shape[1], 1)))[0], axis=0)[good]
+        / (step[good] * factor)[:, None]
+    )
     top = np.where(np.isfinite(limits.velocity), 3.0 * limits.velocity, TOP_SPEED)
     if np.any(np.nanquantile(np.abs(speed), 0.99, axis=0) > top):
         return False

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.guess.propose import Line, Proposal
 from vispeg.recordings.tables.table import Dialect
 
 MANY = 12  # unused columns that are listed one by one
@@ -17,21 +17,33 @@ def data(proposal: Proposal) -> dict[str, object]:
     out: dict[str, object] = {}
     if proposal.dialect != Dialect():
         out["table"] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
+        out["table"] |= {"columns": [*proposal.dialect.names]} if proposal.dialect.names else {}
     for line in proposal.lines:
-        out[line.target] = {"column": line.column} | ({"unit": line.unit} if line.unit else {})
+        out[line.target] = _entry(line)
     if proposal.recording:
         out["recording"] = proposal.recording
     return out
 
 
+def _entry(line: Line) -> dict[str, object] | str:
+    if line.rate_hz is not None:
+        return {"rate_hz": line.rate_hz}
+    if not line.column:
+        return "none"
+    entry: dict[str, object] = {"column": line.column} | ({"unit": line.unit} if line.unit else {})
+    entry |= {"scale": line.scale} if line.scale != 1.0 else {}
+    return entry | ({"plus": {"column": line.plus[0], "unit": line.plus[1]}} if line.plus is not None else {})
+
+
 def text(proposal: Proposal) -> str:
     """The map file: a line a column with the reason behind it, then what to look at, and what is not used."""
     entries = data(proposal)
-    why = {line.target: line.why for line in proposal.lines}
+    why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
     rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in entries.items()]
     width = min(max(len(row) for row, _ in rows), 70)
     lines = [f"# A map guessed from {proposal.file.name}. Look at it before it is used."]
     lines += [f"{row:<{width}}  # {reason}" if reason else row for row, reason in rows]
+    lines += [f"# {row}" for row in proposal.rows]
     lines += [f"# look at: {doubt}" for doubt in proposal.doubts]
     unused = list(proposal.unused.items())
     lines += [f"# not used: {name} ({reason})" for name, reason in unused[:MANY]]
@@ -44,7 +56,10 @@ def advice(proposal: Proposal) -> list[str]:
     """What could be compared as proposed, and with a stated controller and torque sensor, in sentences."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     torque = "tau" in signals and sensor != "none"
-    if torque:
+    servo = proposal.recording.get("control", {}).get("mode") == "servo"
+    if servo:
+        now = "as proposed, the goals drive each joint's own loop, whose speed, play, friction and zero can be compared"
+    elif torque:
         now = "as proposed, motion and torque can be compared by inverse dynamics: friction, masses, torque offsets"
     else:
         why = "torque_sensor is not stated" if "tau" in signals else "there is no measured torque"
@@ -53,18 +68,18 @@ def advice(proposal: Proposal) -> list[str]:
     gain = (
         "the model is then driven as the robot was, which also shows delays, gear play, elasticity and encoder errors"
     )
-    if "q_cmd" in signals:
+    if "q_cmd" in signals and not servo:
         n = len(proposal.joints)
         out.append(
             f"state the controller for more: control: {{mode: position, rate_hz: .., gravity_compensation: model, "
             f"kp: [{n} numbers, N m/rad], kd: [{n} numbers, N m s/rad]}} under `recording:`; {gain}"
         )
-    elif "tau_cmd" in signals:
+    elif "tau_cmd" in signals and not servo:
         out.append(
             "state the controller for more: control: {mode: torque, rate_hz: .., gravity_compensation: model or "
             f"none}} under `recording:`; {gain}"
         )
-    else:
+    elif not servo:
         out.append(f"commanded angles or torques in the log, and the controller's gains, would allow more: {gain}")
     if "tau" not in signals:
         out.append("measured torques would separate friction from load, and allow a comparison without the gains")

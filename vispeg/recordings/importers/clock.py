@@ -1,0 +1,99 @@
+"""Mends what loggers do to a clock: rows written twice, steps back, commands that come less often than readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.core.notes import note
+
+COMMANDS = ("q_cmd", "dq_cmd")
+LONGEST = 3.5  # times the usual distance of two commands: where none comes for longer, none is known
+NAMED = 3  # steps back that are named one by one
+
+
+def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) -> dict[str, np.ndarray]:
+    """Drop repeated rows, cut where the clock steps back, hold commands between two of them; a note says each.
+
+    A row that repeats the time of the one before with other values is not touched: which one counts is not known.
+
+    Args:
+        columns: `time` (n,) s, maybe `episode`, and signals.
+        source: what notes and errors name.
+        first_row: what the source calls its first sample.
+
+    Raises:
+        UserError: two rows of one time with other values.
+    """
+    time = columns["time"]
+    if len(time) < 2 or not np.isfinite(time).all():
+        return columns
+    episode = columns.get("episode", np.zeros(len(time)))
+    same = (np.diff(time) == 0) & (np.diff(episode) == 0)
+    if same.any():
+        again = same.copy()
+        for values in columns.values():
+            again &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+        if (same & ~again).any():
+            row = int(np.flatnonzero(same & ~again)[0]) + 1
+            raise UserError(
+                "two rows of one time with other values",
+                file=source,
+                key=f"row {first_row + row}",
+                expected="a time of its own for every reading",
+                got=float(time[row]),
+            )
+        keep = np.concatenate([[True], ~again])
+        note(f"{source}: {int(again.sum())} rows that repeat the one before with its time are dropped")
+        columns = {name: values[keep] for name, values in columns.items()}
+        rows = first_row + np.flatnonzero(keep)
+    else:
+        rows = first_row + np.arange(len(time))
+    return _held(_cut(columns, source, rows), source)
+
+
+def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
+    """Number of each sample in its episode, (rows,)."""
+    if episode is None:
+        return np.arange(rows, dtype=float)
+    starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
+    return np.arange(rows, dtype=float) - np.repeat(starts, np.diff([*starts, rows]))
+
+
+def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """A new episode wherever the clock steps back inside one."""
+    time = columns["time"]
+    inside = np.ones(len(time) - 1, bool) if "episode" not in columns else np.diff(columns["episode"]) == 0
+    back = np.flatnonzero(inside & (np.diff(time) < 0))
+    if not len(back):
+        return columns
+    starts = np.zeros(len(time))
+    starts[back + 1] = 1
+    if "episode" in columns:
+        starts[1:][~inside] = 1
+    named = ", ".join(f"by {time[i] - time[i + 1]:.4g} s at row {rows[i + 1]}" for i in back[:NAMED])
+    more = f" and {len(back) - NAMED} times more" if len(back) > NAMED else ""
+    note(f"{source}: the clock stepped back {named}{more}: an episode ends there, and the next begins")
+    return columns | {"episode": np.cumsum(starts)}
+
+
+def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]:
+    """Commands that come less often than readings hold until the next one."""
+    time, out, held = columns["time"], dict(columns), 0
+    episode = columns.get("episode", np.zeros(len(time)))
+    for name, values in columns.items():
+        there = np.isfinite(values)
+        if name.partition(".")[0] not in COMMANDS or there.all() or there.sum() < 2:
+            continue
+        usual = np.median(np.diff(np.flatnonzero(there)))
+        if usual < 2:
+            continue  # commands come with every reading, but for some that are missing
+        last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))
+        known = (last >= 0) & (np.arange(len(values)) - last <= LONGEST * usual) & (episode[last] == episode)
+        out[name] = np.where(known, values[np.maximum(last, 0)], np.nan)
+        held += 1
+    if held:
+        note(f"{source}: commands come less often than readings: each holds until the next")
+    return out

@@ -1,0 +1,180 @@
+"""What measured torques say of a log by the robot's model: the order of its joints, and whether they are currents."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations
+
+import numpy as np
+
+from vispeg.recordings.differentiate import smooth
+from vispeg.recordings.recording import Recording
+
+Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n, nj) rad, rad/s, rad/s^2 -> N m
+MOTION_HZ = 8.0
+POSTURES = 24  # at which an order is judged
+MOST = 720  # orders that are tried one by one: of six joints
+BETTER = (
+    2.0  # times the error that another order must have less: a payload or friction does not make that of a right one
+)
+SAMPLES = 2000  # rows for the scale of torques
+EXPLAINED = 0.5  # share of a torque's variance that the model explains beside friction, from which its scale is known
+TORQUE = 3.0  # a scale beyond this factor is none that friction, gears or a payload make
+ALIKE = 10.0  # times: between the scales of one arm's motors, whose constants and gears differ by less
+TURNS = 2  # reversals of a joint, from which friction is told from load
+LITTLE = 0.1  # share of its variance that the model explains, below which a joint's torque carries nothing
+SPEEDS = 0.02  # share of the top speed below which a joint's friction has no direction
+
+
+@dataclass(frozen=True)
+class Order:
+    """An order in which torques fit better.
+
+    Attributes:
+        order: place in the log of each of the robot's joints.
+        given, best: RMS of torque, N m, against the model's, as given and in that order.
+    """
+
+    order: tuple[int, ...]
+    given: float
+    best: float
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Measured torque over the model's, joint by joint.
+
+    Attributes:
+        joints: names.
+        scale: (nj,) slope, NaN where it is not known.
+        sigma: (nj,) its standard deviation, as far as the residual is noise.
+        explained: (nj,) share of the variance that the slope explains.
+        silent: (nj,) bool, joints whose torque carries nothing.
+    """
+
+    joints: tuple[str, ...]
+    scale: np.ndarray
+    sigma: np.ndarray
+    explained: np.ndarray
+    silent: np.ndarray
+
+    @property
+    def told(self) -> bool:
+        """Whether the scales of half of the joints are known and alike: one joint alone may as well be wrong."""
+        known = np.abs(self.scale[np.isfinite(self.scale)])
+        return len(known) >= max(2, len(self.scale) / 2) and bool(known.max() < ALIKE * known.min())
+
+    @property
+    def foreign(self) -> bool:
+        """Whether this is no torque in N m: the scales are known, and none is about 1."""
+        known = self.scale[np.isfinite(self.scale)]
+        return self.told and bool(((known < 1 / TORQUE) | (known > TORQUE)).all())
+
+    @property
+    def line(self) -> str:
+        """One sentence for a person."""
+        known = np.isfinite(self.scale)
+        names = [name for name, is_known in zip(self.joints, known, strict=True) if is_known]
+        sizes = np.abs(self.scale[known])
+        reversed_ = [name for name, s in zip(self.joints, self.scale, strict=True) if s < 0]
+        back = f", reversed at {' and '.join(reversed_)}" if reversed_ else ""
+        said = f"the measured torque of {', '.join(names)} is in proportion to the model's, by {sizes.min():.2g}"
+        said += (
+            f" to {sizes.max():.2g}{back}: looks like a current" if len(names) > 1 else f"{back}: looks like a current"
+        )
+        silent = [name for name, is_silent in zip(self.joints, self.silent, strict=True) if is_silent]
+        return said + (f"; {', '.join(silent)} carry nothing and are left out" if silent else "")
+
+
+def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
+    """The order of the joints in which torques fit the model by far better than as given; None where none does.
+
+    All orders are tried up to six joints, beyond them exchanges of two and three, as long as they help.
+
+    Args:
+        rec: with measured torque.
+        needs: torques of the robot's model for a motion of its joints.
+    """
+    found = _motion(rec, POSTURES)
+    if found is None or len(rec.joints) < 2:
+        return None
+    motion, tau = found
+
+    def error(order: Sequence[int]) -> float:
+        """RMS of the torques in this order, without a constant of each joint."""
+        left = tau[:, order] - needs(*(part[:, order] for part in motion))
+        return float(np.sqrt(np.mean((left - left.mean(axis=0)) ** 2)))
+
+    n = tau.shape[1]
+    given = error(range(n))
+    torques = float(np.sqrt(np.mean((tau - tau.mean(axis=0)) ** 2)))
+    if given * BETTER < torques:  # as given they fit
+        return None
+    best = min(permutations(range(n)), key=error) if math.factorial(n) <= MOST else _exchanged(n, error)
+    least = error(best)
+    explains = least * BETTER < torques  # a wrong model fits in no order
+    return Order(tuple(best), given, least) if least * BETTER < given and explains else None
+
+
+def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
+    """The order that no exchange of two, and none of three, makes better."""
+    best, least = list(range(n)), error(range(n))
+    for some in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
+        for places in some:
+            other = best.copy()
+            for place, source in zip(places, (*places[1:], places[0]), strict=True):
+                other[place] = best[source]
+            if (value := error(other)) < least:
+                best, least = other, value
+    return tuple(best)
+
+
+def scales(rec: Recording, needs: Needs) -> Scales | None:
+    """Slope of measured torque over the model's, joint by joint, fitted with dry and viscous friction and a constant.
+
+    Args:
+        rec: with measured torque.
+        needs: torques of the robot's model for a motion of its joints.
+    """
+    found = _motion(rec, SAMPLES)
+    if found is None:
+        return None
+    (q, dq, ddq), tau = found
+    needed = needs(q, dq, ddq)
+    n, nj = tau.shape
+    scale, sigma, explained = (np.full(nj, np.nan) for _ in range(3))
+    for j in range(nj):
+        top = np.quantile(np.abs(dq[:, j]), 0.99)
+        if not top > 0 or not np.std(tau[:, j]) > 0:
+            explained[j] = 0.0
+            continue
+        others = np.stack([np.ones(n), dq[:, j], np.tanh(dq[:, j] / (SPEEDS * top))], 1)
+        x, y = (v - others @ np.linalg.lstsq(others, v, rcond=None)[0] for v in (needed[:, j], tau[:, j]))
+        if not x @ x > 0 or not y @ y > 0:
+            explained[j] = 0.0
+            continue
+        slope = float(x @ y) / float(x @ x)
+        explained[j] = slope**2 * float(x @ x) / float(y @ y)
+        turns = np.count_nonzero(np.diff(np.sign(dq[np.abs(dq[:, j]) > SPEEDS * top, j])))
+        if explained[j] > EXPLAINED and turns >= TURNS:
+            scale[j] = slope
+            sigma[j] = math.sqrt(max(float(y @ y) - slope * float(x @ y), 0.0) / max(n - 4, 1) / float(x @ x))
+    known = np.isfinite(scale)
+    if not known.any():
+        return None
+    silent = ~known & (explained < LITTLE)
+    return Scales(rec.joints, scale, sigma, explained, silent)
+
+
+def _motion(rec: Recording, most: int) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None:
+    """Smoothed motion and torque (n, nj) at some of the moments at which all are known."""
+    if rec.tau is None:
+        return None
+    motion = smooth(rec.time, rec.q, MOTION_HZ)
+    rows = np.flatnonzero(np.isfinite([*motion, rec.tau]).all(axis=(0, 2)))
+    if len(rows) < 20:
+        return None
+    rows = rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
+    return (motion[0][rows], motion[1][rows], motion[2][rows]), rec.tau[rows]
