@@ -22,6 +22,7 @@ TABLES = (*TEXTS, ".parquet")
 STORES = tuple(READERS)
 LEROBOT = Path("meta") / "info.json"
 HELD = re.compile(r"cmd|command|goal|target|desired|setpoint|(^|[^a-z])ref|action", re.IGNORECASE)
+SIGNAL = re.compile(r"pos|angle|vel|speed|effort|torq|tau|curr|cmd|command|goal|target", re.IGNORECASE)
 CLOCKS = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|zeit)([^a-z]|$)", re.IGNORECASE)
 
 
@@ -83,7 +84,9 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
         return replace(_file(files[0], reading), file=folder)
     tables = [_file(file, whole) for file in files]
     check_rows(sum(table.rows for table in tables), folder)
-    alike = all(table.names == tables[0].names for table in tables)
+    said = [SIGNAL.search(table.file.stem) for table in tables]
+    signals = all(said) and len({match[0].lower() for match in said if match}) > 1  # the joints' names in each
+    alike = not signals and all(table.names == tables[0].names for table in tables)
     columns = _episodes(tables) if alike else _joined(folder, tables)
     names = list(columns)
     text = tables[0].text if alike else {}

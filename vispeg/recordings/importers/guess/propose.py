@@ -48,6 +48,7 @@ class Line:
         why: in words.
         sure: how sure that is: `stated` by the file, `measured` in its numbers, or `likely`.
         scale: factor on the values beside the unit.
+        offset: what is added then, SI.
         plus: a further column that is added, and its unit.
         rate_hz: samples a second, where the file keeps no time.
     """
@@ -58,6 +59,7 @@ class Line:
     why: str
     sure: Literal["stated", "measured", "likely"] = "likely"
     scale: float = 1.0
+    offset: float = 0.0
     plus: tuple[str, str] | None = None
     rate_hz: float | None = None
 
@@ -176,13 +178,17 @@ def propose(
         out.lines.append(Line("episode", episode, "", "its name says that it counts runs", "stated"))
     for signal in sorted(placed, key=ORDER.index):
         unit, why = units[signal]
-        for joint, tick in zip(out.joints, ticks, strict=True):
+        for joint, tick, low_end in zip(out.joints, ticks, selected.range[:, 0], strict=True):
             m = placed[signal][joint]
             low, high = values.span(table.columns[m.name])
             called = m.said if " " in m.said else f"{m.said!r}{' of ' + repr(m.label) if m.label else ''}"
             words = f"{NAMES[signal]}: {called}, {low:.4g} to {high:.4g}"
             reason, scale = (why, 1.0) if tick is None or unit != "tick" else (_said(tick), tick.scale)
-            out.lines.append(Line(f"{signal}.{joint}", m.name, unit, f"{words}; {reason}", _sure(reason), scale))
+            gripper = unit == "tick" and tick is not None and tick.full == 100 and np.isfinite(low_end)
+            offset = float(f"{low_end:.6g}") if gripper else 0.0
+            out.lines.append(
+                Line(f"{signal}.{joint}", m.name, unit, f"{words}; {reason}", _sure(reason), scale, offset)
+            )
     out.rows = _rows(table, out, time)
     _leftover(table, meanings, out)
     if len(out.joints) < len(joints):
@@ -233,7 +239,7 @@ def _ticks(
         out.doubts.append(f"{', '.join(guessed)} {what}; a calibration file gives it")
     out.doubts.append(
         "normalised units: 0 is the middle of a joint's calibrated range, which is the zero of so101_new_calib.xml and "
-        "its like; 0 % of a gripper is its closed end, whose angle in the model the log does not say"
+        "its like; 0 % of a gripper is its closed end, for which the joint's lower limit in the model is put down"
     )
     return ticks
 

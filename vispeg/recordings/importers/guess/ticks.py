@@ -134,8 +134,9 @@ def calibration_beside(source: Path) -> Path | None:
 
 
 def _told(name: str, calibration: Mapping[str, int]) -> int | None:
-    words = "_".join(_words(name))
-    return next((span for key, span in calibration.items() if "_".join(_words(key)) in (words, f"{words}_joint")), None)
+    """The range of the motor that a column's label or its joint is called by."""
+    called = {"_".join(word for word in _words(part) if word != "joint") for part in name.split(" ")}
+    return next((span for key, span in calibration.items() if "_".join(_words(key)) in called), None)
 
 
 def _words(name: str) -> list[str]:

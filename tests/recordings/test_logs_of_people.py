@@ -1,0 +1,413 @@
+"""Logs in the forms in which people have them: from the file to the comparison, each kind made here."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from vispeg.api.compare import compare
+from vispeg.api.recording.convert import convert
+from vispeg.api.recording.guess import propose
+from vispeg.core.errors import UserError
+
+CASES = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared")) / "cases"
+JOINTS = ("base_joint", "lift_joint", "elbow_joint", "roll_joint")
+ARM = """<mujoco model="four"><compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default>
+<worldbody><body name="a" pos="0 0 .2"><joint name="base_joint" axis="0 0 1" range="-3.1 3.1"/>
+<geom type="capsule" fromto="0 0 0 0.1 0 .1" size=".05" mass="4"/>
+<body name="b" pos="0.1 0 .1"><joint name="lift_joint" axis="0 1 0" range="-3.1 3.1"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".04" mass="3"/>
+<body name="c" pos=".4 0 0"><joint name="elbow_joint" axis="0 1 0" range="-3.1 3.1"/>
+<geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="2"/>
+<body name="d" pos=".3 0 0"><joint name="roll_joint" axis="1 0 0" range="-3.1 3.1"/>
+<geom type="box" pos=".05 .06 0" size=".05 .05 .03" mass=".8"/></body></body></body></body></worldbody></mujoco>"""
+RATE, N = 100.0, 800
+TIME = np.arange(N) / RATE
+Q = np.stack([(0.9 - 0.1 * j) * np.sin(2 * np.pi * (0.35 + 0.12 * j) * TIME + j) for j in range(4)], 1)
+DQ, DDQ = np.gradient(Q, TIME, axis=0), np.gradient(np.gradient(Q, TIME, axis=0), TIME, axis=0)
+
+
+def torques():
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data, out = mujoco.MjData(model), np.empty_like(Q)
+    for k in range(N):
+        data.qpos[:], data.qvel[:], data.qacc[:] = Q[k], DQ[k], DDQ[k]
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse
+    return out + np.random.default_rng(4).normal(scale=0.03, size=out.shape)
+
+
+TAU = torques()
+
+
+@pytest.fixture
+def arm(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    return str(tmp_path / "arm.xml")
+
+
+def table(file, columns, separator=",", before="", header=True):
+    rows = [before + (separator.join(columns) + "\n" if header else "")]
+    for row in zip(*columns.values(), strict=True):
+        rows.append(separator.join(x if isinstance(x, str) else repr(float(x)) for x in row) + "\n")
+    file.write_text("".join(rows))
+    return file
+
+
+def numbered(word, values):
+    return {f"{word}_{k}": values[:, k] for k in range(values.shape[1])}
+
+
+def taken(file, arm, out, **options):
+    """The recording that the proposal makes, and the proposal."""
+    sensor = options.pop("torque_sensor", None)
+    guessed = propose(file, arm, sensor, **options)
+    return convert(file, arm, out, mapping=guessed.mapping), guessed
+
+
+LISTED = str([JOINTS[j] for j in (2, 1, 0, 3)])
+ORDER = (2, 1, 0, 3)
+PLAIN = {"time": TIME} | numbered("q", Q) | numbered("tau", TAU)
+FORMS = {  # columns, keywords of `table`, and what the proposal has to say
+    "names in a column": (
+        {"Time": 1.7e9 + TIME, "name": [LISTED] * N}
+        | numbered("position", Q[:, ORDER])
+        | numbered("effort", TAU[:, ORDER]),
+        {"separator": ";"},
+        None,
+    ),
+    "no names, another order": (
+        {"Time": TIME} | numbered("position", Q[:, ORDER]) | numbered("effort", TAU[:, ORDER]),
+        {},
+        "another order than the file's fits the model",
+    ),
+    "joints' own names": (
+        {"time": TIME} | {j: Q[:, k] for k, j in enumerate(JOINTS)} | numbered("tau", TAU),
+        {},
+        None,
+    ),
+    "0 to 360 degrees": (
+        {"time": TIME} | numbered("position", np.degrees(Q) % 360) | numbered("torque", TAU),
+        {},
+        "angles wrap at a whole turn",
+    ),
+    "-pi to pi about pi": (
+        {"time": TIME} | numbered("position", (Q + 2 * np.pi) % (2 * np.pi)) | numbered("torque", TAU),
+        {},
+        "angles wrap at a whole turn",
+    ),
+    "rows twice": (
+        {name: np.repeat(v, np.where(np.arange(N) % 10 == 3, 2, 1)) for name, v in PLAIN.items()},
+        {},
+        "80 rows that repeat the one before",
+    ),
+    "comments before the header": (PLAIN, {"before": "# gains=high\n\n% payload, 90 g\n"}, "2 lines before the header"),
+    "blanks and a commented header": (
+        PLAIN,
+        {"separator": "  ", "header": False, "before": "# " + " ".join(PLAIN) + "\n"},
+        None,
+    ),
+    "units alone": (
+        {"time": TIME}
+        | {f"J{k + 1} [deg]": np.degrees(Q[:, k]) for k in range(4)}
+        | {f"M{k + 1} [Nm]": TAU[:, k] for k in range(4)},
+        {"separator": "\t"},
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_table_comes_back_as_it_was_measured(form, tmp_path, arm):
+    columns, keywords, said = FORMS[form]
+    rec, guessed = taken(table(tmp_path / "log.txt", columns, **keywords), arm, tmp_path / "rig", torque_sensor="joint")
+    np.testing.assert_allclose(rec.q, Q, atol=1e-9)
+    np.testing.assert_allclose(rec.tau, TAU, atol=1e-9)
+    np.testing.assert_allclose(rec.time - rec.time[0], TIME, atol=1e-6)
+    if said:
+        assert said in str(guessed)
+    assert len(guessed.proposal.rows) == 3  # the rows that decided
+
+
+def test_another_order_is_proposed_only_where_the_model_asks_for_it(tmp_path, arm):
+    right = table(tmp_path / "right.csv", PLAIN)
+    assert "another order" not in str(propose(right, arm, "joint"))
+    heavy = table(tmp_path / "heavy.csv", PLAIN | numbered("tau", 1.4 * TAU + 2 * np.sign(DQ)))
+    assert "another order" not in str(propose(heavy, arm, "joint"))  # a payload and friction are no order
+
+
+def current(scale, silent):
+    """Motor currents of the arm: A a N m, dry friction, and a joint that carries nothing."""
+    amperes = scale * (TAU + 0.5 * np.tanh(50 * DQ))
+    amperes[:, silent] = 0.01 * np.round(np.random.default_rng(1).normal(size=N))
+    return amperes
+
+
+@pytest.mark.parametrize("word", ["effort", "actual_current"])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_current_is_scaled_by_the_model_and_said(word, tmp_path, arm):
+    scale = np.array([0.09, -0.06, 0.12, 0.1])
+    file = table(tmp_path / "log.csv", {"time": TIME} | numbered("q", Q) | numbered(word, current(scale, 3)))
+    rec, guessed = taken(file, arm, tmp_path / "rig")
+    said = str(guessed)
+    assert "by 0.06 to 0.12, reversed at lift_joint: looks like a current; roll_joint carry nothing" in said
+    assert rec.torque_sensor == "motor" and np.isnan(rec.tau[:, 3]).all()
+    for j in range(3):
+        model = TAU[:, j] + 0.5 * np.tanh(50 * DQ[:, j])
+        assert np.polyfit(model, rec.tau[:, j], 1)[0] == pytest.approx(1, abs=0.05), JOINTS[j]
+    torque = table(
+        tmp_path / "torque.csv", {"time": TIME} | numbered("q", Q) | numbered("effort", TAU + 0.5 * np.sign(DQ))
+    )
+    assert "looks like a current" not in str(propose(torque, arm))
+
+
+def test_goals_and_angles_without_torque_are_a_servo_of_unknown_gains(tmp_path, arm):
+    late = np.roll(Q, 3, axis=0)
+    late[:3] = Q[0]
+    goals = np.where((np.arange(N) % 5 == 0)[:, None], Q, np.nan)  # come at a fifth of the rate
+    columns = {"time": TIME} | numbered("actual_q", late) | numbered("target_q", goals)
+    file = table(tmp_path / "log.csv", columns)
+    file.write_text(file.read_text().replace("nan", ""))
+    with pytest.warns(UserWarning, match="each holds until the next"):
+        rec, guessed = taken(file, arm, tmp_path / "rig")
+    assert rec.control.mode == "servo" and "servo is proposed" in str(guessed)
+    np.testing.assert_allclose(rec.q_cmd[7], Q[5])
+    still = {"time": TIME} | numbered("actual_q", Q) | numbered("target_q", Q[:, ::-1] * 0 + np.cos(7 * TIME)[:, None])
+    assert "do not follow the goals" in str(propose(table(tmp_path / "other.csv", still), arm))
+
+
+def test_a_clock_that_steps_back_is_cut_and_one_that_stands_is_refused(tmp_path, arm):
+    back = TIME - np.where(np.arange(N) >= 300, 0.2, 0.0)
+    file = table(tmp_path / "log.csv", PLAIN | {"time": back})
+    with pytest.warns(UserWarning, match="the clock stepped back by 0.19 s at row 302: an episode ends there"):
+        rec, _ = taken(file, arm, tmp_path / "rig", torque_sensor="joint")
+    assert np.flatnonzero(np.diff(rec.episode)).tolist() == [299]
+    stands = TIME.copy()
+    stands[300] = stands[299]
+    guessed = propose(table(tmp_path / "stands.csv", PLAIN | {"time": stands}), arm, "joint")
+    with pytest.raises(UserError, match="row 302: two rows of one time with other values"):
+        convert(tmp_path / "stands.csv", arm, tmp_path / "other", mapping=guessed.mapping)
+
+
+STORED = {"obs/qpos": Q, "obs/qvel": DQ, "obs/effort": TAU}
+
+
+def hdf5(file):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(file, "w") as store:
+        for name, values in STORED.items():
+            store[name] = values
+        store["obs/images"] = np.zeros((N, 4, 4, 3), np.uint8)
+    return file
+
+
+def droid(file):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(file, "w") as store:
+        for name, values in {"positions": Q, "velocities": DQ, "torques": TAU}.items():
+            store[f"state/joint_{name}"] = values
+        store["stamp/seconds"], store["stamp/nanos"] = (
+            17 * 10**8 + TIME.astype(int),
+            np.round(TIME % 1 * 1e9).astype(int),
+        )
+    return file
+
+
+def demos(file):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(file, "w") as store:
+        for k, rows in enumerate((slice(0, 500), slice(500, N))):
+            for name, values in STORED.items():
+                store[f"data/demo_{k}/{name}"] = values[rows]
+    return file
+
+
+def mat(file):
+    from scipy.io import savemat
+
+    savemat(file, {"log": {"t": TIME, "q": Q.T, "dq": DQ.T, "tau": TAU.T}})
+    return file
+
+
+def npy(file):
+    np.save(file, np.column_stack([TIME, Q, DQ, TAU]))
+    return file
+
+
+def npz(file):
+    np.savez(file, qpos=Q, qvel=DQ, torque=TAU)
+    return file
+
+
+def jsonl(file):
+    rows = zip(TIME.tolist(), Q.tolist(), DQ.tolist(), TAU.tolist(), strict=True)
+    file.write_text("".join(json.dumps({"t": t, "state": {"q": q, "dq": v, "tau": f}}) + "\n" for t, q, v, f in rows))
+    return file
+
+
+def signals(file):
+    file.mkdir()
+    late = TIME[::2] + 0.004
+    for name, time, values in (("position", TIME, Q), ("velocity", TIME, DQ), ("effort", TIME, TAU)):
+        if name == "effort":
+            time, values = late, np.stack([np.interp(late, TIME, TAU[:, j]) for j in range(4)], 1)
+        table(file / f"arm_{name}.csv", {"t": time} | {joint: values[:, k] for k, joint in enumerate(JOINTS)})
+    return file
+
+
+NAMES = ",".join(["time", *(f"{s}{k}" for s in ("q", "dq", "tau") for k in range(4))]).split(",")
+STORES = {
+    "a.hdf5": (hdf5, {}),
+    "d.h5": (droid, {}),
+    "demos.hdf5": (demos, {}),
+    "a.mat": (mat, {}),
+    "a.npy": (npy, {"columns": NAMES}),
+    "a.npz": (npz, {"rate_hz": RATE}),
+    "a.jsonl": (jsonl, {}),
+    "signals": (signals, {}),
+}
+
+
+@pytest.mark.parametrize("name", STORES)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_arrays_and_folders_are_tables_too(name, tmp_path, arm):
+    make, options = STORES[name]
+    guessed = propose(make(tmp_path / name), arm, "joint", **options)
+    rec = convert(tmp_path / name, arm, tmp_path / "rig", mapping=guessed.mapping)
+    rows = slice(4, -4) if name == "signals" else slice(None)  # effort begins later, and lies between the readings
+    np.testing.assert_allclose(rec.q, Q, atol=1e-9)
+    np.testing.assert_allclose(rec.dq, DQ, atol=1e-9)
+    np.testing.assert_allclose(rec.tau[rows], TAU[rows], atol=0.3 if name == "signals" else 1e-9)
+    if name != "demos.hdf5":
+        np.testing.assert_allclose(rec.time - rec.time[0], TIME, atol=1e-6)
+    assert rec.rate_hz == RATE and (len(np.unique(rec.episode)) == 2 if name == "demos.hdf5" else rec.episode is None)
+
+
+def test_what_is_not_read_says_how_to_get_a_table(tmp_path, arm):
+    for name, words in (("log.xlsx", "read_excel"), ("log.pkl", "never opened")):
+        (tmp_path / name).touch()
+        with pytest.raises(UserError, match=words):
+            convert(tmp_path / name, arm, tmp_path / "rig")
+    numbers = table(tmp_path / "log.txt", PLAIN, separator=" ", header=False)
+    with pytest.raises(UserError, match="first line holds numbers; expected columns with 9 names"):
+        propose(numbers, arm)
+    assert propose(numbers, arm, "joint", columns=list(PLAIN)).proposal.joints == list(JOINTS)
+
+
+SO101 = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
+RANGES = (2549, 2303, 2204, 1484)
+
+
+def lerobot(folder, names=JOINTS, degrees=False, version=3, still=False):
+    """A LeRobot data set of two episodes: angles as whole encoder ticks of each joint's calibrated range."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    ticks = np.round((Q + [0, 0, 0, 1.2]) * 4096 / (2 * np.pi))
+    ticks[:, 3] = 40 if still else ticks[:, 3]
+    full = np.array([200, 200, 200, 100])
+    values = ticks * 360 / 4095 if degrees else ticks * full / RANGES
+    tables = []
+    for k, rows in enumerate((slice(0, 500), slice(500, N))):
+        lists = {"observation.state": values[rows], "action": values[rows] + 0.013}
+        arrays = {key: pa.FixedSizeListArray.from_arrays(v.astype(np.float32).ravel(), 4) for key, v in lists.items()}
+        n = len(values[rows])
+        arrays |= {"timestamp": np.arange(n) / np.float32(RATE), "episode_index": np.full(n, k)}
+        tables.append(pa.table(arrays | {"frame_index": np.arange(n)}))
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    (folder / "meta").mkdir()
+    if version == 3:
+        pq.write_table(pa.concat_tables(tables), folder / "data" / "chunk-000" / "file-000.parquet")
+    else:
+        for k, part in enumerate(tables):
+            pq.write_table(part, folder / "data" / "chunk-000" / f"episode_{k:06d}.parquet")
+    motors = [f"{name.removesuffix('_joint')}.pos" for name in names]
+    features = {key: {"dtype": "float32", "shape": [4], "names": motors} for key in ("observation.state", "action")}
+    (folder / "meta" / "info.json").write_text(json.dumps({"fps": RATE, "features": features}))
+    return folder, ticks * 2 * np.pi / 4096
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_normalised_units_are_decoded_from_the_encoders_ticks(version, tmp_path):
+    names = (*JOINTS[:3], "gripper")
+    (tmp_path / "arm.xml").write_text(ARM.replace("roll_joint", "gripper"))
+    folder, angles = lerobot(tmp_path / "set", names, version=version)
+    rec, guessed = taken(folder, str(tmp_path / "arm.xml"), tmp_path / "rig")
+    assert [line.scale for line in guessed.proposal.lines if line.target.startswith("q.")] == pytest.approx(
+        [2549 / 200, 2303 / 200, 2204 / 200, 1484 / 100]
+    )
+    np.testing.assert_allclose(rec.q, angles + [0, 0, 0, -3.1], atol=1e-5)  # 0 % is the lower limit of the model
+    goal = 0.013 * np.array([2549 / 200, 2303 / 200, 2204 / 200, 1484 / 100]) * 2 * np.pi / 4096
+    np.testing.assert_allclose(rec.q_cmd - rec.q, np.tile(goal, (N, 1)), atol=1e-6)  # the goal has the same scale
+    assert len(np.unique(rec.episode)) == 2 and rec.control.mode == "servo"
+    assert "2549 encoder ticks, of which all" in str(guessed) and "per cent of 1484" in str(guessed)
+
+
+def test_degrees_of_whole_ticks_are_degrees_and_a_calibration_counts_where_nothing_moves(tmp_path, arm):
+    folder, angles = lerobot(tmp_path / "set", degrees=True)
+    rec, guessed = taken(folder, arm, tmp_path / "rig")
+    np.testing.assert_allclose(rec.q, angles * 4096 / 4095, atol=1e-6)
+    assert "whole encoder ticks of 0.087912 degrees" in str(guessed)
+    ranges = {
+        name.removesuffix("_joint"): (100, 100 + span) for name, span in zip(JOINTS, (*RANGES[:3], 3000), strict=True)
+    }
+    file = tmp_path / "calibration.json"
+    file.write_text(json.dumps({k: {"range_min": a, "range_max": b, "id": 1} for k, (a, b) in ranges.items()}))
+    folder, _ = lerobot(tmp_path / "other", still=True)
+    said = str(propose(folder, arm, calibration=file))
+    assert "of 2549 encoder ticks" in said and "of 3000 encoder ticks, as its calibration says" in said
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="the shared cases are not here")
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_the_cases_of_people_give_their_right_answers(tmp_path):
+    """What each case of the shared folder says is right."""
+    small = {n[:2]: CASES / n for n in os.listdir(CASES) if n[:2].isdigit()}
+    for number, file in (("05", "joint_states.csv"), ("07", "log.csv"), ("08", "log.csv"), ("09", "log.csv")):
+        arm = str(small[number] / "arm.xml")
+        rec, _ = taken(small[number] / file, arm, tmp_path / number, torque_sensor="joint")
+        assert len(rec.time) == 1000
+        assert error_of(tmp_path / number, arm) < 0.3, number
+    joints = (
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    )
+    rec, _ = taken(
+        small["02"] / "log.csv", str(small["02"] / "arm_gripper.xml"), tmp_path / "02", torque_sensor="joint"
+    )
+    assert rec.joints == joints and error_of(tmp_path / "02", str(small["02"] / "arm_gripper.xml")) < 0.3
+    rec, _ = taken(small["06"] / "positions.csv", str(small["06"] / "arm.xml"), tmp_path / "06")
+    assert rec.joints == joints
+    rec, _ = taken(small["10"] / "log.csv", str(small["10"] / "arm.xml"), tmp_path / "10")
+    assert rec.control.mode == "servo"
+    for file in ("episode_0.hdf5", "trajectory.h5"):
+        rec, _ = taken(small["11"] / file, str(small["05"] / "arm.xml"), tmp_path / file)
+        assert rec.rate_hz == 125 and rec.tau is not None and rec.q_cmd is not None
+    rest = "".join(
+        f'<body name="b{i}"><joint name="{j}" axis="0 1 0" range="{low} 2"/><geom size=".02" pos=".1 0 0" mass=".1"/>'
+        for i, (j, low) in enumerate(zip(SO101, (-2, -2, -2, -2, -2, -0.174533), strict=True))
+    )
+    (tmp_path / "so.xml").write_text(
+        f"<mujoco><compiler angle='radian'/><worldbody>{rest}{'</body>' * 6}</worldbody></mujoco>"
+    )
+    rec, _ = taken(small["01"], str(tmp_path / "so.xml"), tmp_path / "01")
+    truth = np.genfromtxt(small["01"] / "truth_rad.csv", delimiter=",", skip_header=1)[:, 1:]
+    np.testing.assert_allclose(rec.q, truth, atol=2e-3)  # a tick is 1.5e-3 rad
+    from vispeg.robots.model import load as robot
+
+    assert robot(small["03"] / "three.urdf").joints == ("j1", "j2", "j3")
+
+
+def error_of(recording, arm):
+    """Torque error of the nominal model, N m RMS."""
+    return float(compare(arm, recording).error)
