@@ -205,8 +205,11 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
     if "tau" in first.noise:
         return np.full(first.q.shape[1], float(first.noise["tau"])), "stated noise"
     tau = first.tau if first.tau is not None else np.zeros_like(first.q)
-    share = REPEATABILITY * np.nanstd(tau, axis=0)
-    return np.maximum(np.maximum(highpass_sigma(tau), share), 1e-3), "estimated"
+    read = np.isfinite(tau).any(axis=0)
+    sigma = np.full(tau.shape[1], np.nan)
+    sigma[read] = np.maximum(highpass_sigma(tau[:, read]), REPEATABILITY * np.nanstd(tau[:, read], axis=0))
+    usual = np.sqrt(np.nanmean(sigma**2)) if read.any() else 0.0  # of a joint without readings nothing is compared
+    return np.maximum(np.where(read, sigma, usual), 1e-3), "estimated"
 
 
 def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
