@@ -56,6 +56,7 @@ NEEDS = {
     "learn": """
 train peg-state --out run
 play state-3mm --out films
+run depth-S --robot sim:S --out trials
 finetune depth-S --world dev --out tuned
 combine depth-S state-3mm --out both
 export state-3mm --out policy.onnx

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 
 from vispeg.core.effect import effect
@@ -199,13 +200,14 @@ def test_the_hash_is_of_content_not_of_words(world):
     assert world_hash(file.world, file.task, file.cameras, file.renderer) == file.hash
 
 
-def test_fields_younger_than_the_hash_enter_it_only_where_they_differ(world):
+def test_fields_younger_than_the_hash_enter_it_only_where_they_differ(world, tmp_path):
     """Shipped policies and results carry hashes from before there were such fields."""
     assert load_world("nominal").hash == "9a06a676d4bd6d5e4d616490927c1ef69ee74ea4cef5a4bbeff87c4efeb691ae"
     assert load_world("randomized").hash == "a44f418112dce0f31783affd2f60b92a4df60795c9afa9f7d91884fe5b13829e"
     given = [{"fixture": [0.6, 0, 0.06]}, {"block": 0.06}, {"success_lateral": 0.002}, {"success_force": 50.0}]
     given += [{"reward": "paper"}, {"avoid_limits": 100.0}, {"guard_velocity": 1.0}, {"guard_limit": 0.05}]
-    given += [{"guard_singularity": 0.05}]
+    given += [{"guard_singularity": 0.05}, {"distractor_meshes": ["box.stl"]}]
+    trimesh.creation.box((0.02, 0.02, 0.02)).export(tmp_path / "box.stl")
     assert {"robot", *(key for task in given for key in task)} == set(LATER) - {
         "name"
     }  # of another task, whose fields differ

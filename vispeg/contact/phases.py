@@ -17,7 +17,7 @@ NAMES = REGIMES
 SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
 STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
 STUCK = 0.005  # m/s, of a tip below which it sticks
-# N/m: what a tool presses on is stiffer (rubber under a peg has 10 N/mm and more), so that its reading changes by more
+# N/m: what a tool presses on is stiffer (rubber has 10 N/mm and more), so that its reading changes by more
 # than this times its way; of the readings' scatter, standard deviations that are no such change
 SOFTEST, SIGMAS = 2e3, 3.0
 
