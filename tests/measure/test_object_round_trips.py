@@ -1,6 +1,7 @@
 """What is hidden in the cell, read by noisy instruments, measured and put into a model gives the same readings again.
 
-The readings are of the cell with its arm clamped (`clamped.bench`), or of statics that shares no code with the package.
+The readings are of the cell with its arm clamped (`clamped.bench`), or of equations of rest that share no code with
+the package.
 """
 
 from pathlib import Path

@@ -191,7 +191,7 @@ def test_a_world_without_looks_is_drawn_once_and_not_rendered(renderer):
 
 def test_the_ranges_that_the_documentation_gives_end_in_good_looks(renderer):
     page = Path(__file__).parents[2] / "docs" / "looks.md"
-    block = re.search(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    block = re.search(r"```yaml\n(- .*?)```", page.read_text(encoding="utf-8"), re.S)
     assert block
     entries = yaml.safe_load(block[1])
     world = RandomizedWorld(ranges=tuple(ranged(e, SCENE, page, f"effects[{i}]") for i, e in enumerate(entries)))

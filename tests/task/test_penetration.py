@@ -30,7 +30,7 @@ def test_a_pushed_peg_presses_as_deep_into_the_wall_as_stated(clearance, stated)
     cell.external[0] = [PUSH, 0.0, 0.0]
     for _ in range(200):  # ticks: the peg rattles, so that a few instants would be a matter of luck
         cell.read()
-        cell.advance(sim.control.torque(*cell.measure(), sim.goal, sim.rot), sim.config.substeps)
+        cell.advance(sim.control.torque(*cell.measure(), sim.seen.goal, sim.seen.rot), sim.config.substeps)
         data.qpos[:] = cell.qpos[0]
         mujoco.mj_forward(cell.model, data)
         depth.append(-float(data.contact.dist.min(initial=0.0)))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 
-_said: dict[str | tuple[object, ...], int] = {}  # as a module's own registry: by default the same note comes once
+# As a module's own registry: by default the same note comes once.
+_said: dict[str | tuple[str, type[Warning], int], int] = {}
 _others = warnings.formatwarning
 
 

@@ -84,9 +84,9 @@ def prepare(
             geom.contype, geom.conaffinity = 0, 1
     model = compiled(spec, label)
     joints = tuple(model.joint(i).name for i in range(model.njnt))
-    moved = [int(b) for b in model.jnt_bodyid]
+    links = [int(b) for b in model.jnt_bodyid]
     declared.check(len(joints), label)
-    flange = _declared(spec, model, moved[-1], declared, label) if declared.flange else _flange(spec, model, moved[-1])
+    flange = _declared(spec, model, links[-1], declared, label) if declared.flange else _flange(spec, model, links[-1])
     for name in joints:
         _motor(spec, name)
     for name, damping in zip(joints, declared.damping, strict=False):
@@ -94,8 +94,8 @@ def prepare(
     free = np.array([[-np.inf, np.inf]])
     return Arm(
         joints=joints,
-        links=tuple(model.body(b).name for b in moved),
-        base=model.body(int(model.body_parentid[moved[0]])).name,
+        links=tuple(model.body(b).name for b in links),
+        base=model.body(int(model.body_parentid[links[0]])).name,
         flange=flange,
         range=_frozen(np.where(model.jnt_limited[:, None], model.jnt_range, free)),
         torque=_frozen(np.array(declared.torque_limit or [limits.get(j, FREE)[0] for j in joints], float)),

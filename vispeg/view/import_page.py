@@ -230,12 +230,10 @@ class ImportPage(Page):
 
     def _control(self) -> dict[str, Any] | None:
         """What was stated of the controller. Raises UserError: gains that are no numbers."""
-        if self._mode() == "unknown" or (
-            self._mode() != "servo" and (self.seen is None or not self.controller.visible)
-        ):
-            return None
         if self._mode() == "servo":
             return {"mode": "servo"}
+        if self._mode() == "unknown" or self.seen is None or not self.controller.visible:
+            return None
         out: dict[str, Any] = {"mode": self._mode(), "rate_hz": self.seen.rate_hz}
         out["gravity_compensation"] = GRAVITY[str(self.gravity.value)]
         if self._mode() == "position":

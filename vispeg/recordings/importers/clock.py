@@ -59,7 +59,7 @@ def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
     if episode is None:
         return np.arange(rows, dtype=float)
     starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
-    return np.arange(rows, dtype=float) - np.repeat(starts, np.diff([*starts, rows]))
+    return np.arange(rows, dtype=float) - np.repeat(starts, np.diff(np.append(starts, rows)))
 
 
 def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -16,8 +16,8 @@ def data(proposal: Proposal) -> dict[str, object]:
     """The map as plain data, as `importers.mapping.map_from` takes it."""
     out: dict[str, object] = {}
     if proposal.dialect != Dialect():
-        out["table"] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
-        out["table"] |= {"columns": [*proposal.dialect.names]} if proposal.dialect.names else {}
+        table: dict[str, object] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
+        out["table"] = table if not proposal.dialect.names else table | {"columns": [*proposal.dialect.names]}
     for line in proposal.lines:
         out[line.target] = _entry(line)
     if proposal.recording:
