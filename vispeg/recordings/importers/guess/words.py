@@ -30,7 +30,8 @@ def _entry(line: Line) -> dict[str, object] | str:
         return {"rate_hz": line.rate_hz}
     if not line.column:
         return "none"
-    entry: dict[str, object] = {"column": line.column} | ({"unit": line.unit} if line.unit else {})
+    entry: dict[str, object] = {"column": line.column}
+    entry |= {"unit": line.unit} if line.unit else {}
     entry |= {"scale": line.scale} if line.scale != 1.0 else {}
     entry |= {"offset": line.offset} if line.offset else {}
     return entry | ({"plus": {"column": line.plus[0], "unit": line.plus[1]}} if line.plus is not None else {})
