@@ -3,6 +3,7 @@
 import ast
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ MODULES = {"rerun_sdk": "rerun"}  # package -> what is imported of it, where the
 THROUGH = {"tensorboard": "torch", "onnx": "torch"}  # what imports it when it writes logs and networks
 
 
+@cache
 def imported(room: str) -> set[str]:
     """Top-level names that a folder's files import, wherever in them."""
     found = set()

@@ -128,7 +128,8 @@ def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float)
         return Trace.of(own[0], own[1], residual, blocks)
 
     traces = [fitted(t) for t in tried]
-    needs = [_needs(search, state, t.placed, worth) for t in tried]
+    level = float(stats.norm.isf(DISCOVERIES / max(search.tested(state), 1)))
+    needs = [_needs(search, state, t.placed, worth, level) for t in tried]
     promised = [max(t.least, least_coefficient(a, a, n)) for t, a, n in zip(tried, traces, needs, strict=True)]
     out = [np.inf] * len(tried)
     shown = [k for k, times in enumerate(promised) if np.isfinite(distance(tried[k].placed, tried[k].name, times))]
@@ -149,7 +150,7 @@ def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float)
     return out
 
 
-def _needs(search: Searched, state: State, placed: EffectInstance, worth: float) -> Needs:
+def _needs(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
     """What a search asks for before it accepts an effect beside a state (`selection.accept.refusal`)."""
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
     share = search.evidence.least_gain
@@ -159,7 +160,6 @@ def _needs(search: Searched, state: State, placed: EffectInstance, worth: float)
     same = [e for e in state.world.effects if same_kind(e, placed)]
     if same:
         drop = max(drop, REFINEMENT * max(map(state.removed_by, same)) * count)
-    level = float(stats.norm.isf(DISCOVERIES / max(search.tested(state), 1)))
     return Needs(drop, level, loss)
 
 
