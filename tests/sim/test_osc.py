@@ -12,9 +12,10 @@ from hypothesis.extra import numpy as hnp
 from loops import drive, one
 from scipy.spatial.transform import Rotation
 
-from vispeg.control.laws import osc, rotation_vector, task_inertia
+from vispeg.control.laws import WORST, hold_pose, osc, rotation_vector, task_inertia
 from vispeg.core.seeds import stream
 from vispeg.identify.excitation import SEVEN_AXIS_CENTRE
+from vispeg.kernels.arm import towards
 from vispeg.recordings.recording import Nullspace
 from vispeg.robots.model import load
 from vispeg.sim.compiled import compiled, flange_pose
@@ -149,3 +150,92 @@ def test_gains_of_a_segment_are_its_own():
     both = simulate(ROBOT, [World()], [soft, stiff])
     for segment, response in zip((soft, stiff), both, strict=True):
         np.testing.assert_array_equal(response.q, one(ROBOT, World(), segment).q)
+
+
+def situation(rows: int, seed: int = 6):
+    """Arms in random postures under random commands: arguments of `hold_pose`."""
+    rng = stream(seed, rows)
+    q = rng.uniform(0.9 * ROBOT.range[:, 0], 0.9 * ROBOT.range[:, 1], (rows, 7))
+    state = Nominal(compiled(ROBOT), ROBOT.joints, ROBOT.flange, rows, 1).operational(q)
+    rot = rng.normal(size=(rows, 4))
+    rot /= np.linalg.norm(rot, axis=1, keepdims=True)
+    kp = np.repeat(rng.uniform(10.0, 2000.0, (rows, 1)), 6, axis=1)
+    pull, limit = rng.normal(size=(rows, 7)), rng.uniform(1.0, 100.0, rows)
+    dq, pos = rng.normal(size=(rows, 7)), rng.normal(size=(rows, 3))
+    return [state, dq, pos, rot, kp, 2 * np.sqrt(kp), pull, limit]
+
+
+def by_numpy(state, dq, pos, rot, kp, kd, pull, limit):
+    """The torque of the same arms as `osc` has it, and the bound of each row's condition."""
+    mass, jac, now, turned, _ = state
+    turn = Rotation.from_quat(rot, scalar_first=True) * Rotation.from_quat(turned, scalar_first=True).inv()
+    error = np.concatenate([pos - now, turn.as_rotvec()], axis=1)
+    posture = None if pull is None else np.einsum("nij,nj->ni", mass, pull)
+    tau = osc(error, np.einsum("nij,nj->ni", jac, dq), mass, jac, kp, kd, posture, force_limit=limit)
+    core = jac @ np.linalg.solve(mass, np.swapaxes(jac, 1, 2))
+    return tau, np.trace(core, axis1=1, axis2=2) * np.trace(np.linalg.inv(core), axis1=1, axis2=2)
+
+
+@pytest.mark.parametrize("rows", [1, 64, 2000])
+@pytest.mark.parametrize("bare", [False, True], ids=["posture, limit", "neither"])
+def test_compiled_law_is_that_of_numpy(rows, bare):
+    """Up to rounding, which the condition of `J M^-1 J'` raises: some thousand in a usual posture, so about 1e-12.
+
+    Half a turn off, the sign of the rotation vector hangs on the last digit: such rows are left out.
+    """
+    given = situation(rows)
+    if bare:
+        given[6:] = None, None
+    tau, (expected, condition) = hold_pose(*given), by_numpy(*given)
+    half = np.linalg.norm(rotation_vector(given[0][3], given[3]), axis=1) > np.pi - 1e-3
+    off = np.abs(tau - expected).max(axis=1) / np.abs(expected).max(axis=1)
+    assert (off < 4 * np.finfo(float).eps * condition)[~half & (condition < WORST)].all()
+    assert np.median(off) < 1e-12
+
+
+def test_a_row_is_its_own():
+    """A row among others, of which some are singular or not finite, gives the bits that it gives alone."""
+    given = situation(8)
+    given[0][1][2, 5], given[2][4, 1] = 0.0, np.nan
+    together = hold_pose(*given)
+    for row in (0, 1, 3, 7):
+        alone = [part[row : row + 1] for part in given[1:]]
+        np.testing.assert_array_equal(
+            hold_pose(tuple(part[row : row + 1] for part in given[0]), *alone), together[row : row + 1]
+        )
+    assert np.isfinite(together[2]).all() and np.isnan(together[4]).all()
+
+
+@pytest.mark.parametrize("spoil", ["singular", "nearly singular", "nan", "infinite"])
+def test_odd_rows_are_those_of_numpy(spoil):
+    """A lost direction gets no torque, and what is not finite shows, as the plain law has it to the last bit."""
+    state, dq, pos, rot, kp, kd, pull, limit = given = situation(16)
+    mass, jac, now, turned, _ = state
+    if spoil == "singular":
+        jac[:, 4] = 0.0
+    elif spoil == "nearly singular":
+        jac[:, 4] = jac[:, 3] * (1 + 1e-6)
+    else:
+        pos[::2, 0], dq[1::2, 3] = (np.nan, np.nan) if spoil == "nan" else (np.inf, -np.inf)
+    with np.errstate(invalid="ignore"):
+        tau = hold_pose(*given)
+        error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
+        twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
+        posture = np.matmul(mass, pull[:, :, None])[:, :, 0]
+        expected = osc(error, twist, mass, jac, kp, kd, posture, force_limit=limit)
+    np.testing.assert_array_equal(tau, expected)
+    assert np.isfinite(tau).all() == spoil.endswith("singular")
+
+
+def test_way_to_a_pose_is_the_weighted_inverse():
+    """`q' = pull + M^-1 J' (J M^-1 J' + soft)^-1 (error - J pull)`."""
+    state, _, pos, rot, *_, pull, _ = situation(64)
+    mass, jac, now, turned, _ = state
+    soft, way = 1e-4, np.empty((64, 7))
+    towards(mass, jac, now, turned, pos, rot, pull, soft, way)
+    light = np.linalg.solve(mass, np.swapaxes(jac, 1, 2))
+    error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1) - np.einsum("nij,nj->ni", jac, pull)
+    expected = pull + np.einsum(
+        "nij,nj->ni", light, np.linalg.solve(jac @ light + soft * np.eye(6), error[..., None])[..., 0]
+    )
+    np.testing.assert_allclose(way, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+
+LOST = 1e-9  # of the largest eigenvalue of J M^-1 J': a direction with less is lost at a singularity
+WORST = 0.1 / LOST  # condition under which no direction can be lost
 
 
 def position(
@@ -17,11 +22,13 @@ def rotation_vector(measured: np.ndarray, commanded: np.ndarray) -> np.ndarray:
 
     The quaternion logarithm of `commanded * conj(measured)`, on the short way round.
     """
-    error = np.matmul(measured[:, CONJUGATE] * CONJUGATE_SIGN, commanded[:, :, None])[:, :, 0]
-    v = np.where(error[:, :1] < 0, -error[:, 1:], error[:, 1:])
-    sine = np.sqrt(np.einsum("ni,ni->n", v, v))
-    factor = 2 * np.arctan2(sine, np.abs(error[:, 0])) / np.maximum(sine, 1e-12)
-    return v * np.where(sine > 1e-12, factor, 2.0)[:, None]
+    from vispeg.kernels.arm import turns
+
+    if measured.shape != commanded.shape:
+        measured, commanded = np.broadcast_arrays(measured, commanded)
+    out = np.empty((len(measured), 3))
+    turns(measured, commanded, out)
+    return out
 
 
 def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -42,12 +49,7 @@ def rotated(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + 2.0 * np.cross(v, half)
 
 
-# rows of the matrix that multiplies a quaternion wxyz by the conjugate of another from the right
-CONJUGATE = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-CONJUGATE_SIGN = np.array([[1, 1, 1, 1], [-1, 1, -1, 1], [-1, 1, 1, -1], [-1, -1, 1, 1]])
-
-
-def task_inertia(mass: np.ndarray, jac: np.ndarray, damping: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
+def task_inertia(mass: np.ndarray, jac: np.ndarray, damping: float = LOST) -> tuple[np.ndarray, np.ndarray]:
     """`Lambda = (J M^-1 J')^-1` (n, m, m) and `M^-1 J'` (n, nv, m).
 
     Directions lost at a singularity (eigenvalues of J M^-1 J' under `damping` of the largest) get no task inertia
@@ -95,11 +97,26 @@ def hold_pose(
         pull: (n, nv) rad/s^2, acceleration of the posture task in the null space.
         force_limit: N, see `osc`.
     """
-    mass, jac, now, turned, _ = state
+    from vispeg.kernels.arm import hold
+
+    limit = np.atleast_1d(np.asarray(np.inf if force_limit is None else force_limit, float))
+    task = (*state[:4], dq, pos, rot, kp, kd)
+    tau, done = np.empty_like(dq), np.empty(len(dq), bool)
+    hold(*task, dq[:0] if pull is None else pull, limit, WORST, tau, done)
+    if not done.all():
+        left = ~done
+        some = None if pull is None else pull[left]
+        tau[left] = _careful([part[left] for part in task], some, limit[left] if len(limit) > 1 else limit)
+    return tau
+
+
+def _careful(task: Sequence[np.ndarray], pull: np.ndarray | None, limit: np.ndarray) -> np.ndarray:
+    """Do as `hold_pose`, by `osc`: for rows near a singularity, or that are not finite."""
+    mass, jac, now, turned, dq, pos, rot, kp, kd = task
     error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
     twist = np.matmul(jac, dq[:, :, None])[:, :, 0]
     posture = None if pull is None else np.matmul(mass, pull[:, :, None])[:, :, 0]
-    return osc(error, twist, mass, jac, kp, kd, posture, force_limit=force_limit)
+    return osc(error, twist, mass, jac, kp, kd, posture, force_limit=limit)
 
 
 def osc(

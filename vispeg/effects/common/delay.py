@@ -24,23 +24,21 @@ class DelayLine:
         self.fresh = rows if self.fresh is None else np.union1d(self.fresh, rows)
 
     def __call__(self, value: np.ndarray, delay: np.ndarray) -> np.ndarray:
+        from vispeg.kernels.delay import delayed
+
         if self.buffer is None:
             self.buffer = np.repeat(value[None], self.size, axis=0)
         elif self.fresh is not None:
             self.buffer[:, self.fresh] = value[self.fresh]
         self.fresh = None
-        lag = delay / self.step
+        lag = np.broadcast_to(delay / self.step, value.shape)
         if lag.max(initial=0.0) > self.size - 2:  # rows that began anew may look further back
             self._grow(int(np.ceil(lag.max())) + 2)
         self.head = (self.head + 1) % self.size
         self.buffer[self.head] = value
-        steps = np.minimum(lag.astype(int), self.size - 2)
-        part = lag - steps
-        flat = self.buffer.reshape(self.size, -1)
-        cells = np.arange(flat.shape[1])
-        near = flat[(self.head - steps.ravel()) % self.size, cells].reshape(value.shape)
-        far = flat[(self.head - steps.ravel() - 1) % self.size, cells].reshape(value.shape)
-        return np.where(part > 0, near + part * (far - near), near)
+        out = np.empty(value.size)
+        delayed(self.buffer.reshape(self.size, -1), self.head, lag.ravel(), out)
+        return out.reshape(value.shape)
 
     def _grow(self, size: int) -> None:
         """Makes room for `size` values; before the oldest one it held the oldest."""

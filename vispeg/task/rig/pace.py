@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.control.laws import rotation_vector
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.nominal import Nominal
@@ -70,11 +69,12 @@ def followed(scene: Scene, pose: np.ndarray, near: np.ndarray) -> np.ndarray:
 
 def _step(nominal: Nominal, q: np.ndarray, goal: np.ndarray, pull: np.ndarray, times: int) -> np.ndarray:
     """Newton steps from q (nj,) to a flange pose, the first with a way `pull` (nj,) for the null space."""
+    from vispeg.kernels.arm import towards
+
+    way = np.empty((1, len(q)))
     for _ in range(times):
         mass, jac, pos, quat, _ = nominal.operational(q[None])
-        light = np.linalg.solve(mass[0], jac[0].T)
-        inverse = light @ np.linalg.inv(jac[0] @ light + SOFT * np.eye(6))
-        error = np.concatenate([goal[:3] - pos[0], rotation_vector(quat, goal[None, 3:])[0]])
-        q = q + pull + inverse @ (error - jac[0] @ pull)
+        towards(mass, jac, pos, quat, goal[None, :3], goal[None, 3:], pull[None], SOFT, way)
+        q = q + way[0]
         pull = np.zeros_like(q)
     return q

@@ -1,0 +1,19 @@
+"""Delays of signals, cell by cell."""
+
+from __future__ import annotations
+
+from vispeg.kernels.compiled import ROWS, VECTOR, WHOLE, compiled, to
+
+
+@compiled(ROWS, WHOLE, VECTOR, to(VECTOR))
+def delayed(past, head, lag, out):
+    """Write the values (k,) of `lag` (k,) steps ago from a ring `past` (size, k) whose newest row is `head`.
+
+    Lags lie from 0 to size - 2 steps; between two steps the value is interpolated.
+    """
+    size = len(past)
+    for k in range(len(out)):
+        steps = min(int(lag[k]), size - 2)
+        part = lag[k] - steps
+        near = past[(head - steps) % size, k]
+        out[k] = near + part * (past[(head - steps - 1) % size, k] - near) if part > 0 else near
