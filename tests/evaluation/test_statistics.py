@@ -4,7 +4,7 @@ from math import comb, sqrt
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import binom, mannwhitneyu, norm
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -12,6 +12,7 @@ from vispeg.evaluation.statistics import (
     ALPHA,
     CANNOT_TELL,
     Hypothesis,
+    by_ranks,
     contrast,
     correlation,
     decide,
@@ -350,3 +351,16 @@ def test_bad_input_is_named():
     with pytest.raises(UserError, match="no episodes"):
         rate({})
     assert "no network" in difference({0: {1: 1.0}}, {1: {1: 1.0}}, True).refused
+
+
+def test_times_of_several_networks_are_no_independent_episodes():
+    """Networks that are slower or faster in one world by chance: the pooled test of ranks would call half of them."""
+    rng, pooled, called, pages = stream(0, "ranks"), 0, 0, 400
+    for _ in range(pages):
+        sides = [{t: dict(enumerate(rng.normal(0.5 * rng.standard_normal(), 1, 30))) for t in range(4)} for _ in "ab"]
+        p = by_ranks(*sides)
+        called += p < 0.05
+        pooled += mannwhitneyu(*([v for row in side.values() for v in row.values()] for side in sides)).pvalue < 0.05
+    assert pooled > 0.2 * pages and called <= binom.ppf(0.999, pages, 0.05)
+    slower = [{t: dict(enumerate(rng.normal(2.0 * side, 1, 30))) for t in range(3)} for side in (0, 1)]
+    assert by_ranks(*slower) < 0.05 and by_ranks(*({t: side[t] for t in (0, 1)} for side in slower)) is None

@@ -1,28 +1,34 @@
 """Whether two sets of failures are failures of the same kinds, which kinds are more frequent, and where they part.
 
-Two questions, two exact tests. Of what kinds are the failures: Pearson's chi2 of the 2 x C table of failures, against
-all tables of the same margins (the Freeman-Halton extension of Fisher's test, with chi2 for the order of tables; A.
-Agresti, Statistical Science 7 (1992) 131). How often does each kind happen: Fisher's test of the kind's share among
-all episodes. The second answers also where one side hardly fails, as a simulation
-often does: there kinds of failures cannot be compared, but a kind that appears elsewhere can be named. Both kinds of
-test belong to the family of all tests of a page (`vispeg.evaluation.statistics.decide`), which gives the verdicts.
+Two questions. Of what kinds are the failures: Pearson's chi2 of the 2 x C table of failures, against all tables of the
+same margins (the Freeman-Halton extension of Fisher's test, with chi2 for the order of tables; A. Agresti, Statistical
+Science 7 (1992) 131). How often does each kind happen: the kind's share of all episodes, compared as success is. The
+second answers also where one side hardly fails, as a simulation often does: there kinds of failures cannot be compared,
+but a kind that appears elsewhere can be named. Both kinds of test belong to the family of all tests of a page
+(`vispeg.evaluation.statistics.decide`), which gives the verdicts.
+
+Of several networks the network is the unit of both, as of every comparison: episodes of one network are no independent
+samples. The first question is then whether each network's excess of a kind, its count less the kind's share of all
+failures times the network's failures, changes from one side to the other (t over networks, Bonferroni's correction over
+the kinds).
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.stats import fisher_exact, multivariate_hypergeom
+from scipy.stats import multivariate_hypergeom
 
 from vispeg.evaluation.schema.gap import KindRow, PartingRecord
-from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Hypothesis
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, difference
 
 MOST_TABLES = 20_000  # up to here all tables of the margins are listed, beyond they are drawn
+Ends = Mapping[int, Mapping[Hashable, str]]  # training seed -> episode -> `success` or a category of failure
 
 
 @dataclass(frozen=True)
@@ -32,13 +38,13 @@ class Kind:
     Attributes:
         category: of the failure.
         first, second: share of the episodes, 0 to 1.
-        p: Fisher's exact test that the shares are equal.
+        test: that the shares are equal, as of success.
     """
 
     category: str
     first: float
     second: float
-    p: float
+    test: Difference
 
 
 @dataclass(frozen=True)
@@ -47,28 +53,31 @@ class Parting:
 
     Attributes:
         first, second: counts by category, `success` left out.
-        p: exact p-value that both sides' failures are drawn from one distribution over categories; 1 where a side has
-            none, as then there is only one table.
+        p: p-value that both sides' failures are drawn from one distribution over categories; 1 where a side has none,
+            as then there is only one table; None where no test can be made.
         where: the category whose share of the failures differs most (largest adjusted residual); "" where a side has
             none.
         residual: its adjusted residual, about standard normal if nothing differed; > 0: more frequent in `second`.
         kinds: every category's share of the episodes, the surest difference first.
+        refused: why no test is made; "" where one is.
     """
 
     first: dict[str, int]
     second: dict[str, int]
-    p: float
+    p: float | None
     where: str
     residual: float
     kinds: tuple[Kind, ...]
+    refused: str = ""
 
     @property
-    def tests(self) -> dict[str, Hypothesis]:
+    def tests(self) -> dict[str, Hypothesis | Difference]:
         """The tests: "" of the kinds of failures, and one a category of its share of the episodes. They ask one thing,
         how failures differ, and share its weight.
         """
         weight = 1 / (1 + len(self.kinds))
-        return {"": Hypothesis(self.p, weight), **{k.category: Hypothesis(k.p, weight) for k in self.kinds}}
+        shares = {k.category: replace(k.test, weight=weight) for k in self.kinds}
+        return {"": Hypothesis(self.p, weight), **shares}
 
     def decided(self, decisions: Mapping[str, Decision]) -> PartingRecord:
         """Give plain lists and dictionaries, with what the page's family decides on `tests`."""
@@ -80,7 +89,7 @@ class Parting:
                     "category": k.category,
                     "first": k.first,
                     "second": k.second,
-                    "p": k.p,
+                    "p": k.test.p,
                     "p_holm": 1.0 if d.p_holm is None else d.p_holm,
                     "verdict": ("more" if k.second > k.first else "fewer") if d.certain else CANNOT_TELL,
                 }
@@ -110,47 +119,69 @@ class Parting:
             said.append(f"the failures are of other kinds, {more} ({self.residual:+.1f} standard deviations)")
         else:
             sides = " and ".join(map(str, totals))
-            said.append(f"whether the {sides} failures are of the same kinds, {CANNOT_TELL}")
+            why = f": {self.refused}" if self.refused else ""
+            said.append(f"whether the {sides} failures are of the same kinds, {CANNOT_TELL}{why}")
         return "; ".join(said)
 
 
-def part(first: Sequence[str], second: Sequence[str], rng: np.random.Generator, draws: int = 4000) -> Parting:
-    """Compares two sequences of categories, one an episode, `success` among them.
+def part(first: Ends, second: Ends, rng: np.random.Generator, draws: int = 4000) -> Parting:
+    """Compare how the same networks end on two sides.
 
-    Failures of one hard seed on both sides are taken for independent.
+    Failures of one hard seed on both sides are taken for independent by the test of kinds of one network.
 
     Args:
-        first, second: outcomes.
+        first, second: outcomes; the same training seeds in both.
         rng: draws tables where there are too many to list.
         draws: how many; p is then (1 + hits) / (1 + draws), so that it is never 0.
     """
-    sides = [Counter(c for c in side if c != "success") for side in (first, second)]
+    ends = [[c for row in side.values() for c in row.values()] for side in (first, second)]
+    sides = [Counter(c for c in side if c != "success") for side in ends]
     names = sorted(set(sides[0]) | set(sides[1]))
     counts = np.array([[side[name] for name in names] for side in sides], float).reshape(2, len(names))
     as_dicts = [{name: int(row[i]) for i, name in enumerate(names)} for row in counts]
-    totals, p, where, residual = counts.sum(axis=1), 1.0, "", 0.0
+    p: float | None = 1.0
+    totals, where, residual, refused = counts.sum(axis=1), "", 0.0, ""
     if min(totals) > 0:
         columns = counts.sum(axis=0)
         expected = totals[:, None] * columns / totals.sum()
-        p = _p_value(counts[0], columns, expected, rng, draws)
         share = columns / totals.sum()
+        if len(first) == 1:
+            p = _p_value(counts[0], columns, expected, rng, draws)
+        else:
+            p, refused = _over_networks(first, second, dict(zip(names, share, strict=True)))
         sd = np.sqrt(np.maximum(expected[1] * (1 - share) * totals[0] / totals.sum(), 1e-12))
         residuals = np.where(share < 1, (counts[1] - expected[1]) / sd, 0.0)
         worst = int(np.argmax(np.abs(residuals)))
         where, residual = names[worst], float(residuals[worst])
-    kinds = _kinds(names, counts, (len(first), len(second)))
-    return Parting(as_dicts[0], as_dicts[1], p, where, residual, kinds)
+    n = [max(len(side), 1) for side in ends]
+    kinds = [Kind(c, sides[0][c] / n[0], sides[1][c] / n[1], _shares(first, second, c)) for c in names]
+    kinds.sort(key=lambda k: (1.0 if k.test.p is None else k.test.p, -abs(k.second - k.first)))
+    return Parting(as_dicts[0], as_dicts[1], p, where, residual, tuple(kinds), refused)
 
 
-def _kinds(names: Sequence[str], counts: np.ndarray, n: tuple[int, int]) -> tuple[Kind, ...]:
-    """Fisher's test of every category's share of the (n) episodes of both sides, by p-value."""
-    if min(n) < 1:
-        return ()
-    tables = [[[counts[j, i], n[j] - counts[j, i]] for j in (0, 1)] for i in range(len(names))]
-    p = [min(1.0, float(fisher_exact(np.array(t, int))[1])) for t in tables]
-    shares = [[float(counts[j, i] / n[j]) for j in (0, 1)] for i in range(len(names))]
-    kinds = [Kind(name, here, there, p) for name, (here, there), p in zip(names, shares, p, strict=True)]
-    return tuple(sorted(kinds, key=lambda k: (k.p, -abs(k.second - k.first))))
+def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> Difference:
+    """The test that a kind's share of the episodes is the same; less `of_failures` times the share of all failures."""
+    sides = [
+        {
+            t: {episode: float(end == name) - of_failures * (end != "success") for episode, end in row.items()}
+            for t, row in side.items()
+        }
+        for side in (first, second)
+    ]
+    found = difference(*sides, same_networks=True)
+    return replace(found, discordant=None)  # no number of pairs is asked for
+
+
+def _over_networks(first: Ends, second: Ends, shares: Mapping[str, float]) -> tuple[float | None, str]:
+    """The p-value that every network's failures are of the same kinds on both sides, or why there is none."""
+    if len(shares) < 2:
+        return 1.0, ""
+    tests = [_shares(first, second, name, share) for name, share in shares.items()]
+    found = [t.p for t in tests if t.p is not None]
+    if not found:
+        return None, tests[0].refused
+    asked = 1 if len(shares) == 2 else len(shares)  # of two kinds one's excess is the other's lack
+    return min(1.0, asked * min(found)), ""
 
 
 def _p_value(

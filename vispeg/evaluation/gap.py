@@ -33,7 +33,7 @@ from vispeg.evaluation.schema.gap import (
     SuccessRow,
 )
 from vispeg.evaluation.statistics import CANNOT_TELL, FEWEST_NETWORKS, Decision, Difference, Hypothesis, Rows
-from vispeg.evaluation.table import BLIND, Cell, Table
+from vispeg.evaluation.table import BLIND, Cell, Table, rows
 
 FORMAT = "vispeg-gap/2"
 NO_BLIND = f"no blind control: add a {BLIND} policy"
@@ -166,7 +166,8 @@ class _Asked:
         self.tests["gap", policy, world] = statistics.difference(table.rows(cells[0]), table.rows(cells[1]), True)
         first, second = ([e for e in table.all(cell) if e.train_seed in networks] for cell in cells)
         kinds = part(
-            [e.category for e in first], [e.category for e in second], stream(seed, "categories", policy, world)
+            *(rows(side, lambda e: (e.seed, e.configuration), lambda e: e.category) for side in (first, second)),
+            stream(seed, "categories", policy, world),
         )
         self.partings[policy, world] = kinds, [len(first), len(second)]
         self.tests.update({("failures", policy, world, name): test for name, test in kinds.tests.items()})

@@ -1,4 +1,4 @@
-"""Whether a robot takes as long and presses as hard as the simulation: medians on both sides, and a rank test.
+"""Whether a robot takes as long and presses as hard as the simulation: medians on both sides, and a test of ranks.
 
 After the two sources: on the paper's robot an insertion took longer than in simulation, because it searched longer;
 the article holds a peak force that is more than half away from the simulated one to be the contact model's fault.
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
-from scipy.stats import mannwhitneyu
 
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.gap import Measure
-from vispeg.evaluation.statistics import CANNOT_TELL, Decision
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, by_ranks
+from vispeg.evaluation.table import rows
 
 APART = 0.5  # of the simulated peak force
 UNITS = {"time": "s", "peak_force": "N"}
@@ -23,13 +24,13 @@ NAMES = {"time": "successes take", "peak_force": "the peak force is"}
 
 @dataclass(frozen=True)
 class Measured:
-    """Medians of a measure on both sides, and the finite values behind them; `p` of Mann-Whitney's two-sided test."""
+    """Medians of a measure on both sides, and the finite values behind them; `p` of `statistics.by_ranks`."""
 
     name: str
     first: float
     second: float
     n: tuple[int, int]
-    p: float
+    p: float | None
 
     def decided(self, decision: Decision) -> Measure:
         """Give a row with what the page's family decides; `apart`: a peak force that differs, by more than half."""
@@ -54,11 +55,13 @@ def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measure
     """
     measures = []
     for name in UNITS:
-        sides = [[e for e in side if name != "time" or e.success] for side in (first, second)]
-        values = [np.array([getattr(e, name) for e in side], float) for side in sides]
-        x, y = (v[np.isfinite(v)] for v in values)
-        if len(x) and len(y):
-            p = float(mannwhitneyu(x, y).pvalue)
+        sides = [
+            [e for e in side if (name != "time" or e.success) and np.isfinite(getattr(e, name))]
+            for side in (first, second)
+        ]
+        if all(sides):
+            x, y = ([getattr(e, name) for e in side] for side in sides)
+            p = by_ranks(*(rows(side, lambda e: (e.seed, e.configuration), attrgetter(name)) for side in sides))
             measures.append(Measured(name, float(np.median(x)), float(np.median(y)), (len(x), len(y)), p))
     return measures
 

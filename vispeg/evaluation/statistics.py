@@ -42,8 +42,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import stdtrit
-from scipy.stats import binom, binomtest, chi2, fisher_exact, norm
+from scipy.special import stdtr, stdtrit
+from scipy.stats import binom, binomtest, chi2, fisher_exact, mannwhitneyu, norm
 
 from vispeg.core.errors import UserError
 from vispeg.evaluation.schema.estimate import Interval
@@ -364,6 +364,27 @@ def _p_of(interval: Callable[[float], tuple[float, float]]) -> float:
     if distance(0.0) <= 0:
         return 1.0
     return float(10 ** brentq(distance, -15.0, 0.0, xtol=1e-6)) if distance(-15.0) < 0 else 1e-15
+
+
+def by_ranks(first: Rows, second: Rows) -> float | None:
+    """Give the p-value that a value, a time or a force, is as often larger on one side as on the other.
+
+    One network: Mann and Whitney's test. Several: the t test over networks of each one's share of pairs in which the
+    first is larger, whose variance is taken at no less than that of equal distributions; None of fewer than three.
+
+    Args:
+        first, second: values of an episode each; networks that have none on one side are left out.
+    """
+    networks = [t for t in first if t in second]
+    sides = [[np.array(list(side[t].values()), float) for side in (first, second)] for t in networks]
+    if len(sides) == 1:
+        return float(mannwhitneyu(*sides[0]).pvalue)
+    if len(sides) < FEWEST_NETWORKS:
+        return None
+    shares = np.array([mannwhitneyu(x, y).statistic / (len(x) * len(y)) for x, y in sides])
+    least = float(np.mean([(len(x) + len(y) + 1) / (12 * len(x) * len(y)) for x, y in sides]))
+    variance = max(float(shares.var(ddof=1)), least) / len(shares)
+    return float(2 * stdtr(len(shares) - 1, -abs(float(shares.mean()) - 0.5) / math.sqrt(variance)))
 
 
 # 3. Several training seeds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -97,16 +98,21 @@ class Table:
         }
 
 
-def rows(episodes: Iterable[Episode], name: Callable[[Episode], Hashable] = lambda e: e.seed) -> Rows:
+def rows(
+    episodes: Iterable[Episode],
+    name: Callable[[Episode], Hashable] = lambda e: e.seed,
+    value: Callable[[Episode], Any] = lambda e: float(e.success),
+) -> dict[int, dict[Hashable, Any]]:
     """Outcomes as `vispeg.evaluation.statistics` compares them: training seed -> episode -> 0 or 1.
 
     Args:
         episodes: of one policy.
         name: what an episode is known by; the same seed is the same start and draw for everybody. A real robot's trial
             is known by its policy and training seed too, for its number is no start.
+        value: what is compared of an episode.
     """
-    found: dict[int, dict[Hashable, float]] = {}
+    found: dict[int, dict[Hashable, Any]] = {}
     for e in episodes:
         known = name(e) if e.world_hash else (e.policy, e.train_seed, name(e))
-        found.setdefault(e.train_seed, {})[known] = float(e.success)
+        found.setdefault(e.train_seed, {})[known] = value(e)
     return found

@@ -109,7 +109,7 @@ class KindRow(TypedDict):
     category: str
     first: float
     second: float
-    p: float
+    p: float | None
     p_holm: float
     verdict: str
 
@@ -119,7 +119,7 @@ class PartingRecord(TypedDict):
 
     first: dict[str, int]
     second: dict[str, int]
-    p: float
+    p: float | None
     where: str
     residual: float
     verdict: str
@@ -143,7 +143,7 @@ class Measure(TypedDict):
     first: float
     second: float
     n: list[int]
-    p: float
+    p: float | None
     verdict: str
     apart: bool
     words: str
