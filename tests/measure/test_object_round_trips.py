@@ -1,7 +1,8 @@
 """What is hidden in the cell, read by noisy instruments, measured and put into a model gives the same readings again.
 
 The readings are of the cell with its arm clamped (`clamped.bench`), or of equations of rest that share no code with
-the package.
+the package. Each is read ten times over with other noise: intervals of 95 % that miss the truth in four or more of ten
+have a probability of 0.1 %.
 """
 
 from pathlib import Path
@@ -17,6 +18,7 @@ from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.write import write
 from vispeg.robots.model import load
 from vispeg.sim.compiled import flange_pose
+from vispeg.worlds.measurement_file import load_measurement
 from vispeg.worlds.model_file import load_model
 from vispeg.worlds.world import World
 
@@ -30,23 +32,39 @@ def one(name, where="peg", **values):
     return World().add(EffectInstance.of(name, where, **values))
 
 
-def measured(protocol, columns, *argv, model="peg-cell"):
-    """The world that `measure` and `add` make of readings, columns by name; and the effect's parameters in it."""
-    table = np.column_stack(list(columns.values()))
-    np.savetxt("t.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-    return added(protocol, "t.csv", *argv, model=model)
+SEEDS, LEAST = 10, 7
 
 
-def added(protocol, *argv, model="peg-cell"):
-    assert main(["measure", protocol, *argv, "--out", "found.yaml"]) == 0
-    assert main(["add", model, "found.yaml", "--out", "model.yaml"]) == 0
+def measured(protocol, columns, truth, *argv, model="peg-cell", **within):
+    """The world that `measure` and `add` make of readings, and the effect's parameters in it; intervals are counted.
+
+    Columns by name, of a random generator.
+    """
+
+    def read(r):
+        table = columns(r)
+        head = ",".join(table)
+        np.savetxt("t.csv", np.column_stack(list(table.values())), delimiter=",", header=head, comments="", fmt="%.9g")
+        return "t.csv", *argv
+
+    return added(protocol, read, truth, model, **(within or {"rel": 0.1}))
+
+
+def added(protocol, read, truth, model, **within):
+    held, first = 0, None
+    for seed in range(SEEDS):
+        file = f"found{seed}.yaml"
+        if main(["measure", protocol, *read(np.random.default_rng(seed)), "--out", file]) != 0:
+            continue  # chance that looks like a drift, in one of two hundred
+        first = first or file
+        params = load_measurement(file).effects[0].params
+        held += all(params[name].low <= value <= params[name].high for name, value in truth.items())
+    assert held >= LEAST
+    assert main(["add", model, first, "--out", "model.yaml"]) == 0
     (effect,) = load_model("model.yaml").effects
+    for name, value in truth.items():
+        assert effect.params[name].value == pytest.approx(value, **within)
     return World().add(effect), effect.params
-
-
-def holds(value, truth):
-    assert value.low <= truth <= value.high
-    assert value.value == pytest.approx(truth, rel=0.1)
 
 
 def weights(worlds):
@@ -56,11 +74,13 @@ def weights(worlds):
 
 
 def test_a_mass_survives_the_round_trip():
-    truth, r = one("object_mass", scale=1.3), np.random.default_rng(0)
+    truth = one("object_mass", scale=1.3)
     kg = float(weights([truth])[0]) / G
-    readings = np.round(kg + 2e-4 * r.standard_normal(8), 4)
-    found, params = measured("mass", {"mass": readings}, "--where", "peg", "--resolution", "mass=1e-4")
-    holds(params["scale"], 1.3)
+
+    def readings(r):
+        return {"mass": np.round(kg + 2e-4 * r.standard_normal(8), 4)}
+
+    found, _ = measured("mass", readings, {"scale": 1.3}, "--where", "peg", "--resolution", "mass=1e-4")
     again = weights([truth, found])
     assert again[1] == pytest.approx(again[0], abs=3 * 2e-4 * G)
 
@@ -80,11 +100,13 @@ def drawn(worlds):
 
 
 def test_friction_survives_the_round_trip():
-    truth, r = one("contact_friction", scale=1.5), np.random.default_rng(2)
-    tangential, normal = (x[x > 1.0] + 0.1 * r.standard_normal(np.sum(x > 1.0)) for x in drawn([truth]))
-    table = {"normal": normal, "tangential": tangential}
-    found, params = measured("friction", table, "--resolution", "normal=0.01", "tangential=0.01")
-    holds(params["scale"], 1.5)
+    truth = one("contact_friction", scale=1.5)
+    forces = {name: x[x > 1.0] for name, x in zip(("tangential", "normal"), drawn([truth]), strict=True)}
+
+    def readings(r):
+        return {name: x + 0.1 * r.standard_normal(len(x)) for name, x in forces.items()}
+
+    found, _ = measured("friction", readings, {"scale": 1.5}, "--resolution", "normal=0.01", "tangential=0.01")
     tangential, normal = (x.sum(axis=0) for x in drawn([truth, found]))
     assert tangential[1] / normal[1] == pytest.approx(tangential[0] / normal[0], abs=0.1 / 20 * 1.5)
 
@@ -101,13 +123,15 @@ def touches(worlds, height):
 
 def test_restitution_survives_the_round_trip():
     """To 2 %: a touch of the model lasts 10 ms, in which gravity acts, and between onsets it counts as flight."""
-    truth, r = one("restitution", e=0.5), np.random.default_rng(0)
-    heights = 0.2, 0.3
-    times = np.concatenate([np.repeat(touches([truth], h), 5, axis=0) for h in heights])
-    times = times + 1e-3 * r.standard_normal(times.shape)
-    table = dict(zip(("t1", "t2", "t3", "drop"), [*times.T, np.repeat(heights, 5)], strict=True))
+    truth, heights = one("restitution", e=0.5), (0.2, 0.3)
+    exact = np.concatenate([np.repeat(touches([truth], h), 5, axis=0) for h in heights])
+
+    def readings(r):
+        times = exact + 1e-3 * r.standard_normal(exact.shape)
+        return dict(zip(("t1", "t2", "t3", "drop"), [*times.T, np.repeat(heights, 5)], strict=True))
+
     digits = ["--resolution", "t1=1e-4", "t2=1e-4", "t3=1e-4", "drop=1e-4"]
-    found, params = measured("restitution", table, *digits)
+    found, params = measured("restitution", readings, {}, *digits)
     assert params["e"].value == pytest.approx(0.5, rel=0.02)
     again = np.diff(touches([truth, found], 0.25), axis=1)
     assert again[1] == pytest.approx(again[0], rel=0.03)
@@ -125,16 +149,18 @@ def depths(worlds, loads, soft):
 
 
 def test_stiffness_of_a_fixture_survives_the_round_trip():
-    truth, r = one("fixture_compliance", "fixture", z=3e-5), np.random.default_rng(0)
-    loads, rows = np.linspace(10, 50, 5), []
-    for pose, arm in enumerate((1e-5, 2e-5)):
-        both = depths([World(), truth], loads, arm)
-        for ramp in (0, 1):
-            depth = both + 2e-6 * r.standard_normal(both.shape)
-            rows += [(f, depth[k, on], on, pose, ramp) for k, f in enumerate(loads) for on in (0, 1)]
-    columns = dict(zip(("force", "depth", "on", "pose", "ramp"), np.array(rows).T, strict=True))
-    found, params = measured("stiffness", columns, "--resolution", "force=0.01", "depth=1e-6")
-    holds(params["z"], 3e-5)
+    truth, loads = one("fixture_compliance", "fixture", z=3e-5), np.linspace(10, 50, 5)
+    pressed = [depths([World(), truth], loads, arm) for arm in (1e-5, 2e-5)]
+
+    def readings(r):
+        rows = []
+        for pose, both in enumerate(pressed):
+            for ramp in (0, 1):
+                depth = both + 2e-6 * r.standard_normal(both.shape)
+                rows += [(f, depth[k, on], on, pose, ramp) for k, f in enumerate(loads) for on in (0, 1)]
+        return dict(zip(("force", "depth", "on", "pose", "ramp"), np.array(rows).T, strict=True))
+
+    found, _ = measured("stiffness", readings, {"z": 3e-5}, "--resolution", "force=0.01", "depth=1e-6")
     again = depths([truth, found], [25.0], 0.0)[0]
     assert again[1] == pytest.approx(again[0], abs=3 * 2e-6 * 25 / 30)
 
@@ -176,31 +202,33 @@ def held_torques(robot, q, payloads):
 
 @pytest.mark.parametrize("by", ["attitudes", "plumb lines"])
 def test_a_centre_of_mass_survives_the_round_trip(by):
-    r, robot = np.random.default_rng(0), load("iiwa14")
+    robot = load("iiwa14")
+    truth = {"mass": MASS, **dict(zip("xyz", CENTRE, strict=True))}
     if by == "attitudes":
         turns = [(0.0, 0.0), (0.9, 0.0), (-0.9, 1.2), (0.8, -1.2), (-0.5, 2.0)]
         q = np.array([[0.0, 0.5, 0.0, -1.2, 0.0, 0.9 + a, b] for a, b in turns])
-        write(attitudes(r, q), "held")
-        _, params = added("com", "held", model="iiwa14")
-        axes = "xyz"
+
+        def held(r):
+            write(attitudes(r, q), "held", overwrite=True)
+            return ("held",)
+
+        _, params = added("com", held, truth, "iiwa14", abs=2e-3)
     else:
-        weighed = MASS + 1e-4 * r.standard_normal(6)
-        np.savetxt("m.csv", weighed, header="mass", comments="", fmt="%.6g")
-        assert main(["measure", "mass", "m.csv", "--resolution", "mass=1e-4", "--out", "mass.yaml"]) == 0
-        x, z = np.array([0.0, 0.05, -0.03]), np.array([0.12, 0.02, -0.01])
-        angle = np.arctan2(CENTRE[2] - z, CENTRE[0] - x) + 0.002 * r.standard_normal(3)
-        digits = ["--resolution", "x=1e-4", "y=1e-4", "angle=0.01"]
-        how = ["--mass", "mass.yaml", "--axes", "x", "z", *digits]
-        _, params = measured("com", {"x": x, "y": z, "angle": angle}, *how, model="iiwa14")
-        axes = "xz"
-    holds(params["mass"], MASS)
-    for axis, true in zip("xyz", CENTRE, strict=True):
-        if axis in axes:
-            assert params[axis].low <= true <= params[axis].high
-            assert params[axis].value == pytest.approx(true, abs=2e-3)
+        del truth["y"]  # along the photograph's axis
+
+        def hung(r):
+            weighed = MASS + 1e-4 * r.standard_normal(6)
+            np.savetxt("m.csv", weighed, header="mass", comments="", fmt="%.6g")
+            weigh = ["--resolution", "mass=1e-4", "--out", "mass.yaml", "--overwrite"]
+            assert main(["measure", "mass", "m.csv", *weigh]) == 0
+            x, z = np.array([0.0, 0.05, -0.03]), np.array([0.12, 0.02, -0.01])
+            angle = np.arctan2(CENTRE[2] - z, CENTRE[0] - x) + 0.002 * r.standard_normal(3)
+            return {"x": x, "y": z, "angle": angle}
+
+        how = ["--mass", "mass.yaml", "--axes", "x", "z", "--resolution", "x=1e-4", "y=1e-4", "angle=0.01"]
+        _, params = measured("com", hung, truth, *how, model="iiwa14", abs=2e-3)
     q = np.random.default_rng(1).uniform(-1.2, 1.2, (20, 7))
-    truth = dict(zip("xyz", CENTRE, strict=True)) | ({} if by == "attitudes" else {"y": params["y"].value})
-    worlds = [{"mass": MASS, **truth}, {k: params[k].value for k in ("mass", "x", "y", "z")}]
+    worlds = [{"y": params["y"].value} | truth, {k: params[k].value for k in ("mass", "x", "y", "z")}]
     arm = held_torques(robot, q, [*worlds, {"mass": 0.0}])
     rms = [float(np.sqrt(np.mean((x - arm[0]) ** 2))) for x in arm[1:]]
     assert rms[0] < 0.02 * rms[1]

@@ -15,12 +15,28 @@ RATE = 500.0
 
 def motion(path, size, joint, hold=0.7):
     """Steps of one size both ways, as those of `measure plan`."""
-    robot = load("iiwa14")
     offset = np.repeat([0.0, size, 0.0, -size, 0.0], round(hold * RATE))
+    return commanded(path, offset, joint, np.zeros(len(offset)))
+
+
+def ways(path, joint, reach, speeds):
+    """Ways out and back to both sides, twice at each speed, as the triangles and the ladder of `measure plan`."""
+    parts = [np.zeros(250)]
+    for speed in speeds:
+        x = np.linspace(0.0, 1.0, round(reach / speed * RATE), endpoint=False)
+        parts.append(reach * np.tile(np.concatenate([x, 1 - x, -x, x - 1]), 2))
+    offset = np.concatenate([*parts, np.zeros(250)])
+    return commanded(path, offset, joint, np.gradient(offset, 1 / RATE))
+
+
+def commanded(path, offset, joint, speed):
+    robot = load("iiwa14")
     q = np.tile(centre_of(robot), (len(offset), 1))
+    dq = np.zeros_like(q)
     q[:, robot.joints.index(joint)] += offset
+    dq[:, robot.joints.index(joint)] = speed
     head = ",".join(["time", *(f"q_cmd.{n}" for n in robot.joints), *(f"dq_cmd.{n}" for n in robot.joints)])
-    rows = np.column_stack([np.arange(len(offset)) / RATE, q, 0.0 * q])
+    rows = np.column_stack([np.arange(len(offset)) / RATE, q, dq])
     np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.9g")
     return path
 
@@ -79,3 +95,31 @@ def test_a_limit_of_torque_survives_the_round_trip_and_its_steps_are_left_out(ef
     alone = measure_joint(paths[1:], tmp_path / "small", joint="joint1").measurement
     assert not {"torque_limit", "stall_torque"} & {q.quantity for q in alone.results}
     assert any("no torque limit shows: the motor gave" in note for note in alone.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("truth", "reach", "speeds"),
+    [
+        # the gap shows where friction holds the teeth together on both sides, at 0.015 rad/s and slower
+        ({"backlash": ("gap", 0.002), "coulomb_friction": ("torque", 1.5)}, 0.02, (0.01, 0.015)),
+        ({"viscous_friction": ("damping", 10.0)}, 0.25, (0.05, 0.2, 0.5)),
+    ],
+    ids=["backlash", "viscous friction"],
+)
+def test_backlash_and_friction_survive_the_round_trip(truth, reach, speeds, tmp_path):
+    """Their intervals hold a row of time between angle and torque and an angle of smoothing: no chance misses them."""
+    how = HOW | {"control": "position", "torque_sensor": "motor"}
+    hidden = [f"{effect}:joint1:{key}={value}" for effect, (key, value) in truth.items()]
+    file = ways(tmp_path / "ways.csv", "joint1", reach, speeds)
+    record("iiwa14", file, effects=hidden, **how).save(tmp_path / "ways")
+    found = measure_joint([tmp_path / "ways"], tmp_path / "found", joint="joint1").measurement
+    placed = {e.effect: e for e in found.effects}
+    assert set(placed) == set(truth)
+    for effect, (key, value) in truth.items():
+        got = placed[effect].params[key]
+        assert got.low <= value <= got.high and got.value == pytest.approx(value, rel=0.05)
+    between = ways(tmp_path / "between.csv", "joint1", 0.9 * reach, [1.2 * speeds[-1]])
+    q = [record("iiwa14", between, effects=e, **how).recording.q[:, 0] for e in (hidden, list(placed.values()), [])]
+    rms = [float(np.sqrt(np.mean((x - q[0]) ** 2))) for x in q[1:]]
+    assert rms[0] < 0.1 * rms[1] and rms[0] < 1e-4  # rad; two noises are 3e-5
