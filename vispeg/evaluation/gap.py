@@ -165,10 +165,8 @@ class _Asked:
             return
         self.tests["gap", policy, world] = statistics.difference(table.rows(cells[0]), table.rows(cells[1]), True)
         first, second = ([e for e in table.all(cell) if e.train_seed in networks] for cell in cells)
-        kinds = part(
-            *(rows(side, lambda e: (e.seed, e.configuration), lambda e: e.category) for side in (first, second)),
-            stream(seed, "categories", policy, world),
-        )
+        ends = [rows(side, lambda e: (e.seed, e.configuration), lambda e: e.category) for side in (first, second)]
+        kinds = part(ends[0], ends[1], stream(seed, "categories", policy, world))
         self.partings[policy, world] = kinds, [len(first), len(second)]
         self.tests.update({("failures", policy, world, name): test for name, test in kinds.tests.items()})
         if not table.hashes[world]:  # between simulations the tables of success show both
