@@ -22,6 +22,17 @@ def test_impossible_paths(refused, out, words):
     refused(["compare", "iiwa14", "--recording", out, "--out", "c"], "--recording", *words[1:])
 
 
+def test_a_home_folder_that_the_shell_left_alone(vispeg, tmp_path, monkeypatch):
+    home, work = tmp_path / "home", tmp_path / "work"
+    home.mkdir(), work.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.chdir(work)
+    code, _, err = vispeg("evaluate", "expert", "--world=nominal", "--episodes=1", "--out=~/played")
+    assert not code, err
+    assert "evaluate.html" in {f.name for f in (home / "played").iterdir()}
+    assert not list(work.iterdir())
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [

@@ -85,7 +85,7 @@ def add(
     Raises:
         UserError: no such model, effect, place or parameter; a measurement of another robot; `out` exists.
     """
-    path = Path(out)
+    path = Path(out).expanduser()
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(path))
     world = read_model(model)

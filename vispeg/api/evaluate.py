@@ -82,7 +82,7 @@ def evaluate(
     who, file = ready(policies), load_world(world)
     controls = check_controls(controls, file)
     sources = [file.path, *folders(who)]
-    kept = None if trials is None else _kept(Path(trials), None if out is None else Path(out), sources)
+    kept = None if trials is None else _kept(Path(trials), None if out is None else Path(out).expanduser(), sources)
     with workplace(out, "evaluate.json", overwrite, sources) as place:
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)

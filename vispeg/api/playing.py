@@ -78,7 +78,7 @@ class Played(Result):
             append(place / runner.EPISODES, self.episodes)
             write_text_atomic(place / runner.RUN, json.dumps({"policies": {}, "worlds": {}}) + "\n", overwrite=True)
             self._write(place)
-        return Path(out)
+        return Path(out).expanduser()
 
     def _write(self, folder: Path) -> None:
         """The record, the list of films and the page; the episodes are there."""

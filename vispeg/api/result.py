@@ -50,7 +50,7 @@ class Result(ABC):
         """
         with new_folder(out, overwrite=overwrite, holds=self.holds, inputs=self.sources) as folder:
             self._write(folder)
-        return Path(out)
+        return Path(out).expanduser()
 
     def plot(self) -> Figure:
         """Return the main picture of the result's page as a matplotlib figure.

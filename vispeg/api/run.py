@@ -109,7 +109,7 @@ def run(
     target = driver(robot) if isinstance(robot, str) else robot
     trials: dict[str, Said] = {}
     try:
-        with _place(Path(out)) as place:
+        with _place(Path(out).expanduser()) as place:
             first = _next(place)
             for k in range(episodes):
                 ready(k)
@@ -124,7 +124,7 @@ def run(
         close = getattr(target, "close", None)
         if callable(close):
             close()
-    return RunResult(Path(out), trials, who.name, called)
+    return RunResult(Path(out).expanduser(), trials, who.name, called)
 
 
 def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:

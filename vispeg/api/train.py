@@ -165,7 +165,7 @@ def train(
         ranges=ranges,
         wandb=wandb or "",
     )
-    folder = new_run(task, seed) if out is None else Path(out)
+    folder = new_run(task, seed) if out is None else Path(out).expanduser()
     return TrainedPolicy(folder, running.train(config, folder, show=show), world, chosen)
 
 

@@ -9,7 +9,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
 from vispeg.cli.help import MARK, Page, laid_out
-from vispeg.cli.values import check_values
+from vispeg.cli.values import checked
 from vispeg.core.errors import UserError
 
 RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
@@ -56,8 +56,7 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
             print(laid_out(page.getvalue(), filled(description or "")))
             raise
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
-    check_values(args)
-    return args
+    return checked(args)
 
 
 def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:

@@ -1,12 +1,15 @@
-"""Refuse values of options that no command can use, before any work: impossible paths, and numbers beyond all sense."""
+"""Refuse values of options that no command can use, before any work: impossible paths, and numbers beyond all sense.
+
+A leading `~` becomes the home folder here, once for all commands: a shell leaves it in `--out=~/x`.
+"""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from vispeg.core.errors import UserError
 
@@ -17,28 +20,33 @@ SEEDS = 2**63  # exclusive: seeds are stored as 64-bit integers
 LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of Linux' file systems
 
 
-def check_values(args: object) -> None:
-    """Refuse what cannot be meant among the values of a command's dataclass, groups of options included.
+def checked(args: Any) -> Any:
+    """A command's dataclass, groups of options included, with home folders in place of `~`.
 
     Raises:
-        UserError: names the option, what came, and what was expected.
+        UserError: a value cannot be meant; names the option, what came, and what was expected.
     """
-    for name, value in _values(args):
-        if isinstance(value, str | Path):
-            _check_text(name, str(value), isinstance(value, Path))
-        elif isinstance(value, int | float) and not isinstance(value, bool):
-            _check_number(name, value)
-
-
-def _values(args: object) -> Iterator[tuple[str, object]]:
-    """Name of the option and each of its values."""
-    for field in fields(args) if is_dataclass(args) else ():
-        value = getattr(args, field.name)
+    new = {}
+    for field in fields(args):
+        name, value = f"--{field.name.replace('_', '-')}", getattr(args, field.name)
         if is_dataclass(value):
-            yield from _values(value)
-            continue
-        for each in value if isinstance(value, tuple) else (value,):
-            yield f"--{field.name.replace('_', '-')}", each
+            new[field.name] = checked(value)
+        elif isinstance(value, tuple):
+            new[field.name] = tuple(_checked(name, each) for each in value)
+        else:
+            new[field.name] = _checked(name, value)
+    changed = {name: value for name, value in new.items() if value is not getattr(args, name)}
+    return replace(args, **changed) if changed else args
+
+
+def _checked(name: str, value: Any) -> Any:
+    """One value of an option."""
+    if isinstance(value, str | Path):
+        _check_text(name, str(value), isinstance(value, Path))
+        return type(value)(_at_home(name, str(value))) if str(value).startswith("~") else value
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        _check_number(name, value)
+    return value
 
 
 def _check_text(name: str, text: str, path: bool) -> None:
@@ -54,11 +62,14 @@ def _check_text(name: str, text: str, path: bool) -> None:
     if (path or os.sep in text) and (longest > LONGEST_NAME or size > LONGEST_PATH):
         expected = f"names of at most {LONGEST_NAME} bytes, {LONGEST_PATH} in all"
         raise UserError("is too long for a path", key=name, got=shown, expected=expected)
-    if path and text.startswith("~"):
-        try:
-            Path(text).expanduser()
-        except RuntimeError:
-            raise UserError("no such user", key=name, got=shown, expected="a home folder that is there") from None
+
+
+def _at_home(name: str, text: str) -> str:
+    """A path that begins with `~` or `~USER`, from the home folder's."""
+    try:
+        return str(Path(text).expanduser())
+    except RuntimeError:
+        raise UserError("no such user", key=name, got=text, expected="a home folder that is there") from None
 
 
 def _check_number(name: str, value: float) -> None:

@@ -23,9 +23,10 @@ def workplace(
         with TemporaryDirectory(prefix="vispeg-") as folder:
             yield Path(folder)
         return
-    refuse(Path(out), result, inputs)
+    out = Path(out).expanduser()
+    refuse(out, result, inputs)
     with claimed(out):
-        yield prepare(Path(out), result, overwrite, inputs)
+        yield prepare(out, result, overwrite, inputs)
 
 
 def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> None:

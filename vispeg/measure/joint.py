@@ -100,7 +100,8 @@ def measure(
     _bode(points, results, notes, details, rng)
     results += friction
     if not results:
-        raise UserError("gives no number of a joint", file=names, expected="; ".join(notes) or "steps, sines or ramps")
+        why = "; ".join(("gives no number of a joint", *notes))
+        raise UserError(why, file=names, expected="steps, sines up to its bandwidth, or ramps out and back")
     if responses:
         details["steps"] = [
             {"size_rad": size, "repeats": len(group), "left_of_step": float(np.mean([s.rest for s in group]))}

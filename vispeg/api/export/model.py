@@ -105,7 +105,7 @@ def export_model(
     Raises:
         UserError: no such model, one that the format cannot hold, another ending, or `out` exists.
     """
-    path = Path(out)
+    path = Path(out).expanduser()
     check_ending(path, to)
     world = model if isinstance(model, World) else read_model(str(model))
     apart(path, (world.robot,) if isinstance(model, World) else (model, world.robot))

@@ -57,7 +57,7 @@ def export_policy(
     Raises:
         UserError: no such policy, one of two networks, another ending than .onnx, or `out` exists.
     """
-    check_ending(Path(out), "onnx")
+    check_ending(Path(out).expanduser(), "onnx")
     require("torch", "export")
     from vispeg.learn import onnx
     from vispeg.learn.interface import interface_of_policy

@@ -72,5 +72,5 @@ def combine(
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine
 
-    coarse_to_fine.combine(Path(coarse), Path(fine), within, Path(out), overwrite)
-    return CombinedPolicy(Path(out), str(coarse), str(fine), within)
+    coarse_to_fine.combine(Path(coarse), Path(fine), within, Path(out).expanduser(), overwrite)
+    return CombinedPolicy(Path(out).expanduser(), str(coarse), str(fine), within)

@@ -100,7 +100,7 @@ def finetune(
         str(world),
         known_world,
         teacher,
-        Path(out),
+        Path(out).expanduser(),
         settings,
         seed,
         dataset=None if dataset is None else Path(dataset),

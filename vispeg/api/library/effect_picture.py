@@ -51,7 +51,7 @@ def draw_effect(
     Raises:
         UserError: no such effect or place.
     """
-    kind, path = effect(name), Path(out) / f"effect-{name}.png"
+    kind, path = effect(name), Path(out).expanduser() / f"effect-{name}.png"
     arm = name in searchable()
     scene = None if arm else build()
     if where is not None:

@@ -85,7 +85,7 @@ def measure_joint(
         full = complete(full, paths, settings.seed)
         (folder / NAME).write_text(measurement_text(full), encoding="utf-8")
     written = f"{out}: {NAME}, joint.png" + (", actuator.xml" if measured.servo else "")
-    return MeasurementResult(full, Path(out) / NAME, written, budget=False)
+    return MeasurementResult(full, Path(out).expanduser() / NAME, written, budget=False)
 
 
 def _traces(

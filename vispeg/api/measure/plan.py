@@ -119,7 +119,7 @@ def plan_joint(
         raise UserError("not a rate", key="--rate", expected="20 to 5000 Hz", got=rate_hz)
     middle = float(centre[arm.joints.index(joint)]) if joint in arm.joints else 0.0
     parts = plan(arm, joint, middle, size, rate_hz, stream(seed, "measure", "plan"))
-    result = MotionPlan(Path(out), joint, robot, rate_hz, parts)
+    result = MotionPlan(Path(out).expanduser(), joint, robot, rate_hz, parts)
     with new_folder(out, overwrite, holds="plan") as folder:
         for name, part in zip(result.names, parts, strict=True):
             (folder / name).write_text(table(part, arm.joints, centre, joint), encoding="utf-8")

@@ -239,7 +239,7 @@ def _measured(
     effects: Effects,
 ) -> MeasurementResult:
     """Measures and writes; where the number is no effect of a model, a note says why."""
-    check_out(Path(out), settings.overwrite)
+    check_out(Path(out).expanduser(), settings.overwrite)
     outcome = measure(stream(settings.seed, "measure", protocol))
     notes, made = list(outcome.notes), list[EffectInstance]()
     try:
@@ -255,7 +255,7 @@ def _measured(
         notes=tuple(notes),
         details=outcome.details,
     )
-    return write(measurement, Path(out), inputs, settings)
+    return write(measurement, Path(out).expanduser(), inputs, settings)
 
 
 def _nominal(what: Literal["mass", "friction"], part: str, nominal: float | None, world: str) -> float:

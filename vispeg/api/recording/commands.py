@@ -83,9 +83,9 @@ def write_motion(
     choices = names(model=model)
     if name not in choices:
         raise UserError("unknown motion", key="name", got=name, choices=choices)
-    if out is None or Path(out).suffix != ".csv":
+    if out is None or Path(out).expanduser().suffix != ".csv":
         raise UserError("where to?", key="--out", expected="a .csv file", got=out)
-    path = Path(out)
+    path = Path(out).expanduser()
     if overwrite and path.exists():
         _refuse_other(path)
     moving = model or (OPEN_CELL if name in (*names("contact"), *names("cell")) else "iiwa14")

@@ -97,7 +97,7 @@ def convert(
             stated = "a map" if mapping is None else "the map"
             refuse_units(rec, model, columns, file, stated, needs_of(load_for(rec.joints, robot), rec))
         read = [source, mapping if isinstance(mapping, Path) else None, *files]
-        write(rec, Path(out), overwrite, table, inputs=read)
+        write(rec, Path(out).expanduser(), overwrite, table, inputs=read)
     return rec
 
 
@@ -130,7 +130,7 @@ def convert_object(
         raise UserError("cannot be converted", file=source, expected=expected)
     rate_hz = None if rate_hz is None else checked_rate(rate_hz, "--rate-hz")
     rec = import_object(source, load_object(robot).name, rate_hz, first, last)
-    write_object(rec, Path(out), overwrite, inputs=(source, robot))
+    write_object(rec, Path(out).expanduser(), overwrite, inputs=(source, robot))
     return rec
 
 

@@ -99,7 +99,7 @@ def suite(
         settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
         ends = [*play(jobs, place, workers, playing), *trials.episodes]
-        called = version or ("" if out is None else Path(out).resolve().name)
+        called = version or ("" if out is None else Path(out).expanduser().resolve().name)
         about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": [*trials.notes]}
         result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))
         if out is not None:

@@ -57,7 +57,7 @@ class VersionsResult(Result):
         """Writes compare.json and suite.html into a folder; see `Result.save`."""
         with workplace(out, "compare.json", overwrite, self.sources) as place:
             self._write(place)
-        return Path(out)
+        return Path(out).expanduser()
 
     def _write(self, folder: Path) -> None:
         values = stamped(self.record, 0, [Path(p) for p in self.sources])
