@@ -117,6 +117,7 @@ def said(args):
     print("exit", code, file=sys.stderr, flush=True)
 record, evaluate = "record iiwa14 --motion fourier --duration 1", "evaluate expert --episodes 2 --videos 0"
 subprocess.run(["mount", "-t", "tmpfs", "-o", "size=32k", "none", disk], check=True)
+said(f"export iiwa14 --to mjcf --out {disk}/arm.xml")
 said(f"{record} --out {disk}/rig")
 print(os.listdir(disk), file=sys.stderr)
 subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
@@ -138,9 +139,10 @@ def test_real_disks_that_are_full_and_read_only(tmp_path):
         run, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True
     )
     lines = done.stderr.splitlines()
-    full, read_only = "vispeg: error: disk/rig: cannot be written: No space left on device", "Read-only file system"
-    assert lines[:3] == [full, "exit 2", "[]"], done.stderr
-    assert lines[3::2] == [
+    full, read_only = "cannot be written: No space left on device", "Read-only file system"
+    assert lines[0].startswith("vispeg: error: disk/arm-meshes/") and lines[0].endswith(full), done.stderr
+    assert lines[1:5] == ["exit 2", f"vispeg: error: disk/rig: {full}", "exit 2", "[]"], done.stderr
+    assert lines[5::2] == [
         f"vispeg: error: disk/{name}: cannot be written: {read_only}" for name in ("rig", "judged", "model.yaml")
-    ] + ["vispeg: error: cannot be written: No space left on device"]
-    assert lines[4::2] == ["exit 2"] * 4 and done.returncode == 0
+    ] + [f"vispeg: error: {full}"]
+    assert lines[6::2] == ["exit 2"] * 4 and done.returncode == 0

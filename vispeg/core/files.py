@@ -10,7 +10,7 @@ import signal
 import threading
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from vispeg.core.disk import failed_in, why
@@ -146,30 +146,12 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
         raise UserError("is a folder", file=path, expected="a file")
     if target.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=path)
-    part = _sibling(target)
-    new = [folder for folder in target.parents if not folder.exists()]
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        remove_abandoned(target)
-        part.touch()
-        with _held(part):
-            part.write_bytes(data)
-            os.replace(part, target)
-    except OSError as error:
-        with suppress(OSError):  # where its folder is none, asking for it is an error too
-            part.unlink()
-        with suppress(OSError):
-            for folder in new:
-                folder.rmdir()
-        raise UserError(f"cannot be written: {why(error)}", file=path) from error
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    _write({Path(path): data})
     return Path(path)
 
 
 def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
-    """Write a file and those beside it that it refers to; refuse before the first one is written.
+    """Write a file and those beside it that it refers to: all of them or, where one cannot be, none.
 
     Args:
         files: path -> content.
@@ -183,8 +165,42 @@ def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool = False) 
             raise UserError("is a folder", file=path, expected="a file")
         if path.exists() and not overwrite and path.read_bytes() != data:
             raise UserError("exists already; name another or pass --overwrite", file=path)
-    for path, data in files.items():
-        write_bytes_atomic(path, data, overwrite=True)
+    _write(files)
+
+
+def _write(files: Mapping[Path, bytes]) -> None:
+    """Write all files under temporary names, then rename them, so that a full disk leaves nothing behind.
+
+    Raises:
+        UserError: one of them cannot be written.
+    """
+    parts: dict[Path, tuple[Path, Path]] = {}
+    new: list[Path] = []
+    path = Path()
+    try:
+        with ExitStack() as held:
+            for path, data in files.items():
+                target = path.expanduser().resolve()
+                new = [folder for folder in target.parents if not folder.exists()] + new
+                target.parent.mkdir(parents=True, exist_ok=True)
+                remove_abandoned(target)
+                part = _sibling(target)
+                parts[part] = path, target
+                part.touch()
+                held.enter_context(_held(part))
+                part.write_bytes(data)
+            for part, (path, target) in parts.items():
+                os.replace(part, target)
+    except BaseException as error:
+        for part in parts:
+            with suppress(OSError):  # where its folder is none, asking for it is an error too
+                part.unlink()
+        for folder in new:
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(error, OSError):
+            raise UserError(f"cannot be written: {why(error)}", file=path) from error
+        raise
 
 
 def remove_unfinished(file: Path) -> None:

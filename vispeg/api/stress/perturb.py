@@ -68,8 +68,10 @@ def perturb(
         UserError: as `vispeg.evaluate`; a push or a list of positions that cannot be.
     """
     check_numbers(episodes, workers)
-    if not 0 <= force[0] <= force[1] or not duration > 0:
-        raise UserError("not a push", key="--force", expected="low <= high, a duration above 0", got=force)
+    if not 0 <= force[0] <= force[1]:
+        raise UserError("not a push", key="--force", expected="0 <= low <= high", got=force)
+    if not duration > 0:
+        raise UserError("not a push", key="--duration", expected="above 0 s", got=duration)
     who, file = ready(policies), load_world(world)
     listed = None if positions is None else Path(positions)
     hard = pushed.positions(listed, task_of(config_of(file.task)))
