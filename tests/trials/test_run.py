@@ -1,5 +1,6 @@
 """The run loop: the policy's episode in the simulator again, limits that stop the arm, time that is kept, bad input."""
 
+import signal
 import sys
 import time
 from dataclasses import replace
@@ -200,11 +201,18 @@ class Stuck:
         self.stopped += 1
 
 
-def test_a_watchdog_stops_a_robot_whose_driver_hangs(robot):
+@pytest.mark.parametrize("handled", [signal.default_int_handler, signal.SIG_IGN], ids=["terminal", "background"])
+def test_a_watchdog_stops_a_robot_whose_driver_hangs(robot, handled):
+    """In a terminal, and where a shell's background job ignores interrupts."""
     stuck, interface = Stuck(), meaning(robot.robot)
-    trial = run_episode(
-        Scripted(robot.robot.config), interface, stuck, WHO, 0, How(Limits(reach=2.0), silence=0.1, rest=0.0)
-    )
+    before = signal.signal(signal.SIGINT, handled)
+    try:
+        trial = run_episode(
+            Scripted(robot.robot.config), interface, stuck, WHO, 0, How(Limits(reach=2.0), silence=0.1, rest=0.0)
+        )
+        assert signal.getsignal(signal.SIGINT) is handled
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert trial.said.outcome.category == "watchdog" and stuck.stopped >= 1
     assert time.monotonic() - stuck.began < 30
 

@@ -199,4 +199,5 @@ def render_dataset(
             overwrite=overwrite,
         )
     names = tuple(camera.name for camera in layout.cameras)
-    return RenderedDataset(Path(out).expanduser(), plan.frames, names, resumed[0] if resumed else 0, time.monotonic() - start)
+    before, seconds = resumed[0] if resumed else 0, time.monotonic() - start
+    return RenderedDataset(Path(out).expanduser(), plan.frames, names, before, seconds)

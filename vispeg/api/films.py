@@ -139,7 +139,8 @@ def play(
         settings |= with_tolerance(load_world(place).task, tolerance)
     elif world is None:
         settings = dict(made_for(opened.meta))
-    folder = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}" if out is None else Path(out).expanduser()
+    usual = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}"
+    folder = usual if out is None else Path(out).expanduser()
     seeds, made = [seed + k for k in range(episodes)], list[Film]()
     for film in films(policy, place, settings, seeds, folder, overwrite):
         made.append(film)

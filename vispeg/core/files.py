@@ -189,7 +189,8 @@ def _write(files: Mapping[Path, bytes]) -> None:
                 part.touch()
                 held.enter_context(_held(part))
                 part.write_bytes(data)
-            for part, (path, target) in parts.items():
+            for part in parts:
+                path, target = parts[part]  # an error names this path
                 os.replace(part, target)
     except BaseException as error:
         for part in parts:

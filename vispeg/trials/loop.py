@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -96,10 +97,13 @@ class Watchdog:
     silence: float
     barked: bool = False
     _last: float = field(default_factory=time.monotonic)
+    _before: Any = None  # how SIGINT is handled elsewhere
     _over: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Watchdog:
-        self._last = time.monotonic()
+        self._last, self._before = time.monotonic(), signal.getsignal(signal.SIGINT)
+        if not callable(self._before):  # ignored, as behind `nohup ... &`: then nothing would interrupt the loop
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         threading.Thread(target=self._watch, daemon=True).start()
         return self
 
@@ -109,6 +113,7 @@ class Watchdog:
 
     def __exit__(self, *_: object) -> None:
         self._over.set()
+        signal.signal(signal.SIGINT, self._before)
 
     def _watch(self) -> None:
         while not self._over.wait(self.silence / 5):
