@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 
 import vispeg
+from vispeg.api.export.policy import export_policy
+from vispeg.cli.main import main
 from vispeg.core.errors import UserError
+from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.jobs import seeds_of
+from vispeg.interface.exported import Exported
+from vispeg.learn import onnx
 from vispeg.learn.evaluation import run_episodes
+from vispeg.learn.interface import interface_of_policy
+from vispeg.learn.modalities import modality
+from vispeg.learn.networks.actor import Actor
+from vispeg.learn.policy import NetPolicy, load
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.scripted import Scripted
 
@@ -170,3 +179,37 @@ def test_rows_that_begin_are_told(module):
     policy, env = own.Down(), TaskVec(2, "nominal", "proprio", autoreset_mode="Disabled", steps=3)
     run_episodes(Own(policy, "down", "proprio", 3), env, seeds_of(3))
     assert policy.began[0] is None and [rows.tolist() for rows in policy.began[1:]] == [[True, True]]
+
+
+def test_an_onnx_file_plays_what_the_network_in_it_plays(tmp_path, capsys, monkeypatch):
+    """One or two side by side, in one process or two; what it says of itself counts as a folder's record does."""
+    monkeypatch.chdir(tmp_path)
+    export_policy("state-3mm", "other.onnx")
+    folder = vispeg.evaluate("state-3mm", "nominal", episodes=4)
+    for workers in (1, 2):
+        again = vispeg.evaluate({"state-3mm": "other.onnx"}, "nominal", episodes=4, workers=workers)
+        pairs = list(zip(again.episodes, folder.episodes, strict=True))
+        assert len(pairs) == 4 and all((a.seed, a.category) == (b.seed, b.category) for a, b in pairs)
+        for a, b in pairs:  # two libraries round otherwise, by 1e-5 of an action
+            assert a.time == pytest.approx(b.time, abs=0.17) and a.peak_force == pytest.approx(b.peak_force, rel=0.05)
+    one, other = entrant("state-3mm"), entrant("other.onnx")
+    assert (other.name, other.modality, other.trained_on) == ("other", one.modality, one.trained_on)
+    assert {k: other.task[k] for k in one.task} == dict(one.task)
+    assert dict(other.parts) == dict(one.parts)
+    (tmp_path / "broken.onnx").write_bytes(b"no model")
+    assert main(["evaluate", "broken.onnx", "--world", "nominal", "--out", "o"]) == 2
+    assert "broken.onnx: is not an ONNX model" in capsys.readouterr().err and not (tmp_path / "o").exists()
+
+
+def test_an_onnx_file_with_a_memory_forgets_only_the_episodes_that_begin(tmp_path):
+    network, file = load("state-3mm"), tmp_path / "memory.onnx"
+    actor = Actor(network.actor.layout, modality("state"), (32,), recurrent=8)
+    meaning = interface_of_policy(network).model_copy(update={"recurrent": 8})
+    onnx.export(NetPolicy(actor, "state", network.meta), file, meaning=meaning)
+    kept, fresh, rng = Exported(file), Exported(file), np.random.default_rng(0)
+    obs = [{"policy": rng.normal(size=(4, network.actor.layout.vector)).astype(np.float32)} for _ in range(3)]
+    kept.reset(4)
+    kept.act(obs[0])
+    kept.reset(4, np.array([True, False, False, True]))
+    fresh.reset(4)
+    assert (kept.act(obs[1]) == fresh.act(obs[1])).all(axis=1).tolist() == [True, False, False, True]

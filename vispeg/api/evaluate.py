@@ -61,8 +61,8 @@ def evaluate(
 
     Args:
         policies: one or several of: folders, names of bundled policies, `NAME=FOLDER`, `expert` (the scripted one),
-            `MODULE:NAME`, a .zip by Stable-Baselines3, a function of the observation, an object with `act(obs)`; or a
-            mapping of names to these. See `vispeg.evaluation.own`.
+            `MODULE:NAME`, an .onnx by `vispeg export`, a .zip by Stable-Baselines3, a function of the observation, an
+            object with `act(obs)`; or a mapping of names to these. See `vispeg.evaluation.own`.
         world: a built-in world's name or a world file.
         episodes: of every policy.
         controls: as in `vispeg.evaluation.controls`: the same policies with images that carry no information.

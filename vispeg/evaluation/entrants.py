@@ -67,7 +67,8 @@ class Entrant:
 def entrant(text: str) -> Entrant:
     """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
 
-    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, or a .zip by Stable-Baselines3.
+    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, an .onnx, or a .zip by
+    Stable-Baselines3.
 
     Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
     a run's folder, the task's.
@@ -79,7 +80,7 @@ def entrant(text: str) -> Entrant:
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
     if own.is_own(place):
-        return _own(name or (Path(place).stem if place.lower().endswith(".zip") else place.rpartition(":")[2]), place)
+        return _own(name or (Path(place).stem if own.is_file(place) else place.rpartition(":")[2]), place)
     path = policy_folder(place, [EXPERT])
     require("torch", f"the policy {place}")
     record = read_record(path)
@@ -108,8 +109,10 @@ def _own(name: str, source: Any) -> Entrant:
     path = own.origin(source)
     digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
     kept = source if isinstance(source, str) else target
-    where = Path(name) if path is None else path
-    return Entrant(name, where, mode, 0, (), task, digest_of, source=kept, alone=own.plays_alone(target))
+    where, known = Path(name) if path is None else path, own.made_in(target)
+    hashes, made_of = tuple(known["world_hashes"]), known["world_parts"]
+    alone = own.plays_alone(target)
+    return Entrant(name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, alone=alone)
 
 
 def given(policies: Policies) -> list[tuple[str, Any]]:

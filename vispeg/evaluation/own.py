@@ -1,4 +1,4 @@
-"""Policies of a user's own: objects, functions, `MODULE:NAME` of either, and what Stable-Baselines3 saved.
+"""Policies of a user's own: objects, functions, `MODULE:NAME` of either, what Stable-Baselines3 saved, and ONNX files.
 
 A policy is a function of the observation, or an object with `act(obs)`; what has `predict`, as Stable-Baselines3's
 models do, acts without exploring. Observations are arrays (n, ...) by key, actions (n, d) within +-1. An object may
@@ -7,7 +7,8 @@ None for all. One whose `reset` takes no rows plays one episode at a time. `obs_
 `state`), `task` which settings of the task it was made for, such as {"stack": 1}.
 
 A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
-executed, see `vispeg.learn.sb3_policy`.
+executed, see `vispeg.learn.sb3_policy`. An ONNX file says in its metadata what its numbers mean, as `vispeg export`
+writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime, without torch.
 """
 
 from __future__ import annotations
@@ -24,17 +25,28 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
-from vispeg.learn.meta import INTERFACE
+from vispeg.interface.exported import Exported
+from vispeg.interface.interface import Interface
+from vispeg.learn.meta import INTERFACE, MadeIn, worlds
 from vispeg.render.image_kinds import DEPTH, MODES, camera_of, grey_depth, kind_of
 from vispeg.task.terms import POLICY, PRIVILEGED
 
 MODULE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-EXPECTED = "a policy's folder, NAME=FOLDER, MODULE:NAME, a .zip by Stable-Baselines3, a function, or an object with act"
+EXPECTED = (
+    "a policy's folder, NAME=FOLDER, MODULE:NAME, an .onnx file, a .zip by Stable-Baselines3, a function, "
+    "or an object with act"
+)
+FILES = (".zip", ".onnx")
+
+
+def is_file(text: str) -> bool:
+    """Tell whether a text names a file by Stable-Baselines3, or one in ONNX."""
+    return Path(text).suffix.lower() in FILES
 
 
 def is_own(text: str) -> bool:
-    """Whether a text names a module's policy, or a file by Stable-Baselines3."""
-    return Path(text).suffix.lower() == ".zip" or (MODULE.fullmatch(text) is not None and not Path(text).exists())
+    """Whether a text names such a file, or a module's policy."""
+    return is_file(text) or (MODULE.fullmatch(text) is not None and not Path(text).exists())
 
 
 def made(source: Any) -> Any:
@@ -49,6 +61,8 @@ def made(source: Any) -> Any:
         from vispeg.learn.sb3_policy import opened
 
         target = opened(Path(source).expanduser())
+    elif isinstance(source, str) and is_file(source):
+        target = Exported(Path(source).expanduser())
     elif isinstance(source, str):
         target = _imported(source)
     if inspect.isclass(target):
@@ -65,7 +79,7 @@ def origin(source: Any) -> Path | None:
     """The file that a policy named by a text is in; None for an object."""
     if not isinstance(source, str):
         return None
-    if source.lower().endswith(".zip"):
+    if is_file(source):
         return Path(source).expanduser()
     return Path(inspect.getfile(importlib.import_module(source.partition(":")[0])))
 
@@ -85,6 +99,8 @@ def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
     Raises:
         UserError: no such observation or setting; one that reads the ground truth.
     """
+    if isinstance(target, Exported):
+        return target.interface.modality, _stated(target.interface)
     space = getattr(getattr(target, "observation_space", None), "spaces", None)
     if space is not None:
         return _of_space(space, name)
@@ -96,6 +112,23 @@ def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
     if unknown:
         raise UserError(f"no setting that a policy is made for: {name}", key="task", got=unknown[0], choices=INTERFACE)
     return mode, dict(task)
+
+
+def _stated(i: Interface) -> dict[str, Any]:
+    """The settings of the task that an interface was written for, those of `vispeg.learn.meta.INTERFACE`."""
+    task = {"name": i.task, "stack": i.stack, "dof": i.dof, "policy_period": i.policy_period_s}
+    task |= {"offset": i.offset_m, "turn": i.turn_rad}
+    if i.images:
+        task["cameras"] = tuple(dict.fromkeys(camera_of(key) for key in i.images))
+        task["image_size"] = min(min(seen.shape[1:]) for seen in i.images.values())
+    return task
+
+
+def made_in(target: Any) -> MadeIn:
+    """The world that a policy says it was trained in; nothing where it does not say."""
+    if not isinstance(target, Exported):
+        return worlds()
+    return worlds({"world": target.interface.world, "world_hash": target.interface.world_hash})
 
 
 def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]:

@@ -19,7 +19,7 @@ MEMORY = ("hidden", "cell")
 
 
 class Exported:
-    """What `vispeg export` wrote; it acts as a policy does on one robot.
+    """What `vispeg export` wrote; it acts as a policy does.
 
     Attributes:
         interface: the meaning of its numbers.
@@ -61,12 +61,16 @@ class Exported:
         return [x.name for x in self._session.get_outputs()]
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forgets the episode."""
+        """Forget the episodes of these rows (n,) bool of n that are played side by side; of all by default."""
         width = self.interface.recurrent
-        self._memory = {name: np.zeros((1, n, width), np.float32) for name in MEMORY} if width else {}
+        fresh = {name: np.zeros((1, n, width), np.float32) for name in MEMORY} if width else {}
+        if rows is not None:
+            for name, kept in self._memory.items():
+                fresh[name][:, ~rows] = kept[:, ~rows]
+        self._memory = fresh
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Observation (1, ...) -> action (1, d) float32 within +-1."""
+        """Observation (n, ...) -> actions (n, d) float32 within +-1."""
         parts = {key: obs[key] for key in ("policy", *self.interface.images)}
         values = self._session.run(None, {**parts, **self._memory})
         out = dict(zip(self._outputs, values, strict=True))
