@@ -225,6 +225,9 @@ def test_what_is_tentative_is_counted_and_a_class_is_named_as_one_of():
     assert "and one of Link mass of link 7 or Payload at the flange and 1 tentative effect help, but a" in text
     assert "bias" not in text.lower(), "a tentative effect is not named in the verdict"
     assert words.one_of(mass) == "One of: Link mass of link 7, Payload at the flange"
+    payload = {"effect": "payload", "where": "flange", "partial": True, "indistinguishable_from": [mass]}
+    both = words.verdict({"verdict": "unexplained", "effects": [mass, payload]})
+    assert both.startswith("One of Link mass of link 7 or Payload at the flange helps, but"), both
     assert words.tentative({"effects": [friction, unsure]}).endswith("Joint bias in joint 1")
     assert words.tentative({"effects": [friction]}) == ""
     only = words.verdict({"verdict": "unexplained", "effects": [unsure]})

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
 from vispeg.core.errors import UserError
-from vispeg.core.several import several
+from vispeg.core.several import several, single
 from vispeg.evaluation import gap as gaps
 from vispeg.evaluation import stored
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
@@ -107,6 +107,7 @@ def gap(
     """
     named = given(policies)
     files, worlds = [Path(r) for r in several(records)], several(worlds)
+    measured = None if measured is None else single(measured, "--measured")
     control_worlds = None if control_worlds is None else several(control_worlds)
     if not named and not files:
         raise UserError("nothing to evaluate", expected="policy folders, or --records FILE")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import install
@@ -34,6 +35,17 @@ def available() -> list[str]:
     return [*(s for s, full in SHORT.items() if full.partition("/")[0] in there), *sorted(there)]
 
 
+def knows(robot: str) -> bool:
+    """Tell whether Menagerie has a robot of that name, here or to be downloaded."""
+    folder = SHORT.get(robot, robot).partition("/")[0]
+    package = _package()
+    return (
+        folder in folders()
+        or folder in {full.partition("/")[0] for full in SHORT.values()}
+        or (package is not None and folder in package.names())
+    )
+
+
 def find(robot: str) -> Path | None:
     """The file of a robot's name: a short one, a folder, or FOLDER/ENTRY; None where nobody here knows it.
 
@@ -47,7 +59,7 @@ def find(robot: str) -> Path | None:
     path = _downloaded(folder)
     if path is not None:
         return _entry(path, entry)
-    if robot in SHORT or folder in (full.partition("/")[0] for full in SHORT.values()):
+    if knows(robot):
         raise UserError(
             f"the robot '{robot}' is not here; it is an arm of the extra 'menagerie' (MuJoCo Menagerie)", expected=HOW
         )
@@ -66,17 +78,23 @@ def _entry(folder: Path, entry: str) -> Path:
     return (best or files)[0]
 
 
+def _package() -> Any:
+    """The package `mujoco-menagerie`; None where it is not installed."""
+    try:
+        import mujoco_menagerie  # type: ignore[import-not-found]
+    except ImportError:
+        return None
+    return mujoco_menagerie
+
+
 def _downloaded(folder: str) -> Path | None:
     """The folder that the package `mujoco-menagerie` has, or None without the package or for a name it has not.
 
     Raises:
         UserError: the download failed.
     """
-    try:
-        import mujoco_menagerie as package  # type: ignore[import-not-found]
-    except ImportError:
-        return None
-    if folder not in package.names():
+    package = _package()
+    if package is None or folder not in package.names():
         return None
     try:
         return Path(package.get(folder).path())

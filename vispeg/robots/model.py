@@ -183,9 +183,20 @@ def _tool_key(tool: Mapping[str, Any]) -> str:
     return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
 
 
+def check_name(robot: str) -> None:
+    """Refuse a robot's name that nobody knows; files are asked for where they are read, downloads too.
+
+    Raises:
+        UserError: an unknown name; lists those there are.
+    """
+    if robot != BUILT_IN and not Path(robot).suffix and not menagerie.knows(robot):
+        hint = "a name, or a path to an .xml (MJCF) or .urdf"
+        raise UserError("unknown robot", expected=hint, got=robot, choices=available())
+
+
 def _file(robot: str) -> Path | None:
     """The file that a robot's name means; None for a robot that is built in."""
-    if robot == "iiwa14":
+    if robot == BUILT_IN:
         return None
     if Path(robot).suffix.lower() in SUFFIXES:
         if not is_file(robot):
@@ -194,11 +205,8 @@ def _file(robot: str) -> Path | None:
     if Path(robot).suffix.lower() == ".xacro":
         out = Path(robot).name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=robot, expected=f"its result: xacro {Path(robot).name} > {out}")
-    path = menagerie.find(robot)
-    if path is None:
-        hint = "a name, or a path to an .xml (MJCF) or .urdf"
-        raise UserError("unknown robot", expected=hint, got=robot, choices=available())
-    return path
+    check_name(robot)
+    return menagerie.find(robot)
 
 
-__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "load", "load_for", "tilted"]
+__all__ = ["GRAVITY", "Limits", "RobotModel", "available", "check_name", "load", "load_for", "tilted"]

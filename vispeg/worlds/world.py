@@ -9,6 +9,7 @@ from typing import Any
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.recordings.cell import CellBelief
+from vispeg.robots.model import check_name
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,18 @@ class World:
         tool: None, a tool's name, or a mapping with `mass_kg`, `com_m`, `inertia_kgm2` at the flange.
         effects: deviations from nominal, in any order.
         cell: settings of the cell around the robot; none for an arm alone.
+
+    Raises:
+        UserError: no robot has such a name.
     """
 
     robot: str = "iiwa14"
     tool: Mapping[str, Any] | str | None = None
     effects: tuple[EffectInstance, ...] = ()
     cell: CellBelief | None = None
+
+    def __post_init__(self) -> None:
+        check_name(self.robot)
 
     def add(self, *effects: EffectInstance | str, **values: float) -> World:
         """Return this world with effects added; one at the same place replaces its predecessor.

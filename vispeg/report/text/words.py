@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from vispeg.core.effect import REGISTRY
@@ -253,15 +253,17 @@ def onward(values: Mapping[str, Any]) -> str:
 
 
 def _names(values: Mapping[str, Any]) -> list[str]:
-    """What is named, with its size; of partial effects with rivals, the class. Nothing that is tentative."""
+    """What is named, with its size; of partial effects with rivals, each class once. Nothing that is tentative."""
     listed = rows(values, "effects") or rows(values, "partial")
-    sure = [effect for effect in listed if not effect.get("tentative")]
-    return [sized(e) if one_of(e) == named_effect(e) else f"one of {_among(e)}" for e in sure]
+    names: dict[frozenset[str], str] = {}
+    for effect in (e for e in listed if not e.get("tentative")):
+        several = one_of(effect) != named_effect(effect)
+        members = [named_effect(e) for e in (effect, *(_others(effect) if several else ()))]
+        names.setdefault(frozenset(members), f"one of {_among(members)}" if several else sized(effect))
+    return [*names.values()]
 
 
-def _among(effect: Mapping[str, Any]) -> str:
-    others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
-    names = [named_effect(effect), *others]
+def _among(names: Sequence[str]) -> str:
     return join(names, "or") if len(names) <= MOST_RIVALS else f"{join(names[:2], ', ')} and {len(names) - 2} more"
 
 
