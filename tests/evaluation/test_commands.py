@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from vispeg.api.gap import gap
 from vispeg.cli.main import main
+from vispeg.core.errors import UserError
 from vispeg.evaluation.records import append, read
 
 
@@ -355,3 +357,8 @@ def test_versions_that_were_made_in_different_worlds_are_not_compared(vispeg, tm
     code, out, err = vispeg("suite", "compare", "v1", "v2")
     assert code == 2 and out == "" and "v1 and v2 were made in different worlds" in err
     assert len(err.strip().splitlines()) == 1
+
+
+def test_a_list_where_one_is_meant_is_one_line():
+    with pytest.raises(UserError, match="measured: one is meant"):
+        gap("expert", "nominal", measured=["a.csv", "b.csv"])

@@ -24,6 +24,7 @@ from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
 from vispeg.task.world_file import load_world, world_text
+from vispeg.worlds.world import World
 
 CHAINS = {"panda": PANDA, "ur5e": UR5E}
 GUARDED = {"avoid_limits": 200.0, "guard_velocity": 1.0, "guard_limit": 0.02, "guard_singularity": 0.03}
@@ -77,6 +78,12 @@ def test_an_arm_of_the_users_own_stands_on_the_world_of_its_name(tmp_path, monke
     (tmp_path / "home.yaml").write_text(yaml.safe_dump(below))
     placed = load_world(tmp_path / "home.yaml").task["robot"]
     assert placed["model"] == task["robot"]["model"] and placed["home"] == home
+
+
+def test_a_name_that_nobody_knows_is_refused_where_the_world_is_made():
+    with pytest.raises(UserError, match=r"unknown robot.*'iwa14' \(did you mean 'iiwa14'\?\); choices"):
+        World("iwa14")
+    assert World("panda").robot == "panda", "a robot to be downloaded is known"
 
 
 def arm(tmp_path, name):

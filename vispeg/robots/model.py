@@ -24,6 +24,7 @@ from vispeg.robots.mjcf import read_mjcf
 from vispeg.robots.urdf import read_urdf
 
 GRAVITY = 9.81  # m/s^2
+BUILT_IN = "iiwa14"
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 Tool = str | Mapping[str, Any] | None
 
@@ -126,7 +127,7 @@ def load_for(
 
 def available() -> list[str]:
     """Names that `load` takes here."""
-    return ["iiwa14", *menagerie.available()]
+    return [BUILT_IN, *menagerie.available()]
 
 
 @lru_cache(maxsize=64)
@@ -145,7 +146,7 @@ def _load(
         spec, limits = read_urdf(path) if path.suffix.lower() == ".urdf" else read_mjcf(path)
         name, source = path.stem, file
     else:
-        spec, name, source = iiwa14.build(), "iiwa14", "MuJoCo Menagerie kuka_iiwa_14"
+        spec, name, source = iiwa14.build(), BUILT_IN, "MuJoCo Menagerie kuka_iiwa_14"
         limits = {x.name.replace("link", "joint"): (x.torque, x.speed) for x in iiwa14.LINKS if x.limit is not None}
         spec.body("link7").add_site(name="flange", pos=iiwa14.FLANGE, group=4)
         spec.option.gravity = (0.0, 0.0, -GRAVITY)
