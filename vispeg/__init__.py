@@ -87,6 +87,8 @@ def __getattr__(name: str) -> object:
         return import_module("vispeg.effects")
     if name not in _PLACES:
         raise AttributeError(f"module 'vispeg' has no attribute {name!r}")
+    if "mujoco" not in sys.modules and not _PLACES[name].startswith("vispeg.core."):
+        import_module("vispeg.api.machine.graphics").check_backend()  # what `import mujoco` dies of is one line
     value = globals()[name] = getattr(import_module(_PLACES[name]), name)
     return value
 

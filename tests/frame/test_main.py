@@ -182,10 +182,16 @@ def test_a_renderer_that_is_not_there_is_one_line(chosen, words, tmp_path):
         "    if 'OSMesa' in str(name): raise OSError('no such library')\n"
         "    load(self, name, *more, **options)\n"
         "ctypes.CDLL.__init__ = without\n"
+        "import vispeg\n"
+        "try: vispeg.make\n"
+        "except vispeg.UserError as error: python = str(error)\n"
         "from vispeg.cli.main import main\n"
-        "sys.exit(main(['render', '--world', 'nominal', '--frames', '1', '--out', 'out']))\n"
+        "code = main(['render', '--world', 'nominal', '--frames', '1', '--out', 'out'])\n"
+        "print(python)\n"
+        "sys.exit(code)\n"
     )
     env = {**os.environ, "MUJOCO_GL": chosen, "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not list(tmp_path.iterdir()), done.stderr
     assert all(word in done.stderr for word in words), done.stderr
+    assert done.stderr == f"vispeg: error: {done.stdout}", "the same line in Python"
