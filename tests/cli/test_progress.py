@@ -86,16 +86,8 @@ def test_the_time_that_remains_is_true_or_not_said(clock, schedule):
     assert said and max(said) <= ends[-1]
 
 
-def test_a_terminal_has_one_line_however_many_policies_play():
-    """A real terminal of 80 columns: nothing moves the cursor up over more than one line."""
-    code = """
-import time
-from vispeg.cli.progress import bars
-with bars({f"policy-{i}": 3 for i in range(8)}, "episodes") as advance:
-    for i in range(24):
-        advance(f"policy-{i % 8}", 1, f"75 % of the new ones succeed, now policy-{i % 8} in a-world-with-a-long-name")
-        time.sleep(0.02)
-"""
+def on_a_terminal(code: str) -> bytes:
+    """What a program writes to a real terminal of 80 columns."""
     leader, follower = pty.openpty()
     environment = {**os.environ, "COLUMNS": "80", "LINES": "24", "TERM": "xterm"}
     done = subprocess.Popen([sys.executable, "-c", code], stderr=follower, env=environment)
@@ -107,7 +99,33 @@ with bars({f"policy-{i}": 3 for i in range(8)}, "episodes") as advance:
     except OSError:  # the other end is closed
         pass
     assert done.wait() == 0
+    return shown
+
+
+def test_a_terminal_has_one_line_however_many_policies_play():
+    """Nothing moves the cursor up over more than one line."""
+    code = """
+import time
+from vispeg.cli.progress import bars
+with bars({f"policy-{i}": 3 for i in range(8)}, "episodes") as advance:
+    for i in range(24):
+        advance(f"policy-{i % 8}", 1, f"75 % of the new ones succeed, now policy-{i % 8} in a-world-with-a-long-name")
+        time.sleep(0.02)
+"""
+    shown = on_a_terminal(code)
     assert b"24/24" in shown and b"\x1b[1A" not in shown, "one line has none above it"
+
+
+def test_the_time_stands_beside_a_stage_that_is_longer_than_the_line():
+    code = """
+import time
+from vispeg.cli.progress import stages
+with stages() as say:
+    say("fitting " + ", ".join(f"link_mass(link{i})" for i in range(9)))
+    time.sleep(0.3)
+"""
+    frames = on_a_terminal(code).split(b"\r")
+    assert any(b"0:00:00" in frame and b"fitting" in frame for frame in frames), frames
 
 
 def test_stages_are_lines_in_a_log(capsys):

@@ -201,9 +201,10 @@ def stages(quiet: bool = False) -> Iterator[Stages]:
     if quiet:
         yield Stages(lambda text: None, lambda text: None)
     elif sys.stderr.isatty():
-        stage = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
-        columns = (SpinnerColumn(), TimeElapsedColumn(), stage)
-        with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        whole, rest = Column(no_wrap=True), Column(no_wrap=True, overflow="ellipsis", ratio=1)
+        stage = TextColumn("{task.description}", markup=False, table_column=rest)
+        columns = (SpinnerColumn(table_column=whole), TimeElapsedColumn(table_column=whole.copy()), stage)
+        with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as display:
             row = display.add_task("", total=None)
             keep = partial(display.console.print, markup=False, highlight=False)
             yield Stages(lambda text: display.update(row, description=text), keep)
