@@ -53,7 +53,7 @@ def test_a_sub_commands_help_is_its_own(capsys):
     assert text.count("Measures a mass by a scale.") == 1 and "restitution" not in text
 
 
-@pytest.mark.parametrize("command", ["worlds", "policies", "motions"])
+@pytest.mark.parametrize("command", ["worlds", "policies", "motions", "robots"])
 def test_lists(vispeg, command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     code, out, _ = vispeg(command)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vispeg.core.errors import UserError
+from vispeg.robots import menagerie
 from vispeg.robots.model import available, load, load_for
 
 SHARED = Path(os.environ.get("VISPEG_SHARED", Path(__file__).resolve().parents[3] / "shared"))
@@ -259,6 +260,39 @@ def test_menagerie_by_folder_name(tmp_path, monkeypatch):
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
     assert available() == ["iiwa14", "acme_arm_7"]
     assert load("acme_arm_7").joints == ("j", "k")
+
+
+def test_short_names_are_arms_and_entries_of_the_package():
+    package = pytest.importorskip("mujoco_menagerie")
+    for name, entry in menagerie.SHORT.items():
+        folder, _, model = entry.partition("/")
+        robot = package.get(folder)
+        assert robot.category == "arm" and model in robot.entry_names, name
+
+
+def test_an_arm_is_here_where_its_folder_is(tmp_path, monkeypatch):
+    """By a checkout; in what the package keeps; else it downloads, or where there is no package it is not here."""
+    package = pytest.importorskip("mujoco_menagerie")
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "kept"))
+    assert menagerie.state("so101") == "downloads"
+    kept = package.Cache().model_path(package.get("robotstudio_so101"))
+    kept.mkdir(parents=True)
+    write(kept, MJCF.format(inertial=INERTIAL), "so101.xml")
+    (kept / package._cache.SENTINEL).touch()
+    assert menagerie.state("so101") == "here" and menagerie.state("so100") == "downloads"
+    assert load("so101").joints == ("j", "k")
+    root = tmp_path / "root"
+    (root / "trs_so_arm100").mkdir(parents=True)
+    write(root / "trs_so_arm100", MJCF.format(inertial=INERTIAL), "so_arm100.xml")
+    monkeypatch.setenv("MENAGERIE_ROOT", str(root))
+    assert menagerie.state("so100") == "here" and menagerie.state("so101") == "not here"
+    assert load("so100").joints == ("j", "k") and "so100" in available()
+    monkeypatch.delenv("MENAGERIE_ROOT")
+    monkeypatch.setattr(menagerie, "_package", lambda: None)
+    assert menagerie.state("so101") == "not here"
+    with pytest.raises(UserError, match="'so101' is not here.*pip install.*menagerie"):
+        load("so101")
 
 
 FREE = '<mujoco><worldbody><body name="a"><freejoint/><geom size="1"/></body></worldbody></mujoco>'

@@ -10,10 +10,22 @@ if TYPE_CHECKING:
     from vispeg.api.library.catalogue import Entry
 
 
-def show(what: str, entries: list[Entry], heading: str, family: str | None, text: str | None, output: Output) -> int:
-    """Prints those that were asked for; in JSON under the key `what`. Raises UserError: there is no such family."""
+def show(
+    what: str,
+    entries: list[Entry],
+    heading: str,
+    family: str | None,
+    text: str | None,
+    output: Output,
+    ending: str = "",
+) -> int:
+    """Print those that were asked for, with a line at the end; in JSON under the key `what`.
+
+    Raises UserError: there is no such family.
+    """
     from vispeg.api.library.catalogue import search
     from vispeg.core.errors import UserError
+    from vispeg.report.text.summary import Block, Line
     from vispeg.report.text.tables import Column, Sheet
 
     families = sorted({entry.family for entry in entries})
@@ -22,5 +34,7 @@ def show(what: str, entries: list[Entry], heading: str, family: str | None, text
     matching = search(entries, text or "", family)
     columns = [Column("name"), Column(heading), Column("what it is", prose=True)]
     rows = [[entry.name, entry.family, entry.about] for entry in matching]
-    output.give({what: [entry.record for entry in matching]}, [Sheet(columns, rows)] if rows else ["none"])
+    blocks: list[Block] = [Sheet(columns, rows)] if rows else ["none"]
+    blocks += [Line(ending)] if ending else []
+    output.give({what: [entry.record for entry in matching]}, blocks)
     return 0

@@ -24,6 +24,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "diagnose": "vispeg.cli.models.diagnose",
         "fit": "vispeg.cli.models.fit",
         "effects": "vispeg.cli.models.effects",
+        "robots": "vispeg.cli.models.robots",
         "add": "vispeg.cli.models.add",
         "measure": "vispeg.cli.measuring.measure",
         "report": "vispeg.cli.models.report",

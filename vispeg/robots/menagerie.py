@@ -1,7 +1,7 @@
 """Robots by name from MuJoCo Menagerie: a checkout that MENAGERIE_ROOT names, or the package `mujoco-menagerie`.
 
-The package downloads a robot when it is first asked for, and keeps it. Short names mean the entries of the peg cell's
-arms, without a hand where there is a choice.
+The package downloads a robot when it is first asked for, and keeps it. Short names mean an arm's entry without a hand
+where there is a choice.
 """
 
 from __future__ import annotations
@@ -13,11 +13,25 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.core.extras import install
 
-SHORT = {
-    "panda": "franka_emika_panda/panda_nohand",
-    "fr3": "franka_fr3/fr3",
-    "ur5e": "universal_robots_ur5e/ur5e",
+ARMS = {  # short name: FOLDER/ENTRY, and what people call it
+    "fr3": ("franka_fr3/fr3", "Franka Research 3"),
+    "gen3": ("kinova_gen3/gen3", "Kinova Gen3, 7 joints"),
+    "lite6": ("ufactory_lite6/lite6", "UFACTORY Lite 6"),
+    "panda": ("franka_emika_panda/panda_nohand", "Franka Emika Panda, without its hand"),
+    "piper": ("agilex_piper/piper", "AgileX PiPER, with its gripper"),
+    "rizon4": ("flexiv_rizon4/flexiv_rizon4", "Flexiv Rizon 4"),
+    "sawyer": ("rethink_robotics_sawyer/sawyer", "Rethink Robotics Sawyer"),
+    "so100": ("trs_so_arm100/so_arm100", "Standard Open Arm 100, with its gripper"),
+    "so101": ("robotstudio_so101/so101", "Standard Open Arm 101, with its gripper"),
+    "ur10e": ("universal_robots_ur10e/ur10e", "Universal Robots UR10e"),
+    "ur5e": ("universal_robots_ur5e/ur5e", "Universal Robots UR5e"),
+    "vx300s": ("trossen_vx300s/vx300s", "Trossen ViperX 300 6DOF, with its gripper (ALOHA's)"),
+    "wx250s": ("trossen_wx250s/wx250s", "Trossen WidowX 250 6DOF, with its gripper"),
+    "xarm7": ("ufactory_xarm7/xarm7_nohand", "UFACTORY xArm 7, without its hand"),
+    "z1": ("unitree_z1/z1", "Unitree Z1, without its gripper"),
 }
+SHORT = {name: entry for name, (entry, _) in ARMS.items()}
+HERE, DOWNLOADS, ABSENT = "here", "downloads", "not here"
 HOW = f"{install('menagerie')}, MENAGERIE_ROOT set to a checkout of it, or a path to an .xml (MJCF) or .urdf"
 
 
@@ -44,6 +58,14 @@ def knows(robot: str) -> bool:
         or folder in {full.partition("/")[0] for full in SHORT.values()}
         or (package is not None and folder in package.names())
     )
+
+
+def state(robot: str) -> str:
+    """Say whether an arm of ARMS is here, downloads when it is first asked for, or is not here."""
+    folder, package = SHORT[robot].partition("/")[0], _package()
+    if os.environ.get("MENAGERIE_ROOT") or package is None:  # a checkout stands in the place of what was downloaded
+        return HERE if folder in folders() else ABSENT
+    return HERE if package.Cache().is_cached(package.get(folder)) else DOWNLOADS
 
 
 def find(robot: str) -> Path | None:

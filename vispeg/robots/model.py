@@ -79,8 +79,8 @@ def load(
     """A robot by name or by file; the same arguments give the same object.
 
     Args:
-        robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: `panda`, `fr3`, `ur5e`, a folder,
-            or FOLDER/ENTRY, see `vispeg.robots.menagerie`.
+        robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: a short name (`vispeg
+            robots`), a folder, or FOLDER/ENTRY, see `vispeg.robots.menagerie`.
         tool: what is at the flange, see `vispeg.robots.tools.attach`.
         base_tilt: (roll, pitch) of the mounting, rad: the base is turned by Rx(roll) Ry(pitch), so gravity in the base
             is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
@@ -192,7 +192,8 @@ def check_name(robot: str) -> None:
     """
     if robot != BUILT_IN and not Path(robot).suffix and not menagerie.knows(robot):
         hint = "a name, or a path to an .xml (MJCF) or .urdf"
-        raise UserError("unknown robot", expected=hint, got=robot, choices=available())
+        names = dict.fromkeys([*available(), *menagerie.ARMS])
+        raise UserError("unknown robot", expected=hint, got=robot, choices=[*names])
 
 
 def _file(robot: str) -> Path | None:

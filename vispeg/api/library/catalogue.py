@@ -1,4 +1,4 @@
-"""What comes with the package, by name: effects, worlds, policies and motions."""
+"""What can be named: effects, robots, worlds, policies and motions."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from vispeg.core.effect import Effect, Family, effect, searchable
 from vispeg.effects import find
 from vispeg.identify.excitation import MOTIONS, osc_targets
 from vispeg.identify.motions.look_motion import ABOUT
+from vispeg.robots import menagerie
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene, build
 from vispeg.task.registry import FIRST, kind_of, task
@@ -49,6 +50,16 @@ def effects(
     chosen = [effect(name)] if name else find(search, family)
     arm, scene, arms = load(robot), build(), searchable()
     return [(kind, arm if kind.name in arms else scene) for kind in chosen]
+
+
+def robots() -> list[Entry]:
+    """The arms that a model's name may be; the family says whether one is here or downloads when it is asked for."""
+    entries = [Entry("iiwa14", "built in", "KUKA LBR iiwa 14 R820", {"model": "built in"})]
+    for name, (entry, title) in menagerie.ARMS.items():
+        entries.append(Entry(name, menagerie.state(name), title, {"model": entry}))
+    short = {entry.partition("/")[0] for entry in menagerie.SHORT.values()}
+    own = [Entry(name, menagerie.HERE, "A folder of MENAGERIE_ROOT", {"model": name}) for name in menagerie.folders()]
+    return sorted([*entries, *(e for e in own if e.name not in short)], key=lambda e: e.name)
 
 
 def worlds() -> list[Entry]:
