@@ -34,7 +34,7 @@ def show(
     matching = search(entries, text or "", family)
     columns = [Column("name"), Column(heading), Column("what it is", prose=True)]
     rows = [[entry.name, entry.family, entry.about] for entry in matching]
-    blocks: list[Block] = [Sheet(columns, rows)] if rows else ["none"]
+    blocks: list[Block | str] = [Sheet(columns, rows) if rows else "none"]
     blocks += [Line(ending)] if ending else []
     output.give({what: [entry.record for entry in matching]}, blocks)
     return 0
