@@ -45,12 +45,13 @@ def test_the_hidden_effect_is_named_and_the_error_falls(name, tmp_path):
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", ["none/07", "none/02"])
+@pytest.mark.parametrize("name", ["none/07", pytest.param("none/02", marks=pytest.mark.slow)])
 def test_nothing_hidden_nothing_named(name, tmp_path):
     record = verdict(name, tmp_path)
     assert record["verdict"] == "adequate" and record["effects"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_disturbance_outside_the_library_gets_no_name(tmp_path):
     record = verdict("vibration/joint2/large", tmp_path)

@@ -97,11 +97,19 @@ def finish(command: str) -> None:
     assert running.returncode == 0, said
 
 
-@pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    """A folder with the recordings `rig` and `rig2`."""
+    folder = tmp_path_factory.mktemp("recorded")
     for seed, name in enumerate(("rig", "rig2")):
-        finish(f"{RECORD} {name} --seed {seed} --effects coulomb_friction:joint4:torque=1.2")
+        finish(f"{RECORD} {folder / name} --seed {seed} --effects coulomb_friction:joint4:torque=1.2")
+    return folder
+
+
+@pytest.fixture
+def place(recorded, tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / "three.yaml").write_text(THREE)
     return tmp_path
 
