@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from vispeg.api.recording.check import limits_of
@@ -56,6 +57,8 @@ def test_a_diagnosis_names_what_is_hidden_and_nothing_beside_it():
     found = diagnose(World("iiwa14"), [*a, *b], c, nthread=1, plan_next=False)
     assert found.record["verdict"] == "identified"
     assert named(found.record) == {("coulomb_friction", "joint4"), ("payload", "flange")}
+    left = np.sqrt(np.nanmean((found.arrays["0/measured"] - found.arrays["0/after"]) ** 2))
+    assert found.record["ladder"][-1]["heldout_error"] == pytest.approx(left, rel=1e-4), "of the model that is written"
 
 
 def test_demo_refuses_before_it_works(refused, tmp_path):

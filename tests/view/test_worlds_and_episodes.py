@@ -8,7 +8,7 @@ from vispeg.evaluation.players import player
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
 from vispeg.view.episode import Episodes
-from vispeg.view.world_draw import Draws, ranges
+from vispeg.view.world_draw import Draws, in_words, ranges
 
 
 def told(heard, name):
@@ -52,6 +52,12 @@ def test_a_draw_shows_what_the_cameras_of_that_episode_see():
     assert {key for key in obs if key.startswith(("rgb", "depth"))} == set(drawn.pictures) - {"from outside"}
     assert all(picture.dtype == np.uint8 and picture.ndim == 3 for picture in drawn.pictures.values())
     env.close()
+
+
+def test_what_was_drawn_is_told_in_the_words_and_units_of_the_sliders():
+    assert in_words("link_mass(link1)", {"mass": 0.287}) == ("Link mass of link 1", "mass 0.287 kg")
+    assert in_words("viscous_friction(all)", {"damping": 2.4})[1] == "damping 2.40 N m s/rad"
+    assert in_words("object_mass(peg)", {"scale": 1.2})[1] == "scale 1.20"
 
 
 def test_a_saved_world_is_read_and_kept(tmp_path):

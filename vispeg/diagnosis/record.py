@@ -99,6 +99,8 @@ def ladder(
     models += [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
     if len(models) > 1 and state.world.label != models[-1][1].label:
         models.append(("after backward deletion", state.world))
+    elif len(models) > 1:  # its values may have been fitted again since: the last rung is the model that is written
+        models[-1] = (models[-1][0], state.world)
     worlds = [world for _, world in models]
     unit = f"{judged.unit} RMS"
     return [

@@ -76,7 +76,8 @@ class ImportPage(Page):
                 self.name = gui.add_text("Name", "rig-1")
                 self.write = gui.add_button("Confirm and write the recording", color="teal")
                 self.done = gui.add_html("")
-            with gui.add_folder("The same as a command"):
+            self.same = gui.add_folder("The same as a command", visible=False)
+            with self.same:
                 self.commands = gui.add_html("")
         self.left = gui.add_panel()
         with self.left.add_tab("What is in the log"):
@@ -307,8 +308,8 @@ class ImportPage(Page):
             )
 
     def _commands(self) -> None:
+        self.same.visible = self.proposed is not None
         if self.proposed is None:
-            self.commands.content = ""
             return
         try:
             mapped = bool(self.columns())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from vispeg.core.effect import effect
 from vispeg.core.files import write_text_atomic
 from vispeg.render.image_kinds import kind_of, picture_of
-from vispeg.report.text.quantities import plain
+from vispeg.report.text import effect_words
 from vispeg.sim.compiled import compiled
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.world_file import load_world
@@ -69,7 +70,7 @@ class Draws:
             outside = env.render()
             pictures = {"from outside": outside[0]} if outside is not None else {}
             pictures |= {key: picture_of(key, value[0]) for key, value in obs.items() if kind_of(key) is not None}
-            said = [(label, ", ".join(f"{k} {plain(v)}" for k, v in some.items())) for label, some in values.items()]
+            said = [in_words(label, some) for label, some in values.items()]
             bodies = {name: np.asarray(place) for name, place in snapshot.bodies.items()}
             self.tell("drawn", Drawn(compiled(env.sim.scene), snapshot.qpos, bodies, pictures, said))
         finally:
@@ -81,10 +82,17 @@ class Draws:
         return str(load_world(file).path)
 
 
+def in_words(label: str, values: Mapping[str, float]) -> tuple[str, str]:
+    """`Link mass of link 1`, `mass 0.287 kg`: what an episode drew of an effect, in the words of the sliders."""
+    name, _, where = label.removesuffix(")").partition("(")
+    params = effect(name).params
+    texts = {k: effect_words.in_unit({"value": v, "unit": params[k].unit}) for k, v in values.items()}
+    title = effect_words.named({"effect": name, "where": where})
+    return title, ", ".join(f"{k.replace('_', ' ')} {text}" for k, text in texts.items())
+
+
 def ranges(world: str) -> list[Range]:
     """The flat ranges of a world, each with a span about it that its effect allows."""
-    from vispeg.core.effect import effect
-
     entries = []
     for entry in load_world(world).world.ranges:
         for name, value in entry.params.items():

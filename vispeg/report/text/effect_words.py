@@ -76,7 +76,7 @@ def size(row: Mapping[str, Any]) -> str:
             stated = [
                 (n, p) for n, p in stated if n not in kind.params or not at_null(p, kind.params[n].null)
             ] or stated
-    texts = [_text(p) for _, p in stated]
+    texts = [in_unit(p) for _, p in stated]
     if alone and not texts[0][0].isalpha() and " " in texts[0]:
         return texts[0]
     return ", ".join(f"{n.replace('_', ' ')} {text}" for (n, _), text in zip(stated, texts, strict=True))
@@ -102,6 +102,7 @@ def unit(text: Any) -> str:
     return "" if text in (None, "1") else str(text).replace("m2", "m²")
 
 
-def _text(p: Mapping[str, Any]) -> str:
+def in_unit(p: Mapping[str, Any]) -> str:
+    """`1.20 N m` of anything that has `value` and `unit`; a ratio is the number alone."""
     name = unit(p.get("unit"))
     return quantity(p.get("value"), name) if name else plain(p.get("value"))
