@@ -47,7 +47,7 @@ for (const root of document.querySelectorAll("[data-explore]")) {
       button.disabled = find(turned) < 0;
     }
     for (const button of all("rival")) button.setAttribute("aria-pressed", +button.dataset.rival === row);
-    shown.forEach((joint, i) => stack.update(i, lines(joint), r.joints[joint] + " RMS"));
+    shown.forEach((joint, i) => stack.update(i, lines(joint), "· " + r.joints[joint] + " RMS"));
   }
 
   function lines(joint) {
@@ -60,7 +60,7 @@ for (const root of document.querySelectorAll("[data-explore]")) {
     const pens = [{ label: "residual", colour: "after" }];
     if (sharedScale) pens.unshift({ label: "first model", colour: "before", width: 0.8 });
     stack.show(shown.map((joint) => ({
-      title: data.joints[joint] + ": residual", note: data.rows[row].joints[joint] + " RMS",
+      title: data.joints[joint] + ": residual", note: "· " + data.rows[row].joints[joint] + " RMS",
       unit: data.unit, prefixed: data.prefixed, lines: pens, data: lines(joint),
     })));
   }
