@@ -9,7 +9,7 @@ check:
 	scripts/check
 
 test:
-	$(PYTHON) -m pytest -q -n 2 -m "not slow"
+	$(PYTHON) -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 slow:
 	$(PYTHON) -m pytest -q -m slow

@@ -25,9 +25,9 @@ def swings(tmp_path):
     def write_all(seed: int = 3, swing: float = 0.4) -> str:
         robot = pendulum()
         for i, name in enumerate("abc"):
-            t = np.arange(900) * 5e-3
+            t = np.arange(600) * 5e-3
             q = swing * (1 - np.cos(2 * np.pi * (0.7 + 0.25 * i) * t))[:, None]
-            s = drive(robot, "position", q[0], command=q, seconds=4.5, rate=200.0, kp=60.0, kd=4.0)
+            s = drive(robot, "position", q[0], command=q, seconds=3.0, rate=200.0, kp=60.0, kd=4.0)
             rec = recorded(robot, robot.source, hinge("coulomb_friction", torque=0.8), s, stream(seed, i))
             write(rec, tmp_path / name, overwrite=True)
         return robot.source

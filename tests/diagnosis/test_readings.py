@@ -26,11 +26,11 @@ STEP = 1.6e-4  # rad, 8 sigma
 
 @pytest.fixture(scope="module")
 def recordings():
-    """Three recordings of the nominal arm under torque control, 3 s each."""
+    """Three recordings of the nominal arm under position control, 1.5 s each."""
     robot, out = load("iiwa14"), []
     for k in range(3):
-        path = motion("fourier", robot, 500.0, 3.0, stream(k, "readings"))
-        control = controller(robot, "torque", 500.0, centre_of(robot))
+        path = motion("fourier", robot, 500.0, 1.5, stream(k, "readings"))
+        control = controller(robot, "position", 500.0, centre_of(robot))
         out.append(record(World(), path, control, NOISE, stream(k, "readings noise")))
     return out
 

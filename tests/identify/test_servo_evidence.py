@@ -91,7 +91,7 @@ def test_a_task_that_sends_torques_refuses_a_servo():
 def made(noise: float, seed: int = 0, *effects: EffectInstance):
     """The pendulum under a servo at 50 Hz, on steps and strokes."""
     robot = pendulum()
-    time = np.arange(300) / 50.0
+    time = np.arange(200) / 50.0
     goal = 0.4 * np.sin(2 * np.pi * (0.3 + 0.1 * seed) * time) + np.where(time % 2 < 1, 0.0, 0.3)
     motion = Motion("strokes", time, goal[:, None], np.gradient(goal, time)[:, None])
     world = World(robot.source, None, effects)
