@@ -85,9 +85,9 @@ def test_a_click_on_an_effect_moves_error_bar_and_residuals(page, tmp_path):
       return seen;
     })()"""
     all_on, one, none, other, drawn, canvases, joints = dom(page, shown, tmp_path)
-    assert all_on[0] == "2.00 mrad" and all_on[2] == "true,true" and all_on[3] == "1.30 mrad RMS"
+    assert all_on[0] == "2.00 mrad" and all_on[2] == "true,true" and all_on[3] == "· 1.30 mrad RMS"
     assert one[0] == "4.00 mrad" and one[2] == "false,true" and none[0] == "8.00 mrad" and none[2] == "false,false"
-    assert other[0] == "4.00 mrad" and other[2] == "true,false" and other[3] == "1.10 mrad RMS"
+    assert other[0] == "4.00 mrad" and other[2] == "true,false" and other[3] == "· 1.10 mrad RMS"
     widths = [float(s[1].rstrip("%")) for s in (all_on, one, none)]
     assert widths[0] < widths[1] < widths[2] == 100.0
     assert canvases == joints == 7 and drawn == [True] * 7
