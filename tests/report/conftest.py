@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -145,19 +146,23 @@ def example_evidence(
     return arrays
 
 
+def written(
+    root: Path, record: dict[str, Any], evidence: dict[str, Any] | None = None, kind: str = "diagnosis"
+) -> Path:
+    """A run folder below `root`."""
+    out = root / kind
+    out.mkdir(exist_ok=True)
+    (out / f"{kind}.json").write_text(json.dumps(record), encoding="utf-8")
+    if evidence is not None:
+        np.savez(out / "evidence.npz", **evidence)
+    return out
+
+
 @pytest.fixture
 def run(tmp_path: Path):
     """Writes a run folder: `run(record, evidence, kind="diagnosis")`."""
 
-    def write(record: dict[str, Any], evidence: dict[str, Any] | None = None, kind: str = "diagnosis") -> Path:
-        out = tmp_path / kind
-        out.mkdir(exist_ok=True)
-        (out / f"{kind}.json").write_text(json.dumps(record), encoding="utf-8")
-        if evidence is not None:
-            np.savez(out / "evidence.npz", **evidence)
-        return out
-
-    return write
+    return partial(written, tmp_path)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from vispeg.report.gap.build import render as gap_page
 from vispeg.report.page import source, templates
 from vispeg.report.record import load_record
 
+from .conftest import example_diagnosis, example_evidence, written
 from .test_gap_page import episodes
 
 PHONE = 400 - 2 * 16  # px that a page 400 px wide leaves to a figure
@@ -24,10 +25,11 @@ SHEETS = [  # (name, what is drawn with the palette's colours)
 ]  # fmt: skip
 
 
-@pytest.fixture
-def pages(run, diagnosis, evidence):
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
     """A diagnosis with everything in it, and a gap of nine policies."""
-    found = load_record(run(diagnosis(), evidence(n=400, recordings=1, nj=2)))
+    folder = written(tmp_path_factory.mktemp("run"), example_diagnosis(), example_evidence(n=400, recordings=1, nj=2))
+    found = load_record(folder)
     kinds = ("state", "depth", "rgbd", "rgb", "proprio")
     seen = [e for i, m in enumerate(2 * kinds[:4] + kinds[4:]) for e in episodes(f"{m}{i}", m, n=12)]
     return {"diagnosis": report(found), "gap": gap_page(gap(seen, worlds=["S", "V", "P", "VP"]))}

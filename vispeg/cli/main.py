@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
@@ -26,6 +27,7 @@ from vispeg.core.provenance import command_line
 # Many small problems, side by side with simulations: BLAS threads of each only wait for one another (15 times the
 # processor time of a diagnosis in torque space). PyTorch's threads are others.
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+GARBAGE = 10_000  # objects until cycles are looked for: of Python's own 700 it takes a quarter of the time of a page
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
@@ -62,6 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     went away.
     """
     UserError.in_command = True
+    gc.set_threshold(GARBAGE)
     try:
         with warnings.catch_warnings(), _terminable() as stopped:
             warnings.simplefilter("default", Note)  # a command's notes are its output, whatever hides Python's warnings

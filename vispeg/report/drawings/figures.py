@@ -21,6 +21,7 @@ from vispeg.report.drawings.palette import day, themed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis, YAxis
     from matplotlib.figure import Figure
 
 MEASURED, BEFORE, AFTER = day("ink"), day("before"), day("after")
@@ -151,6 +152,10 @@ def _lay_out(figure: Figure) -> None:
     """Sets the layout as `savefig` would, which draws a figure twice for it: the same picture in less time."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+    for ax in figure.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            if _bare(axis):
+                axis.set_visible(False)
     engine, dpi = figure.get_layout_engine(), figure.dpi
     if engine is not None:
         FigureCanvasSVG(figure)
@@ -158,6 +163,21 @@ def _lay_out(figure: Figure) -> None:
         engine.execute(figure)
         figure.dpi = dpi
         figure.set_layout_engine(None)
+
+
+def _bare(axis: XAxis | YAxis) -> bool:
+    """Whether nothing of an axis shows, as of all but the lowest of a column that share one.
+
+    Its ticks are made and measured all the same, which is half of the time that such a column takes.
+    """
+    from matplotlib.ticker import NullLocator
+
+    if axis.get_label_text() or not isinstance(axis.get_minor_locator(), NullLocator):
+        return False
+    shown = axis.get_tick_params()
+    sides = ("bottom", "top", "left", "right")
+    marks = shown.get("length") != 0 and any(shown.get(side) for side in sides)
+    return not (marks or shown.get("gridOn") or any(shown.get(f"label{side}") for side in sides))
 
 
 def _lighter(text: str) -> str:
