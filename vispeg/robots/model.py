@@ -25,6 +25,7 @@ from vispeg.robots.urdf import read_urdf
 
 GRAVITY = 9.81  # m/s^2
 BUILT_IN = "iiwa14"
+XACRO = ".xacro"
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 Tool = str | Mapping[str, Any] | None
 
@@ -184,16 +185,21 @@ def _tool_key(tool: Mapping[str, Any]) -> str:
     return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
 
 
-def check_name(robot: str) -> None:
-    """Refuse a robot's name that nobody knows; files are asked for where they are read, downloads too.
+def check_name(robot: str, file: Path | None = None, key: str | None = None) -> None:
+    """Refuse a robot's name that nobody knows; robot files are asked for where they are read, downloads too.
+
+    Args:
+        robot: a name or a path; empty where the cell says which.
+        file, key: where it stands, for the error.
 
     Raises:
         UserError: an unknown name; lists those there are.
     """
-    if robot != BUILT_IN and not Path(robot).suffix and not menagerie.knows(robot):
+    named = robot not in ("", BUILT_IN) and Path(robot).suffix.lower() not in (*SUFFIXES, XACRO)
+    if named and not menagerie.knows(robot):
         hint = "a name, or a path to an .xml (MJCF) or .urdf"
         names = dict.fromkeys([*available(), *menagerie.ARMS])
-        raise UserError("unknown robot", expected=hint, got=robot, choices=[*names])
+        raise UserError("unknown robot", file=file, key=key, expected=hint, got=robot, choices=[*names])
 
 
 def _file(robot: str) -> Path | None:
@@ -204,7 +210,7 @@ def _file(robot: str) -> Path | None:
         if not is_file(robot):
             raise UserError("no such robot file", file=robot)
         return Path(robot).expanduser().resolve()
-    if Path(robot).suffix.lower() == ".xacro":
+    if Path(robot).suffix.lower() == XACRO:
         out = Path(robot).name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=robot, expected=f"its result: xacro {Path(robot).name} > {out}")
     check_name(robot)

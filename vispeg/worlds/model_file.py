@@ -19,6 +19,7 @@ from vispeg.recordings.cell import OPEN_CELL, CellBelief
 from vispeg.recordings.load_cell import cell
 from vispeg.recordings.schema import CellOf
 from vispeg.robots import tools
+from vispeg.robots.model import check_name
 from vispeg.worlds.world import World
 
 FORMAT = "vispeg-model/1"
@@ -81,6 +82,7 @@ def load_model(source: str | Path) -> World:
     if "robot" not in data and belief is not None:  # the cell's, as far as it can be told from here
         named = belief.robot.get("model") if isinstance(belief.robot, Mapping) else belief.robot
         robot = str(named or (robot if not belief.world or belief.open else ""))
+    check_name(robot, path, "robot")
     return World(robot, None if tool in (None, "none") else tool, effects, belief)
 
 
