@@ -50,6 +50,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "suite": "vispeg.cli.evaluation.suite",
         "sensitivity": "vispeg.cli.evaluation.sensitivity",
         "exploit": "vispeg.cli.evaluation.exploit",
+        "explain": "vispeg.cli.evaluation.explain",
         "perturb": "vispeg.cli.evaluation.perturb",
     },
     "other": {

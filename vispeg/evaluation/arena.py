@@ -11,6 +11,7 @@ from vispeg.evaluation.controls import ON_IMAGES, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.replay import Begun
 from vispeg.trials.kept import Kept
 from vispeg.trials.trial import PolicyPart
 
@@ -35,6 +36,8 @@ def play(job: Job) -> list[Episode]:
         policy = Controlled(policy, job.control)
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
+    if job.replays is not None:
+        env = Begun(env, job.replays)
     if job.trials is not None:
         part = PolicyPart(name=who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
         stem = "-".join(filter(None, (f"{who.name}_s{who.train_seed}", job.world_name, job.control)))

@@ -11,6 +11,7 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation.controls import ON_IMAGES, at_nominal
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
+from vispeg.evaluation.replay import Replays
 from vispeg.render.image_kinds import MODES
 from vispeg.task.registry import scene_of
 from vispeg.task.world_file import load_world
@@ -59,6 +60,7 @@ class Job:
         rows: episodes side by side.
         dump: folder for episodes that diverge, to be played again.
         trials: folder in which each episode becomes a trial, or None.
+        replays: how the episodes begin, and what acts, where they play trials again.
     """
 
     entrant: Entrant
@@ -73,6 +75,7 @@ class Job:
     rows: int = STATE_ROWS
     dump: Path | None = None
     trials: Path | None = None
+    replays: Replays | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
         """The keys of the episodes that it makes, see Episode."""

@@ -1,0 +1,189 @@
+"""`vispeg explain`: why trials fail, from their starts played again in simulation."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from vispeg.api.diagnose import diagnose
+from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.stress.result import Stressed
+from vispeg.core.effect import EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.evaluation import explain as why
+from vispeg.evaluation.explain import CLOSED, OPEN, Named
+from vispeg.evaluation.folder import workplace
+from vispeg.evaluation.jobs import Job, Setting, make_jobs
+from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.players import ready
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.replay import Replays
+from vispeg.report.gap import words
+from vispeg.report.gap.explain_page import render
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.tables import Column, Sheet
+from vispeg.task.world_file import WorldFile, load_world
+from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
+from vispeg.trials.trial import folders as trials_in
+from vispeg.worlds.model_file import load_model
+
+MOST = 6  # recordings that are diagnosed, every third to judge: a search over twenty takes an hour
+SHORTEST, LONGEST = 2.6, 4.0  # s before contact: under torque control 1.2 s at the start and as much again are needed
+
+
+class ExplainResult(Stressed):
+    """Where the trials' starts lead in simulation, and what each named effect explains; see `Played`."""
+
+    command = holds = "explain"
+    tables = ("causes", "trials")
+
+    @property
+    def summary(self) -> list[Block]:
+        """The verdict, and a row a cause."""
+        r = self.record
+        out: list[Block] = [Line(f"{r['policy']}: {r['words']}", path=True)]
+        out += [
+            Line(f"rule: {x['rule']} {x['value']:.3g} {x['unit']} (more than {x['limit']:g}): {x['points_to']}")
+            for x in r["rules"]
+            if x["speaks"]
+        ]
+        if r["causes"]:
+            heads = [Column(head) for head in ("cause", "named by", "effect on success", "share of the loss")]
+            shares = ["-" if c["share"] is None else words.rate(c["share"]) for c in r["causes"]]
+            rows = [[c["effect"], c["named_by"], c["words"], s] for c, s in zip(r["causes"], shares, strict=True)]
+            out.append(Sheet(heads, rows))
+        return [*out, *(Line(note, path=True) for note in r["notes"])]
+
+    def _render(self) -> str:
+        return render(self.record)
+
+
+def explain(
+    trials: str | Path,
+    policy: str | Path,
+    world: str | Path = "nominal",
+    *,
+    model: str | Path | None = None,
+    replays: int = 20,
+    task: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    say: Callable[[str], None] = lambda text: None,
+    playing: Playing = silent,
+) -> ExplainResult:
+    """Explain why trials fail.
+
+    Every trial's start is played in `world`, by the policy and by the trial's own actions; then by the policy with each
+    effect that is named.
+
+    Args:
+        trials: a folder of trials, or one trial.
+        policy: whose they are: a folder, a bundled policy's name, `expert`.
+        world: of the model; what it draws is the model's uncertainty.
+        model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: the trials' own
+            recordings are diagnosed, their joints before contact.
+        replays: of each start.
+        task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        say: called with a line on each step of the diagnosis.
+
+    Raises:
+        UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have,
+            or as `vispeg.evaluate`.
+    """
+    check_numbers(replays, workers)
+    who, file = ready([policy]), load_world(world)
+    notes: list[str] = []
+    read = _read(Path(trials), notes)
+    if len(who) != 1 or who[0].source is not None:
+        raise UserError("one policy is explained", key="--policy", expected="a folder or a bundled policy", got=policy)
+    others = {t.said.policy.name for t in read if t.said.policy.digest not in ("", who[0].digest)}
+    if others:
+        notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
+    named = None if model is None else [Named((e,), Path(model).name) for e in load_model(model).effects]
+    sources = [file.path, *folders(who), Path(trials), *([] if model is None else [Path(model)])]
+    with workplace(out, "explain.json", overwrite, sources) as place:
+        causes = _diagnosed(read, file, seed, say, notes) if named is None else named
+        if len(causes) > 1:
+            causes = [*causes, Named(tuple(e for c in causes for e in c.effects), "")]
+        at = _digest(read)
+        seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
+        starts = {s: replace(t.said.begin(), effects=None) for t, some in zip(read, seeds, strict=True) for s in some}
+        actions = {s: t.steps.action for t, some in zip(read, seeds, strict=True) for s in some}
+        kinds = {CLOSED: (), OPEN: (), **{c.label: c.effects for c in causes}}
+        jobs: dict[str, list[Job]] = {}
+        for kind, effects in kinds.items():
+            setting = Setting(str(world), file.name, f"{kind}, {at}", tuple(map(_change, effects)), dict(task or {}))
+            again = Replays(starts, actions if kind == OPEN else {})
+            (job,) = make_jobs(who, [setting], [s for some in seeds for s in some], place / "worlds")
+            job = replace(job, replays=again)
+            jobs[kind] = [job]
+            if kind == OPEN:  # one of each is kept, for its joints are compared with the trial's
+                first = tuple(some[0] for some in seeds)
+                rest = tuple(s for some in seeds for s in some[1:])
+                jobs[kind] = [replace(job, seeds=first, trials=place / "replays"), replace(job, seeds=rest)]
+        flat = [job for some in jobs.values() for job in some if job.seeds]
+        ends = play(flat, place, workers, playing)
+        played = {kind: _of(ends, some[0].configuration, seeds) for kind, some in jobs.items()}
+        kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(place / "replays")}
+        replayed = [read_trial(kept[some[0]]) for some in seeds]
+        record = why.summarise(who[0].name, read, played, replayed, causes, notes)
+        about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
+        result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources))
+        if out is not None:
+            result._write(place)
+    return result
+
+
+def _read(place: Path, notes: list[str]) -> list[Trial]:
+    """The trials that tell something. Raises UserError: none."""
+    every = [read_trial(folder) for folder in trials_in(place)]
+    moved = [t for t in every if not t.said.how.shadow and t.said.how.slow == 1.0 and len(t.steps.time)]
+    if len(moved) < len(every):
+        notes.append(f"{len(every) - len(moved)} of {len(every)} trials were shadows or slowed down: left out")
+    if not moved:
+        raise UserError("no trials in which the arm was moved at full speed", file=place)
+    return moved
+
+
+def _digest(trials: Sequence[Trial]) -> str:
+    """What these trials are known by, so that a stopped run goes on with the same."""
+    hashed = hashlib.sha256()
+    for trial in trials:
+        for name in (FILE, STEPS):
+            hashed.update((trial.path or Path()).joinpath(name).read_bytes())
+    return hashed.hexdigest()[:12]
+
+
+def _change(effect: EffectInstance) -> Change:
+    return Change(effect.effect, {key: value.value for key, value in effect.params.items()}, effect.where)
+
+
+def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[int]]) -> list[Episode]:
+    by = {e.seed: e for e in ends if e.configuration == configuration}
+    return [by[s] for some in seeds for s in some]
+
+
+def _diagnosed(
+    trials: Sequence[Trial], file: WorldFile, seed: int, say: Callable[[str], None], notes: list[str]
+) -> list[Named]:
+    """What the joints of the trials before contact call for; nothing, and a note, where they cannot be compared."""
+    cut = [c for c in (why.free(t.recording, SHORTEST, LONGEST) for t in trials) if c is not None][:MOST]
+    if len(cut) < 2:
+        said = f"{len(cut)} of {len(trials)} trials move {SHORTEST} s or more before contact: nothing is diagnosed"
+        notes.append(f"{said}; give the effects of another diagnosis with --model")
+        return []
+    judged = cut[2::3] or cut[-1:]
+    fitted = [c for c in cut if all(c is not j for j in judged)]
+    robot = file.world.base.robot
+    try:
+        found = diagnose(robot, fitted, judged, seconds=0, seed=seed, say=say, channels=("joints",))
+    except UserError as error:
+        notes.append(f"nothing is diagnosed: {error}")
+        return []
+    notes.append(f"{len(cut)} trials' joints before contact: {found.verdict}")
+    return [Named((e,), f"diagnosis, {found.verdict}") for e in found.effects]

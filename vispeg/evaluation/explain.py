@@ -1,0 +1,256 @@
+"""Why trials fail: their starts in simulation, the article's rules, and what each named effect explains.
+
+A trial's start is played again over the model's uncertainty, so a trial is compared with the mean over its replays.
+The trial is the unit of every comparison of success; replays of one start are no independent trials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance
+from vispeg.core.seeds import stream
+from vispeg.evaluation import statistics
+from vispeg.evaluation.categories import part
+from vispeg.evaluation.jobs import FIRST_SEED
+from vispeg.evaluation.measures import compare as compare_measures
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.schema.estimate import Interval
+from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, TrialRow
+from vispeg.evaluation.schema.gap import Measure
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, wilson
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.windows import taken
+from vispeg.trials.trial import Trial
+
+FORMAT = "vispeg-explain/1"
+CLOSED, OPEN, TOGETHER = "closed loop", "open loop", "all together"
+FEWEST = 10  # trials; of fewer, even none that fails leaves 30 % open
+TOUCH, HELD = 5.0, 3  # N off the start's wrench, for so many samples: more than a moving tool's own weight makes
+TRACKING = 2.0  # deg: the article's rule is 2 to 3 on any joint
+LATE = 0.02  # s: the article's delays are 0 to 20 ms
+DELAYS = np.arange(0, 41)  # samples that are tried
+
+
+@dataclass(frozen=True)
+class Named:
+    """What may be the cause: an effect, or several together, and who names it."""
+
+    effects: tuple[EffectInstance, ...]
+    by: str
+
+    @property
+    def label(self) -> str:
+        """`coulomb_friction(joint4)`."""
+        return TOGETHER if len(self.effects) > 1 else f"{self.effects[0].effect}({self.effects[0].where})"
+
+
+def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
+    """Give the seeds of a trial's replays, the same for every kind of replay, so that they are pairs."""
+    start = FIRST_SEED + 100_000 * seed + trial * replays
+    return list(range(start, start + replays))
+
+
+def before_contact(recording: Recording) -> int:
+    """Count the samples before the force leaves that of the start by `TOUCH`; all where there is no wrench."""
+    if recording.ft is None:
+        return len(recording.time)
+    force = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
+    held = np.convolve(force, np.ones(HELD), "valid") >= HELD
+    return int(np.argmax(held)) if held.any() else len(recording.time)
+
+
+def free(recording: Recording, shortest: float, longest: float) -> Recording | None:
+    """Give the joints of a recording before contact, `longest` s at most; None of less than `shortest` s."""
+    stop = min(before_contact(recording), int(np.searchsorted(recording.time, recording.time[0] + longest)))
+    if stop < 2 or recording.time[stop - 1] - recording.time[0] < shortest:
+        return None
+    cut = taken(recording, [(0, stop)])
+    return replace(cut, ft=None, wrench=None, episode=None, frames=None, outcomes=())
+
+
+def summarise(
+    policy: str,
+    trials: Sequence[Trial],
+    played: Mapping[str, Sequence[Episode]],
+    replayed: Sequence[Trial],
+    causes: Sequence[Named],
+    notes: Sequence[str] = (),
+) -> ExplainRecord:
+    """Gather what explain.json holds.
+
+    Args:
+        policy: its name.
+        trials: of the robot.
+        played: of each kind (`CLOSED`, `OPEN`, a cause's label) the replays, trial by trial, of each as many.
+        replayed: of each trial one replay of its actions, kept as a trial.
+        causes: what was played besides.
+        notes: what else is to be known.
+    """
+    y = np.array([t.said.outcome.success for t in trials], float)
+    won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
+    mean = {kind: each.mean(axis=1) for kind, each in won.items()}
+    tried = [_episode(policy, t, i) for i, t in enumerate(trials)]
+    ends = [_ends(side, name) for name, side in (("simulated", played[CLOSED]), ("robot", tried))]
+    kinds = part(ends[0], ends[1], stream(0, "categories", policy))
+    measures = compare_measures([replace(e, train_seed=0) for e in played[CLOSED]], tried)
+    tests: dict[tuple[str, str], Hypothesis | Difference] = {("gap", ""): _difference(mean[CLOSED], y)}
+    tests |= {("failures", name): test for name, test in kinds.tests.items()}
+    tests |= {("measure", m.name): Hypothesis(m.p) for m in measures}
+    tests |= {("cause", c.label): _difference(mean[CLOSED], mean[c.label]) for c in causes}
+    if len(y) < FEWEST:
+        tests = {key: replace(test, p=None) for key, test in tests.items()}
+    decided = statistics.decide(tests)
+    compared = [m.decided(decided["measure", m.name]) for m in measures]
+    made = [_cause(c, mean, y, decided["cause", c.label]) for c in causes]
+    made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
+    gap, failed = decided["gap", ""], y == 0
+    verdict, words = _verdict(gap, mean, failed, made)
+    return {
+        "format": FORMAT,
+        "policy": policy,
+        "verdict": verdict,
+        "words": words,
+        "robot": wilson(int(y.sum()), len(y)).to_json(),
+        "closed": _rate(mean[CLOSED]),
+        "open": _rate(mean[OPEN]),
+        "gap": gap.estimate.to_json(),
+        "failed": _rate(mean[CLOSED][failed]) if failed.any() else None,
+        "trials": [_row(t, won[CLOSED][i], won[OPEN][i]) for i, t in enumerate(trials)],
+        "categories": kinds.decided({name: decided["failures", name] for name in kinds.tests}),
+        "measures": compared,
+        "rules": _rules(trials, replayed, compared),
+        "causes": made,
+        "notes": list(notes),
+        "rule": statistics.RULE,
+    }
+
+
+def _episode(policy: str, trial: Trial, number: int) -> Episode:
+    o = trial.said.outcome
+    force = np.nan if o.peak_force_n is None else o.peak_force_n
+    return Episode(policy, "", 0, "robot", "", number, o.success, o.category, time=o.time_s, peak_force=force)
+
+
+def _ends(episodes: Sequence[Episode], side: str) -> dict[int, dict[Hashable, str]]:
+    """Of one network; a trial and a replay from its start are no pair, for the world's draws differ."""
+    return {0: {(side, i): e.category for i, e in enumerate(episodes)}}
+
+
+def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
+    """Success by trial (n,) on two sides; the trial is the unit."""
+    sides = ({0: dict(enumerate(side.tolist()))} for side in (first, second))
+    return replace(statistics.difference(*sides, same_networks=True), discordant=None)
+
+
+def _rate(each: np.ndarray) -> Interval:
+    """The mean over trials (n,) with the interval of as many single episodes, for replays of a start are no more."""
+    found = wilson(round(float(each.sum())), len(each)).to_json()
+    return {**found, "value": float(each.mean())}
+
+
+def _row(trial: Trial, closed: np.ndarray, opened: np.ndarray) -> TrialRow:
+    return {
+        "trial": "" if trial.path is None else trial.path.name,
+        "success": trial.said.outcome.success,
+        "category": trial.said.outcome.category,
+        "closed": wilson(int(closed.sum()), len(closed)).to_json(),
+        "open": wilson(int(opened.sum()), len(opened)).to_json(),
+    }
+
+
+def _verdict(
+    gap: Decision, mean: Mapping[str, np.ndarray], failed: np.ndarray, causes: Sequence[Cause]
+) -> tuple[str, str]:
+    """(`gap`, `policy`, `none` or CANNOT_TELL; a sentence)."""
+    n, count = len(failed), int(failed.sum())
+    if n < FEWEST:
+        return CANNOT_TELL, f"these trials cannot tell: {n}, and {FEWEST} are the fewest"
+    if not count:
+        return "none", f"none of {n} trials failed"
+    there, opened = _rate(mean[CLOSED][failed]), float(mean[OPEN][failed].mean())
+    rate = f"{100 * (there['value'] or 0):.0f} % ({100 * (there['low'] or 0):.0f} to {100 * (there['high'] or 0):.0f})"
+    said = f"from the starts of the {count} failures {rate} succeed in simulation"
+    if (there["high"] or 0) < 0.5:
+        return "policy", f"{said}: it is the policy"
+    if not gap.certain or gap.estimate.value < 0:
+        return CANNOT_TELL, f"these trials cannot tell: {said}"
+    said += ": the gap is in physics or looks"
+    if opened > 0.5:
+        said += f"; so do {100 * opened:.0f} % with the trials' own actions, which points to physics"
+    first = next((c for c in causes if c["verdict"] == "different"), None)
+    return "gap", said if first is None else f"{said}; first cause: {first['effect']}"
+
+
+def _cause(named: Named, mean: Mapping[str, np.ndarray], y: np.ndarray, decision: Decision) -> Cause:
+    with_it = mean[named.label]
+    share = statistics.share(mean[CLOSED] - with_it, mean[CLOSED] - y) if len(y) >= FEWEST else None
+    cost = decision.estimate
+    if decision.certain:
+        words = f"costs {100 * cost.value:.0f} points ({100 * cost.low:.0f} to {100 * cost.high:.0f})"
+    elif decision.verdict == "equal":
+        words = "costs this policy nothing, to within 5 points"
+    else:
+        words = f"{CANNOT_TELL}: {100 * cost.low:.0f} to {100 * cost.high:.0f} points"
+    return {
+        "effect": named.label,
+        "params": {} if len(named.effects) > 1 else {k: v.value for k, v in named.effects[0].params.items()},
+        "named_by": named.by,
+        "without": _rate(mean[CLOSED]),
+        "with_it": _rate(with_it),
+        "cost": cost.to_json(),
+        "p_holm": decision.p_holm,
+        "verdict": decision.verdict,
+        "share": None if share is None else share.to_json(),
+        "words": words,
+    }
+
+
+def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequence[Measure]) -> list[Rule]:
+    """The article's rules of thumb, each with its number here."""
+    followed = [f for f in map(_followed, trials, replayed) if f is not None]
+    rules: list[Rule] = []
+    if followed:
+        apart = np.median([apart for apart, _ in followed], axis=0)  # (nj,) deg
+        worst = int(np.argmax(apart))
+        joint, late = trials[0].recording.joints[worst], float(np.median([late for _, late in followed]))
+        rules.append(
+            _rule(
+                f"joints from where the same actions bring them in simulation: {joint}",
+                float(apart[worst]),
+                TRACKING,
+                "deg",
+                "actuator",
+            )
+        )
+        rules.append(_rule("the arm moves later than in simulation", late, LATE, "s", "latency"))
+    for m in measures:
+        if m["measure"] == "peak_force":
+            off = abs(m["second"] - m["first"]) / max(m["first"], 1e-9)
+            rules.append(
+                {**_rule("peak force off the simulated one", off, 0.5, "of it", "contact"), "speaks": m["apart"]}
+            )
+    return rules
+
+
+def _rule(rule: str, value: float, limit: float, unit: str, points_to: str) -> Rule:
+    return {"rule": rule, "value": value, "limit": limit, "unit": unit, "points_to": points_to, "speaks": value > limit}
+
+
+def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
+    """RMS distance (nj,) deg of the joints, before either touches; the delay that fits best, s."""
+    sides = []
+    for t in (trial, replay):
+        rec, start = t.recording, int(np.searchsorted(t.recording.time, t.steps.time[0] - 1e-9))
+        sides.append(rec.q[start : before_contact(rec)])
+    n = min(map(len, sides))
+    if n < 2 * DELAYS[-1]:
+        return None
+    real, simulated = (q[:n] for q in sides)
+    speed = [np.diff(q, axis=0) for q in (real, simulated)]
+    left = [float(np.nanmean((speed[0][k:] - speed[1][: n - 1 - k]) ** 2)) for k in DELAYS]
+    late = float(DELAYS[int(np.argmin(left))]) / trial.recording.rate_hz
+    return np.rad2deg(np.sqrt(np.nanmean((real - simulated) ** 2, axis=0))), late

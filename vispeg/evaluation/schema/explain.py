@@ -1,0 +1,65 @@
+"""explain.json: why trials fail."""
+
+from __future__ import annotations
+
+from typing import Any, TypedDict
+
+from vispeg.evaluation.schema.estimate import Interval
+from vispeg.evaluation.schema.gap import Measure, PartingRecord
+
+
+class TrialRow(TypedDict):
+    """One trial: how it ended, and how often the policy and its recorded actions succeed from its start."""
+
+    trial: str
+    success: bool
+    category: str
+    closed: Interval
+    open: Interval
+
+
+class Rule(TypedDict):
+    """One of the article's rules: what it looks at, the number here, the number from which it speaks, of what."""
+
+    rule: str
+    value: float
+    limit: float
+    unit: str
+    points_to: str
+    speaks: bool
+
+
+class Cause(TypedDict):
+    """A named effect: success from the trials' starts without and with it, and its share of what is lost."""
+
+    effect: str
+    params: dict[str, Any]
+    named_by: str
+    without: Interval
+    with_it: Interval
+    cost: Interval
+    p_holm: float | None
+    verdict: str
+    share: Interval | None
+    words: str
+
+
+class ExplainRecord(TypedDict):
+    """explain.json without world and provenance."""
+
+    format: str
+    policy: str
+    verdict: str
+    words: str
+    robot: Interval
+    closed: Interval
+    open: Interval
+    gap: Interval
+    failed: Interval | None
+    trials: list[TrialRow]
+    categories: PartingRecord
+    measures: list[Measure]
+    rules: list[Rule]
+    causes: list[Cause]
+    notes: list[str]
+    rule: str
