@@ -15,6 +15,7 @@ from vispeg.cli.options import options, subcommands
 from vispeg.core.assets import assets
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.suite import summarise
+from vispeg.trials.trial import _example as example
 
 ROOT = Path(__file__).parents[2]
 # Each command that replaces something, with an input at data/INPUT. What is run is this with --overwrite and --out.
@@ -39,6 +40,7 @@ READS = {
     "suite compare": "suite compare data/suite",
     "sensitivity": "sensitivity data/policy --sweep latency --episodes 1",
     "exploit": "exploit data/policy --episodes 1",
+    "explain": "explain data/trials --policy data/policy --replays 1",
     "perturb": "perturb data/policy --episodes 1",
     "demo": "demo",
     "measure joint": "measure joint data/rig --joint joint4",
@@ -94,6 +96,8 @@ def original(tmp_path_factory) -> Path:
     )
     (data / "mass.csv").write_text("mass_g\n101\n102\n101\n")
     (data / "notes.txt").write_text("mine")
+    (data / "trials").mkdir()
+    example(data / "trials")
     return root
 
 

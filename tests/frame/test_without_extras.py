@@ -49,6 +49,8 @@ diagnose iiwa14 --recording rig-a --validate rig-b --out found
 sensitivity expert --world nominal --sweep friction --episodes 1 --out swept
 perturb expert --world nominal --episodes 1 --out pushed
 exploit expert --world nominal --episodes 1 --out exploited
+evaluate expert --world nominal --episodes 2 --videos 0 --out judged-3 --keep-trials kept
+explain kept --policy expert --replays 1 --out explained
 suite run expert --train nominal --target searching --episodes 1 --out suite
 doctor
 """

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from vispeg.api.diagnose import diagnose
@@ -14,6 +15,7 @@ from vispeg.api.stress.result import Stressed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.evaluation import explain as why
+from vispeg.evaluation import runner
 from vispeg.evaluation.explain import CLOSED, OPEN, Named
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs
@@ -52,8 +54,7 @@ class ExplainResult(Stressed):
         ]
         if r["causes"]:
             heads = [Column(head) for head in ("cause", "named by", "effect on success", "share of the loss")]
-            shares = ["-" if c["share"] is None else words.rate(c["share"]) for c in r["causes"]]
-            rows = [[c["effect"], c["named_by"], c["words"], s] for c, s in zip(r["causes"], shares, strict=True)]
+            rows = [[c["effect"], c["named_by"], c["words"], words.share(c["share"])] for c in r["causes"]]
             out.append(Sheet(heads, rows))
         return [*out, *(Line(note, path=True) for note in r["notes"])]
 
@@ -95,7 +96,9 @@ def explain(
         UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have,
             or as `vispeg.evaluate`.
     """
-    check_numbers(replays, workers)
+    check_numbers(1, workers)
+    if replays < 1:
+        raise UserError("no replays", key="--replays", expected="1 or more", got=replays)
     who, file = ready([policy]), load_world(world)
     notes: list[str] = []
     read = _read(Path(trials), notes)
@@ -110,6 +113,8 @@ def explain(
         causes = _diagnosed(read, file, seed, say, notes) if named is None else named
         if len(causes) > 1:
             causes = [*causes, Named(tuple(e for c in causes for e in c.effects), "")]
+        if not (place / runner.EPISODES).exists():  # of a run before
+            rmtree(place / "replays", ignore_errors=True)
         at = _digest(read)
         seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
         starts = {s: replace(t.said.begin(), effects=None) for t, some in zip(read, seeds, strict=True) for s in some}

@@ -25,7 +25,7 @@ def render(values: Mapping[str, Any]) -> str:
             words.rate(c["without"]),
             words.rate(c["with_it"]),
             words.change(c["cost"]),
-            "-" if c["share"] is None else words.rate(c["share"]),
+            words.share(c["share"]),
             words.p_value(c["p_holm"]),
             c["verdict"],
         ]

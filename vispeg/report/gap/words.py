@@ -35,6 +35,11 @@ def rate(e: Row) -> str:
     return f"{percent(e['value'])} ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
 
 
+def share(e: Row | None) -> str:
+    """Give a share of a loss, which may be below 0 or above all of it: `15 % (−12 to 75)`."""
+    return "-" if e is None else f"{percent(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
+
+
 def rate_of(e: Row) -> str:
     """`87 % (81 to 92) of 60 episodes`."""
     return f"{rate(e)} of {e['n']} episodes"

@@ -1,0 +1,126 @@
+"""Why trials fail: a hidden effect is ranked first, the trials' own world plays them again, and few tell nothing."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vispeg.api.explain import explain
+from vispeg.cli.main import main
+from vispeg.core.errors import UserError
+from vispeg.evaluation.explain import HELD, TOUCH, before_contact, free
+from vispeg.evaluation.statistics import CANNOT_TELL
+from vispeg.trials.trial import FILE, folders, read_said, read_trial
+
+HIDDEN = """format: vispeg-world/1
+base: nominal
+effects:
+  - {effect: coulomb_friction, where: joint4, params: {torque: 6.0}}
+"""
+MODEL = """format: vispeg-model/1
+robot: iiwa14
+effects:
+  - {effect: coulomb_friction, where: joint1, params: {torque: 0.5}}
+  - {effect: coulomb_friction, where: joint4, params: {torque: {value: 6.0, low: 5.5, high: 6.5}}}
+  - {effect: viscous_friction, where: joint7, params: {damping: 0.5}}
+"""
+TRIALS = 20
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """A cell whose fourth joint sticks, and what the scripted policy did in it."""
+    place = tmp_path_factory.mktemp("cell")
+    (place / "hidden.yaml").write_text(HIDDEN)
+    (place / "model.yaml").write_text(MODEL)
+    argv = ["evaluate", "expert", "--world", str(place / "hidden.yaml"), "--episodes", str(TRIALS), "--videos", "0"]
+    assert main([*argv, "--out", str(place / "e"), "--keep-trials", str(place / "trials"), "--quiet", "--json"]) == 0
+    return place
+
+
+# one replay each: nominal draws nothing but the start
+def explained(cell, out, *argv, trials="trials"):
+    how = [
+        "explain",
+        str(cell / trials),
+        "--policy",
+        "expert",
+        "--quiet",
+        "--json",
+        "--replays",
+        "1",
+    ]  # nominal draws nothing but the start
+    assert main([*how, *argv, "--out", str(out)]) == 0
+    return json.loads((out / "explain.json").read_text())
+
+
+def test_a_hidden_effect_is_ranked_before_others_and_explains_what_is_lost(cell, tmp_path):
+    found = explained(cell, tmp_path / "why", "--model", str(cell / "model.yaml"))
+    said = [read_said(folder) for folder in folders(cell / "trials")]
+    lost = sum(not s.outcome.success for s in said)
+    assert lost >= 6 and found["robot"]["n"] == TRIALS
+    assert found["verdict"] == "gap" and found["closed"]["value"] == 1.0
+    first, *others, together = found["causes"]
+    assert first["effect"] == "coulomb_friction(joint4)" and first["verdict"] == "different"
+    assert first["cost"]["value"] == pytest.approx(lost / TRIALS) and first["share"]["value"] == pytest.approx(1.0)
+    assert {c["verdict"] for c in others} == {CANNOT_TELL} and together["effect"] == "all together"
+    assert found["words"].endswith("first cause: coulomb_friction(joint4)")
+    kinds = {k["category"]: k["verdict"] for k in found["categories"]["kinds"]}
+    assert "more" in kinds.values(), "failures are told although simulation has none"
+    speaks = [rule["points_to"] for rule in found["rules"] if rule["speaks"]]
+    assert "actuator" in speaks
+    page = (tmp_path / "why" / "explain.html").read_text()
+    assert "coulomb_friction(joint4): torque 6" in page and all(f.name in page for f in folders(cell / "trials"))
+
+
+def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell, tmp_path):
+    found = explained(cell, tmp_path / "why", "--world", str(cell / "hidden.yaml"), "--model", "iiwa14")
+    for row in found["trials"]:
+        assert row["closed"]["value"] == row["open"]["value"] == float(row["success"]), row["trial"]
+    assert found["verdict"] == "policy" and found["causes"] == [] and found["gap"]["value"] == 0
+    assert not any(rule["speaks"] for rule in found["rules"])
+    assert found["rules"][0]["value"] < 0.01, "deg"
+
+
+def test_few_trials_cannot_tell_and_short_ones_are_not_diagnosed(cell, tmp_path):
+    argv = ["evaluate", "expert", "--world", "nominal", "--episodes", "2", "--videos", "0", "--quiet", "--json"]
+    assert main([*argv, "--out", str(tmp_path / "e"), "--keep-trials", str(tmp_path / "few")]) == 0
+    for folder in folders(cell / "trials")[:3]:
+        shutil.copytree(folder, tmp_path / "cell" / "few" / folder.name)
+    few = explained(tmp_path / "cell", tmp_path / "why", "--model", str(cell / "model.yaml"), trials="few")
+    assert few["verdict"] == CANNOT_TELL and "3, and 10 are the fewest" in few["words"]
+    assert {c["verdict"] for c in few["causes"]} == {CANNOT_TELL} and {c["share"] for c in few["causes"]} == {None}
+    short = explained(tmp_path, tmp_path / "short", trials="few")
+    assert short["causes"] == [] and any("nothing is diagnosed" in note for note in short["notes"])
+
+
+def test_trials_that_tell_nothing_are_refused_in_one_line(cell, tmp_path, capsys):
+    shutil.copytree(folders(cell / "trials")[0], tmp_path / "shadows" / "trial-0001")
+    file = tmp_path / "shadows" / "trial-0001" / FILE
+    file.write_text(file.read_text().replace("shadow: false", "shadow: true"))
+    for place, policy in (("shadows", "expert"), ("none", "expert"), ("shadows", "nobody")):
+        argv = ["explain", str(tmp_path / place), "--policy", policy, "--out", str(tmp_path / "why")]
+        assert main(argv) == 2
+        assert "\n" not in capsys.readouterr().err.strip() and not (tmp_path / "why").exists()
+
+
+def test_what_is_compared_ends_where_the_force_stays_off_that_of_the_start(cell):
+    recording = read_trial(folders(cell / "trials")[0]).recording
+    n = len(recording.time)
+    ft = np.tile(recording.ft[0], (n, 1))
+    ft[100, 0] += 2 * TOUCH  # one sample is no contact
+    assert before_contact(replace(recording, ft=ft)) == n
+    ft[200:, 2] += 1.01 * TOUCH
+    touched = replace(recording, ft=ft)
+    assert before_contact(touched) == 200 and HELD > 1
+    assert free(touched, 1.1, 4.0) is None and len(free(touched, 0.5, 4.0).time) == 200
+    cut = free(touched, 0.5, 0.75)
+    assert cut.time[-1] - cut.time[0] < 0.75 and cut.ft is None
+    assert before_contact(replace(recording, ft=None)) == n
+
+
+def test_replays_are_needed(cell, tmp_path):
+    with pytest.raises(UserError, match="no replays"):
+        explain(cell / "trials", "expert", replays=0, out=tmp_path / "why")
