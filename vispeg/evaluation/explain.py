@@ -21,7 +21,7 @@ from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, TrialRow
 from vispeg.evaluation.schema.gap import Measure
-from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, wilson
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, Rows, wilson
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import taken
 from vispeg.trials.trial import Trial
@@ -39,7 +39,7 @@ DELAYS = np.arange(0, 41)  # samples that are tried
 class Named:
     """What may be the cause: an effect, or several together, and who names it."""
 
-    effects: tuple[EffectInstance, ...]
+    effects: Sequence[EffectInstance]
     by: str
 
     @property
@@ -142,8 +142,8 @@ def _ends(episodes: Sequence[Episode], side: str) -> dict[int, dict[Hashable, st
 
 def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
     """Success by trial (n,) on two sides; the trial is the unit."""
-    sides = ({0: dict(enumerate(side.tolist()))} for side in (first, second))
-    return replace(statistics.difference(*sides, same_networks=True), discordant=None)
+    sides: list[Rows] = [{0: {i: float(x) for i, x in enumerate(side)}} for side in (first, second)]
+    return replace(statistics.difference(sides[0], sides[1], same_networks=True), discordant=None)
 
 
 def _rate(each: np.ndarray) -> Interval:
