@@ -29,6 +29,7 @@ check rig-a
 add iiwa14 payload flange --set mass=0.5 --out model.yaml
 effects
 worlds
+robots
 policies
 motions
 completion bash
