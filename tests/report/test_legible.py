@@ -108,3 +108,19 @@ def test_paper_has_what_is_folded_away_on_the_screen(tmp_path):
         subprocess.run([*command, page.as_uri()], capture_output=True, timeout=240, check=True)
         sheets[name] = len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
     assert sheets["closed"] == sheets["open"] > sheets["none"] == 1, sheets
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="needs Chromium")
+def test_a_column_of_a_heat_map_has_its_name_above_it(tmp_path):
+    page = tmp_path / "heat.html"
+    page.write_text(
+        f"<!doctype html><style>{source('report.css')}</style><table class='heat' style='width: 700px'><thead><tr><th>"
+        "</th><th scope='col'>S</th></tr></thead><tr><th scope='row'>mine</th><td>-54 to 54</td></tr></table><script>"
+        "const middle = (tag) => { const range = document.createRange();"
+        "range.selectNodeContents(document.querySelector(tag)); const box = range.getBoundingClientRect();"
+        "return box.left + box.width / 2 }; document.title = middle('th[scope=col]') - middle('td')</script>",
+        encoding="utf-8",
+    )
+    command = [browser.chromium(), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", page.as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True).stdout
+    assert abs(float(re.findall("<title>(.*)</title>", shown)[0])) < 2
