@@ -35,16 +35,25 @@ class Tried:
     Attributes:
         placed: the effect.
         name: the magnitude.
-        column: (n,) its trace, whitened.
-        others: (n, k) the traces of what else a fit of the effect moves.
+        columns: (n, k) the traces, whitened, of all that a fit of the effect moves; `index` is of the magnitude's own.
         least: multiple of the size below which a search does not take it, whatever its trace.
     """
 
     placed: EffectInstance
     name: str
-    column: np.ndarray
-    others: np.ndarray
+    columns: np.ndarray
+    index: int
     least: float = 0.0
+
+    @property
+    def column(self) -> np.ndarray:
+        """The trace of the magnitude, (n,), whitened."""
+        return self.columns[:, self.index]
+
+    @property
+    def others(self) -> np.ndarray:
+        """The traces of what else a fit of the effect moves, (n, k - 1); made anew, as there are many trials."""
+        return np.delete(self.columns, self.index, axis=1)
 
     def at(self, times: float) -> EffectInstance:
         """The effect at a multiple of the size; a logarithmic one as it is, for no line leads from null to it."""
@@ -81,7 +90,7 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
         out = []
         for s, p in zip(search.signatures_of(state.world, state.residual, asked), asked, strict=True):
             for k, name in enumerate(p.names):
-                out.append(Tried(p.variants[k], name, s.columns[:, k], np.delete(s.columns, k, axis=1)))
+                out.append(Tried(p.variants[k], name, s.columns, k))
         return out
 
     count = float(search.judge.size.sum())

@@ -141,8 +141,7 @@ class PictureSearch(Loop[State, Trial], Shown):
                 worlds = [state.world.add(e) for e in secants.values()]
                 columns = np.stack([state.residual - r for r in self.evidence.residuals(worlds)], axis=1)
                 for k, ((name, placed), world) in enumerate(zip(secants.items(), worlds, strict=True)):
-                    others = np.delete(columns, k, axis=1)
-                    out.append(Tried(placed, name, columns[:, k], others, self.least_times(placed, world, state.world)))
+                    out.append(Tried(placed, name, columns, k, self.least_times(placed, world, state.world)))
             return out
 
         return shows_from(self, state, tried)
