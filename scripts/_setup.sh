@@ -34,8 +34,7 @@ setup() { # setup NAME TARGET: installs TARGET (`.` or `.[extras]`) once; again 
         'import hashlib, sys; print(hashlib.sha256(sys.stdin.buffer.read()).hexdigest())')
     if [ "$(cat ".venv/.installed-$name" 2>/dev/null)" != "$stamp" ]; then
         say "installing the packages (a minute or two, once)"
-        # of 23 000 files a run imports a fifth, which Python compiles then: all of them take pip a minute
-        .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e "$target" || exit 1
+        .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e "$target" || exit 1
         install_egl
         echo "$stamp" | tee ".venv/.installed-$name" >.venv/.installed-base # every target contains the base
     fi
