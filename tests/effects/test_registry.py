@@ -88,6 +88,23 @@ def test_another_row_is_not_touched(name):
     assert not np.array_equal(pair.q[0], pair.q[1]), "the effect at its start value does nothing"
 
 
+COMMANDED = [name for name in NAMES if REGISTRY[name].commanded]
+
+
+@pytest.mark.parametrize("name", COMMANDED)
+def test_a_drive_of_the_command_alone_sees_no_motion(name):
+    """Two arms that move each in their own way under the same commands get the same torque, step by step."""
+    kind, rng = REGISTRY[name], stream(2, name)
+    p = {k: np.full((3, 7), param.start) for k, param in kind.params.items()}
+
+    def arm():
+        return DriveState(1e-3, 2e-3, *rng.normal(size=(5, 3, 7)))
+
+    states = [kind.start(arm(), p) for _ in range(2)]
+    for tau in rng.normal(0.0, 50.0, (20, 3, 7)):
+        np.testing.assert_array_equal(*(kind.drive(state, tau, arm(), p) for state in states))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_finite_at_every_bound(name):
     """At each bound of each parameter, at each place: an answer, or a divergence that is said to be one."""

@@ -91,3 +91,24 @@ def test_the_gear_carries_the_same_torque_in_both(name):
     torque = [played([name, "joint_elasticity"], 24, cell)[1][:, 0] for cell in (True, False)]
     swing = np.ptp(torque[1], axis=0)
     assert np.abs(torque[0] - torque[1])[1:].max(axis=0) == pytest.approx(0, abs=0.02 * swing.max())
+
+
+def test_steps_at_once_are_steps_one_by_one():
+    """What follows from the command alone is asked without a look at the arm between the steps, with the same bits."""
+    names, nsub = ["actuator_lag", "command_delay", "torque_gain"], 3
+    ends = []
+    for at_once in (True, False):
+        cell = Cell(SCENE, worlds(names, 0), TICK / nsub, TICK, 1, names)
+        q0 = np.tile(HOME, (len(names), 1))
+        cell.start(q0, np.zeros_like(q0), nominal_of(SCENE.nominal, len(names)).gravity(q0).copy(), np.ones_like(q0))
+        for command in np.random.default_rng(1).normal(0.0, 5.0, (12, *q0.shape)):
+            cell.read()
+            if at_once:
+                cell.advance(command, nsub)
+                continue
+            for sub in range(nsub):
+                if sub:
+                    cell.read()
+                cell.advance(command, 1)
+        ends.append(np.concatenate([cell.qpos, cell.qvel, cell.acc, cell.x.tau], axis=1).copy())
+    np.testing.assert_array_equal(*ends)

@@ -36,6 +36,7 @@ class Effect(ABC):
         params: its parameters.
         writes: the MjModel fields that `write` may touch; a test holds it to that.
         order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
+        commanded: True where `drive` is of the command alone, whatever the arm does meanwhile.
         smooth: False where the residual is not smooth in the parameters (a global search is then used).
         telling: magnitudes without which this effect equals another one (default: any of them).
         stage: of a contact diagnosis in which it is searched (one of STAGES, in their order); empty: never.
@@ -62,6 +63,7 @@ class Effect(ABC):
     writes: ClassVar[frozenset[str]] = frozenset()
     order: ClassVar[int] = 50
     searchable: ClassVar[bool] = True
+    commanded: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     conservative: ClassVar[bool] = False

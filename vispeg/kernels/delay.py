@@ -10,8 +10,13 @@ def delayed(past, head, lag, out):
     """Write the values (k,) of `lag` (k,) steps ago from a ring `past` (size, k) whose newest row is `head`.
 
     Lags lie from 0 to size - 2 steps; between two steps the value is interpolated.
+
+    Raises:
+        ValueError: a lag or a column of the ring for more or fewer values.
     """
     size = len(past)
+    if past.shape[1] != len(out) or len(lag) != len(out):
+        raise ValueError("each value takes a lag and a column of the ring")
     for k in range(len(out)):
         steps = min(int(lag[k]), size - 2)
         part = lag[k] - steps

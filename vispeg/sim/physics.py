@@ -69,6 +69,11 @@ class EffectLoop:
         """Whether anything must be asked between two physics steps."""
         return bool(self.drives or self.frictions or self.torques)
 
+    @property
+    def foreseen(self) -> bool:
+        """Whether what acts between two physics steps follows from the command alone, and not from the motion."""
+        return all(a.effect.commanded for a in self.drives) and not (self.frictions or self.torques)
+
     def begin(self, x: DriveState) -> None:
         """All rows begin in the state `x`."""
         self.states = {a.effect.name: a.effect.start(x, a.p) for a in self.active}

@@ -163,6 +163,11 @@ class Cell(Plant):
             if nsub > 1:
                 self._move(command, nsub - 1)
             return
+        if self.loop.foreseen:  # the motion between the steps changes nothing
+            for _ in range(nsub):
+                self._move(self.forces(command).drive)
+            self.x.tau = self._geared(None)
+            return
         for sub in range(nsub):
             if sub:
                 self.read()

@@ -31,7 +31,7 @@ class DelayLine:
         elif self.fresh is not None:
             self.buffer[:, self.fresh] = value[self.fresh]
         self.fresh = None
-        lag = np.broadcast_to(delay / self.step, value.shape)
+        lag = delay / self.step
         if lag.max(initial=0.0) > self.size - 2:  # rows that began anew may look further back
             self._grow(int(np.ceil(lag.max())) + 2)
         self.head = (self.head + 1) % self.size

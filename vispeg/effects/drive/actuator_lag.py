@@ -1,7 +1,8 @@
 """Actuator lag: the torque follows its command as a first-order low-pass, `T dtau/dt = tau_cmd - tau`.
 
-MuJoCo's own mechanism is `dyntype="filterexact"`; the same exact step, `1 - exp(-h/T)`, is taken in the drive chain
-here. Source: MuJoCo 4.0 manual, actuator dynamics "filterexact".
+MuJoCo's own mechanism is `dyntype="filterexact"`, which holds the lagged torque of a step's begin (or end) through the
+step; the same exact step, `1 - exp(-h/T)`, is taken here, but what acts is the step's mean. Source: MuJoCo 4.0 manual,
+actuator dynamics "filterexact".
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ class ActuatorLag(Effect):
 
     name = "actuator_lag"
     family = "drive"
+    commanded = True
     order = 15
     shared = True
     params = {"time_constant": Param(0.0, 0.0, 0.05, "s", start=0.004, doc="of the torque loop")}

@@ -1,8 +1,8 @@
 """Command delay: the torque, or the goal of a position servo, acts `delay` after it was sent (bus cycle, firmware).
 
-MuJoCo's own mechanism is the actuator's `delay` with a history buffer of fixed length; the same ring buffer is kept in
-the drive chain here so that any delay runs in one compiled model. Interpolation over a physics step gives the step's
-mean torque.
+MuJoCo's own mechanism, an actuator's `delay`, reads its history before it writes: any delay below a physics step
+is a whole one: a twelfth of the delays that training draws (0 to 20 ms, steps of 1.7 ms). Hence the ring buffer here,
+which is exact for any delay. Interpolation over a physics step gives the step's mean torque.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ class CommandDelay(Effect):
 
     name = "command_delay"
     family = "drive"
+    commanded = True
     order = 10
     shared = True
     params = {"delay": Param(0.0, 0.0, 0.03, "s", start=0.004, doc="dead time")}

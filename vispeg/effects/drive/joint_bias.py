@@ -15,6 +15,7 @@ class JointBias(Effect):
 
     name = "joint_bias"
     family = "drive"
+    commanded = True
     common = "bias"
     order = 45
     params = {"torque": Param(0.0, -20.0, 20.0, "N m", start=0.5, doc="added to the commanded torque")}

@@ -15,6 +15,7 @@ class TorqueGain(Effect):
 
     name = "torque_gain"
     family = "drive"
+    commanded = True
     order = 30
     params = {"gain": Param(1.0, 0.5, 1.5, "1", start=1.05, doc="delivered over commanded torque")}
 

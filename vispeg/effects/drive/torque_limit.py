@@ -17,6 +17,7 @@ class TorqueLimit(Effect):
 
     name = "torque_limit"
     family = "drive"
+    commanded = True
     order = 40
     smooth = False
     params = {"limit": Param(1000.0, 0.5, 1000.0, "N m", start=20.0, scale="log", doc="greatest torque of the drive")}
