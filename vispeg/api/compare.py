@@ -20,6 +20,7 @@ from vispeg.diagnosis import compare as joints
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.resolve import ChannelName, available, resolve, seen
 from vispeg.diagnosis.schema import ComparisonRecord, Rung
+from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
@@ -93,6 +94,7 @@ class ComparisonResult(Result):
         write_comparison(folder, dict(self.record), dict(self.arrays))
 
 
+@one_blas_thread()
 def compare(
     model: Model,
     recordings: Source | Sequence[Source],

@@ -22,6 +22,7 @@ from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.resolve import ChannelName, resolve
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
+from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.live.arm import arm_arrays
@@ -93,6 +94,7 @@ class DiagnosisResult(Result):
         write_diagnosis(folder, dict(self.record), self.world, dict(self.arrays))
 
 
+@one_blas_thread()
 def diagnose(
     model: Model,
     recordings: Source | Sequence[Source],
@@ -198,7 +200,7 @@ def renamed(channels: Sequence[ChannelName], rooms: Sequence[ChannelName]) -> Se
     """The channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
     if not rooms:
         return channels
-    warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=3)
+    warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=4)
     if channels:
         raise UserError("is what --channels was called; both were given", key="--rooms", expected="--channels alone")
     return rooms

@@ -27,6 +27,7 @@ from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
 from vispeg.report.fitted import fit_record, fit_summary
@@ -94,6 +95,7 @@ class FitResult(Result):
         (folder / "model.yaml").write_text(model_text(self.world), encoding="utf-8")
 
 
+@one_blas_thread()
 def fit(
     model: Model,
     recordings: Source | Sequence[Source],
