@@ -94,3 +94,12 @@ def test_a_recorded_look_at_a_board_calibrates_the_camera(vispeg, tmp_path):
     assert max(eye["half_width_95"]["pos_m"]) < 1e-3, "far less than the offset"
     code, _, err = vispeg("camera", "calibrate", "seen", *board, "--poses", "poses.csv", "--out", "v")
     assert code == 2 and "its own poses" in err
+
+
+def test_mirrored_pictures_are_refused(refused, images, tmp_path):
+    """With fitted intrinsics too, which are those of the mirror image: the robot's motion tells."""
+    (tmp_path / "mirrored").mkdir()
+    for file in images.glob("*.png"):
+        cv2.imwrite(str(tmp_path / "mirrored" / file.name), cv2.flip(cv2.imread(str(file)), 1))
+    given = ["--pattern", "9x6", "--square", "0.0236", "--poses", images / "poses.csv", "--out", "w"]
+    refused(["camera", "calibrate", "mirrored", *given], "the pictures are mirrored")

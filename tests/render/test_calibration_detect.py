@@ -86,6 +86,17 @@ def test_mistakes(tmp_path):
         detect(tmp_path / "empty", BOARD)
 
 
+@pytest.mark.parametrize("flip", [0, 1])
+def test_a_mirrored_charuco_is_refused_as_that(tmp_path, flip):
+    """Its markers are none of the dictionary; a chessboard's mirror image is told by the robot's motion alone."""
+    rng = stream(6, "mirrored")
+    cv2.imwrite(str(tmp_path / "0.png"), np.full((480, 640), 128, np.uint8))  # the first need not show the board
+    for number in (1, 2):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), cv2.flip(picture(CHARUCO, place(rng, CHARUCO)), flip))
+    with pytest.raises(UserError, match="no 8x6 charuco found in any of 3.*it is there mirrored"):
+        detect(tmp_path, CHARUCO)
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [

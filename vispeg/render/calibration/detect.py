@@ -89,7 +89,8 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
             views.append(view)
     if not views:
         many = "the image" if len(files) == 1 else f"any of {len(files)} images"
-        hint = _other_pattern(read_grey(files[0]), board)
+        tried = files if board.kind == "charuco" else files[:1]  # a chessboard that is not there takes a second each
+        hint = next(filter(None, (_other_pattern(read_grey(path), board) for path in tried)), "")
         raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=files[0].parent)
     return views, missed
 
@@ -163,8 +164,10 @@ def _other_pattern(image: np.ndarray, board: Board) -> str:
     """A hint where the board is there but was described in another usual way."""
     if board.kind == "charuco":
         other = replace(board, legacy=not board.legacy)
-        there = _charuco(image, other) is not None
-        return f" (it is there {'with' if other.legacy else 'without'} --legacy)" if there else ""
+        if _charuco(image, other) is not None:
+            return f" (it is there {'with' if other.legacy else 'without'} --legacy)"
+        mirrored = any(_charuco(np.ascontiguousarray(image[:, ::-1]), b) is not None for b in (board, other))
+        return " (it is there mirrored: flip the pictures back)" if mirrored else ""
     for more in (-1, 1):
         columns, rows = board.columns + more, board.rows + more
         if min(columns, rows) >= 3 and _chessboard(image, replace(board, columns=columns, rows=rows)) is not None:
