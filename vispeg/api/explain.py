@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from vispeg.api.diagnose import diagnose
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner
-from vispeg.evaluation.explain import CLOSED, OPEN, Named
+from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER, label
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs
 from vispeg.evaluation.overlay import Change
@@ -27,13 +26,15 @@ from vispeg.report.gap import words
 from vispeg.report.gap.explain_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.task.world_file import WorldFile, load_world
+from vispeg.task.world_file import load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
 from vispeg.trials.trial import folders as trials_in
 from vispeg.worlds.model_file import load_model
 
-MOST = 6  # recordings that are diagnosed, every third to judge: a search over twenty takes an hour
-SHORTEST, LONGEST = 2.6, 4.0  # s before contact: under torque control 1.2 s at the start and as much again are needed
+UNTRIED = (
+    "no cause is tried: name effects with --model FILE, as `vispeg diagnose` of a motion in free air finds them"
+    " (`vispeg motions` makes one)"
+)
 
 
 class ExplainResult(Stressed):
@@ -53,8 +54,8 @@ class ExplainResult(Stressed):
             if x["speaks"]
         ]
         if r["causes"]:
-            heads = [Column(head) for head in ("cause", "named by", "effect on success", "share of the loss")]
-            rows = [[c["effect"], c["named_by"], c["words"], words.share(c["share"])] for c in r["causes"]]
+            heads = [Column(head) for head in ("cause", "effect on success", "share of the loss")]
+            rows = [[c["effect"], c["words"], words.share(c["share"])] for c in r["causes"]]
             out.append(Sheet(heads, rows))
         return [*out, *(Line(note, path=True) for note in r["notes"])]
 
@@ -74,7 +75,6 @@ def explain(
     workers: int = 1,
     out: str | Path | None = None,
     overwrite: bool = False,
-    say: Callable[[str], None] = lambda text: None,
     playing: Playing = silent,
 ) -> ExplainResult:
     """Explain why trials fail.
@@ -86,11 +86,10 @@ def explain(
         trials: a folder of trials, or one trial.
         policy: whose they are: a folder, a bundled policy's name, `expert`.
         world: of the model; what it draws is the model's uncertainty.
-        model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: the trials' own
-            recordings are diagnosed, their joints before contact.
+        model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: no cause is
+            tried, and a note says how to name some.
         replays: of each start.
         task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
-        say: called with a line on each step of the diagnosis.
 
     Raises:
         UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have,
@@ -107,19 +106,21 @@ def explain(
     others = {t.said.policy.name for t in read if t.said.policy.digest not in ("", who[0].digest)}
     if others:
         notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
-    named = None if model is None else [Named((e,), Path(model).name) for e in load_model(model).effects]
+    named = () if model is None else load_model(model).effects
+    causes: dict[str, tuple[EffectInstance, ...]] = {label(effect): (effect,) for effect in named}
+    if len(named) > 1:
+        causes[TOGETHER] = tuple(named)
+    if not causes:
+        notes.append(UNTRIED)
     sources = [file.path, *folders(who), Path(trials), *([] if model is None else [Path(model)])]
     with workplace(out, "explain.json", overwrite, sources) as place:
-        causes = _diagnosed(read, file, seed, say, notes) if named is None else named
-        if len(causes) > 1:
-            causes = [*causes, Named(tuple(e for c in causes for e in c.effects), "")]
         if not (place / runner.EPISODES).exists():  # of a run before
             rmtree(place / "replays", ignore_errors=True)
         at = _digest(read)
         seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
         starts = {s: replace(t.said.begin(), effects=None) for t, some in zip(read, seeds, strict=True) for s in some}
         actions = {s: t.steps.action for t, some in zip(read, seeds, strict=True) for s in some}
-        kinds = {CLOSED: (), OPEN: (), **{c.label: c.effects for c in causes}}
+        kinds = {CLOSED: (), OPEN: (), **causes}
         jobs: dict[str, list[Job]] = {}
         for kind, effects in kinds.items():
             setting = Setting(str(world), file.name, f"{kind}, {at}", tuple(map(_change, effects)), dict(task or {}))
@@ -171,24 +172,3 @@ def _change(effect: EffectInstance) -> Change:
 def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[int]]) -> list[Episode]:
     by = {e.seed: e for e in ends if e.configuration == configuration}
     return [by[s] for some in seeds for s in some]
-
-
-def _diagnosed(
-    trials: Sequence[Trial], file: WorldFile, seed: int, say: Callable[[str], None], notes: list[str]
-) -> list[Named]:
-    """What the joints of the trials before contact call for; nothing, and a note, where they cannot be compared."""
-    cut = [c for c in (why.free(t.recording, SHORTEST, LONGEST) for t in trials) if c is not None][:MOST]
-    if len(cut) < 2:
-        said = f"{len(cut)} of {len(trials)} trials move {SHORTEST} s or more before contact: nothing is diagnosed"
-        notes.append(f"{said}; give the effects of another diagnosis with --model")
-        return []
-    judged = cut[2::3] or cut[-1:]
-    fitted = [c for c in cut if all(c is not j for j in judged)]
-    robot = file.world.base.robot
-    try:
-        found = diagnose(robot, fitted, judged, seconds=0, seed=seed, say=say, channels=("joints",))
-    except UserError as error:
-        notes.append(f"nothing is diagnosed: {error}")
-        return []
-    notes.append(f"{len(cut)} trials' joints before contact: {found.verdict}")
-    return [Named((e,), f"diagnosis, {found.verdict}") for e in found.effects]

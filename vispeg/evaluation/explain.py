@@ -7,7 +7,7 @@ The trial is the unit of every comparison of success; replays of one start are n
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, TrialRo
 from vispeg.evaluation.schema.gap import Measure
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, Rows, wilson
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import taken
 from vispeg.trials.trial import Trial
 
 FORMAT = "vispeg-explain/1"
@@ -35,17 +34,9 @@ LATE = 0.02  # s: the article's delays are 0 to 20 ms
 DELAYS = np.arange(0, 41)  # samples that are tried
 
 
-@dataclass(frozen=True)
-class Named:
-    """What may be the cause: an effect, or several together, and who names it."""
-
-    effects: Sequence[EffectInstance]
-    by: str
-
-    @property
-    def label(self) -> str:
-        """`coulomb_friction(joint4)`."""
-        return TOGETHER if len(self.effects) > 1 else f"{self.effects[0].effect}({self.effects[0].where})"
+def label(effect: EffectInstance) -> str:
+    """Name an effect in one word: `coulomb_friction(joint4)`."""
+    return f"{effect.effect}({effect.where})"
 
 
 def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
@@ -63,21 +54,12 @@ def before_contact(recording: Recording) -> int:
     return int(np.argmax(held)) if held.any() else len(recording.time)
 
 
-def free(recording: Recording, shortest: float, longest: float) -> Recording | None:
-    """Give the joints of a recording before contact, `longest` s at most; None of less than `shortest` s."""
-    stop = min(before_contact(recording), int(np.searchsorted(recording.time, recording.time[0] + longest)))
-    if stop < 2 or recording.time[stop - 1] - recording.time[0] < shortest:
-        return None
-    cut = taken(recording, [(0, stop)])
-    return replace(cut, ft=None, wrench=None, episode=None, frames=None, outcomes=())
-
-
 def summarise(
     policy: str,
     trials: Sequence[Trial],
     played: Mapping[str, Sequence[Episode]],
     replayed: Sequence[Trial],
-    causes: Sequence[Named],
+    causes: Mapping[str, Sequence[EffectInstance]],
     notes: Sequence[str] = (),
 ) -> ExplainRecord:
     """Gather what explain.json holds.
@@ -87,7 +69,7 @@ def summarise(
         trials: of the robot.
         played: of each kind (`CLOSED`, `OPEN`, a cause's label) the replays, trial by trial, of each as many.
         replayed: of each trial one replay of its actions, kept as a trial.
-        causes: what was played besides.
+        causes: by label the effects that were played besides.
         notes: what else is to be known.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
@@ -100,12 +82,12 @@ def summarise(
     tests: dict[tuple[str, str], Hypothesis | Difference] = {("gap", ""): _difference(mean[CLOSED], y)}
     tests |= {("failures", name): test for name, test in kinds.tests.items()}
     tests |= {("measure", m.name): Hypothesis(m.p) for m in measures}
-    tests |= {("cause", c.label): _difference(mean[CLOSED], mean[c.label]) for c in causes}
+    tests |= {("cause", name): _difference(mean[CLOSED], mean[name]) for name in causes}
     if len(y) < FEWEST:
         tests = {key: replace(test, p=None) for key, test in tests.items()}
     decided = statistics.decide(tests)
     compared = [m.decided(decided["measure", m.name]) for m in measures]
-    made = [_cause(c, mean, y, decided["cause", c.label]) for c in causes]
+    made = [_cause(name, some, mean, y, decided["cause", name]) for name, some in causes.items()]
     made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
     gap, failed = decided["gap", ""], y == 0
     verdict, words = _verdict(gap, mean, failed, made)
@@ -185,8 +167,14 @@ def _verdict(
     return "gap", said if first is None else f"{said}; first cause: {first['effect']}"
 
 
-def _cause(named: Named, mean: Mapping[str, np.ndarray], y: np.ndarray, decision: Decision) -> Cause:
-    with_it = mean[named.label]
+def _cause(
+    name: str,
+    effects: Sequence[EffectInstance],
+    mean: Mapping[str, np.ndarray],
+    y: np.ndarray,
+    decision: Decision,
+) -> Cause:
+    with_it = mean[name]
     share = statistics.share(mean[CLOSED] - with_it, mean[CLOSED] - y) if len(y) >= FEWEST else None
     cost = decision.estimate
     if decision.certain:
@@ -196,9 +184,8 @@ def _cause(named: Named, mean: Mapping[str, np.ndarray], y: np.ndarray, decision
     else:
         words = f"{CANNOT_TELL}: {100 * cost.low:.0f} to {100 * cost.high:.0f} points"
     return {
-        "effect": named.label,
-        "params": {} if len(named.effects) > 1 else {k: v.value for k, v in named.effects[0].params.items()},
-        "named_by": named.by,
+        "effect": name,
+        "params": {} if name == TOGETHER else {k: v.value for k, v in effects[0].params.items()},
         "without": _rate(mean[CLOSED]),
         "with_it": _rate(with_it),
         "cost": cost.to_json(),

@@ -51,8 +51,9 @@ def available() -> list[str]:
 
 def knows(robot: str) -> bool:
     """Tell whether Menagerie has a robot of that name, here or to be downloaded."""
-    folder = SHORT.get(robot, robot).partition("/")[0]
-    package = _package()
+    if robot in SHORT:  # asked of every world of a search, so without a look at the disk
+        return True
+    folder, package = robot.partition("/")[0], _package()
     return (
         folder in folders()
         or folder in {full.partition("/")[0] for full in SHORT.values()}

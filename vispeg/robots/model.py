@@ -197,9 +197,13 @@ def check_name(robot: str, file: Path | None = None, key: str | None = None) -> 
     """
     named = robot not in ("", BUILT_IN) and Path(robot).suffix.lower() not in (*SUFFIXES, XACRO)
     if named and not menagerie.knows(robot):
-        hint = "a name, or a path to an .xml (MJCF) or .urdf"
-        names = dict.fromkeys([*available(), *menagerie.ARMS])
-        raise UserError("unknown robot", file=file, key=key, expected=hint, got=robot, choices=[*names])
+        raise _unknown(robot, file, key)
+
+
+def _unknown(robot: str, file: Path | None = None, key: str | None = None) -> UserError:
+    hint = "a name, or a path to an .xml (MJCF) or .urdf"
+    names = dict.fromkeys([*available(), *menagerie.ARMS])
+    return UserError("unknown robot", file=file, key=key, expected=hint, got=robot, choices=[*names])
 
 
 def _file(robot: str) -> Path | None:
@@ -213,8 +217,10 @@ def _file(robot: str) -> Path | None:
     if Path(robot).suffix.lower() == XACRO:
         out = Path(robot).name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=robot, expected=f"its result: xacro {Path(robot).name} > {out}")
-    check_name(robot)
-    return menagerie.find(robot)
+    found = menagerie.find(robot)
+    if found is None:
+        raise _unknown(robot)
+    return found
 
 
 __all__ = ["GRAVITY", "Limits", "RobotModel", "available", "check_name", "load", "load_for", "tilted"]

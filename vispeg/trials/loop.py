@@ -113,7 +113,8 @@ class Watchdog:
 
     def __exit__(self, *_: object) -> None:
         self._over.set()
-        signal.signal(signal.SIGINT, self._before)
+        if not callable(self._before):
+            signal.signal(signal.SIGINT, signal.SIG_DFL if self._before is None else self._before)
 
     def _watch(self) -> None:
         while not self._over.wait(self.silence / 5):

@@ -1,8 +1,8 @@
 """Explains why trials of a policy fail on a robot.
 
 Every trial's start is played again in simulation, by the policy and by the trial's own actions, over all that the world
-draws. Effects that are missing in the model are named from the trials' recordings, or come from a model file; each is
-judged by what it costs the policy from those starts. Writes OUT/explain.json and OUT/explain.html.
+draws. Each effect of a model file is judged as a cause by what it costs the policy from those starts; `vispeg diagnose`
+of a motion in free air names such effects. Writes OUT/explain.json and OUT/explain.html.
 
 Example:
     vispeg explain trials --policy runs/{task}-state/best --world randomized --out why
@@ -34,7 +34,7 @@ class Args:
     world: str = "nominal"
     """The simulated world: a built-in world's name or a world file. What it draws is the model's uncertainty."""
     model: Path | None = None
-    """A model file whose effects may be the causes. Default: the trials' own recordings are diagnosed."""
+    """A model file whose effects may be the causes. Default: no cause is tried."""
     replays: int = 20
     """Replays of each start."""
     tolerance: Room = None

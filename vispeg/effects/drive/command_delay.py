@@ -1,8 +1,8 @@
 """Command delay: the torque, or the goal of a position servo, acts `delay` after it was sent (bus cycle, firmware).
 
-MuJoCo's own mechanism, an actuator's `delay`, reads its history before it writes: any delay below a physics step
-is a whole one: a twelfth of the delays that training draws (0 to 20 ms, steps of 1.7 ms). Hence the ring buffer here,
-which is exact for any delay. Interpolation over a physics step gives the step's mean torque.
+MuJoCo's own mechanism, an actuator's `delay`, reads its history before it writes to it. So it makes a whole step of any
+delay below one, and training draws 0 to 20 ms at steps of 1.7 ms: a twelfth of its delays would be wrong. The ring
+buffer here is exact for any delay; interpolation over a physics step gives the step's mean torque.
 """
 
 from __future__ import annotations

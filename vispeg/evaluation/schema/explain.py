@@ -34,7 +34,6 @@ class Cause(TypedDict):
 
     effect: str
     params: dict[str, Any]
-    named_by: str
     without: Interval
     with_it: Interval
     cost: Interval

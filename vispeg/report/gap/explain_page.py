@@ -17,11 +17,10 @@ def render(values: Mapping[str, Any]) -> str:
     """The page of a `vispeg-explain/1` record."""
     lines = [f"{values['policy']}: {values['words']}", *values["notes"]]
     sections = [table_page.title("Why do these trials fail?", lines)]
-    heads = ("cause", "named by", "without", "with it", "change, points", "share of the loss", "Holm", "verdict")
+    heads = ("cause", "without", "with it", "change, points", "share of the loss", "Holm", "verdict")
     rows = [
         [
             _effect(c),
-            c["named_by"] or "-",
             words.rate(c["without"]),
             words.rate(c["with_it"]),
             words.change(c["cost"]),
