@@ -8,7 +8,7 @@ None for all. One whose `reset` takes no rows plays one episode at a time. `obs_
 
 A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
 executed, see `vispeg.learn.sb3_policy`. An ONNX file says in its metadata what its numbers mean, as `vispeg export`
-writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime, without torch.
+writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime.
 """
 
 from __future__ import annotations
