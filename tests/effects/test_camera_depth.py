@@ -137,7 +137,7 @@ def test_jitter_takes_readings_from_beside():
     assert set(np.unique(apply("lateral_jitter", step(0.2, 0.4), sd=0.7).depth)) == {np.float32(0.2), np.float32(0.4)}
 
 
-@pytest.mark.parametrize(("sd", "moved"), [(0.1, 0.0), (0.2, 0.025), (0.3, 0.18), (0.4, 0.38)])
+@pytest.mark.parametrize(("sd", "moved"), [(0.115, 0.0), (0.2, 0.025), (0.3, 0.18), (0.4, 0.38)])
 def test_a_small_jitter_moves_as_many_pixels_as_stated(sd, moved):
     slope = plane(1.0, 8)
     slope.depth += np.arange(SIZE, dtype=np.float32) + 1000 * np.arange(SIZE, dtype=np.float32)[:, None]
@@ -275,3 +275,25 @@ def test_what_was_lost_stays_lost():
         frame = step(0.2, 0.4)
         frame.depth[:, 10:20, 10:20] = 0
         assert lost(apply(name, frame, **values))[:, 10:20, 10:20].all(), name
+
+
+@pytest.mark.parametrize("degrees", [-4.0, -2.4, 0.0, 2.4, 4.0])
+def test_the_transition_to_grazing_is_as_wide_as_stated(degrees):
+    """A surface turned so that all rays meet it `degrees` beyond 1.3 rad: 0.04 in the cosine, 2.4 degrees there, not 4.
+
+    With a darkness and blobs beside it the chances of keeping a reading multiply.
+    """
+    frame, angle = plane(0.3, 64), 1.3
+    x, y = (np.arange(SIZE) - 31.5) / F, (np.arange(SIZE)[:, None] - 31.5) / F
+    ray = np.stack(np.broadcast_arrays(x, y, 1.0), -1)
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    across = np.cross(ray, [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    a = angle + np.deg2rad(degrees)
+    normals = np.sin(a) * across - np.cos(a) * ray
+    frame.normals = np.broadcast_to(normals, (64, SIZE, SIZE, 3)).astype(np.float32)
+    frame.rgb[:] = 0.1
+    share = lost(apply("grazing_holes", frame, grazing=0.8, dark=0.5, blobs=0.1, angle=angle)).mean()
+    grazing = 0.8 / (1 + np.exp(-degrees / np.rad2deg(0.04 / np.sin(angle))))  # of the incidence itself, to first order
+    assert abs(np.rad2deg(0.04 / np.sin(angle)) - 2.4) < 0.05
+    assert abs(share - (1 - (1 - grazing) * (1 - 0.5 * (1 - 0.1**2 / 0.05)) * (1 - 0.1))) < 0.015

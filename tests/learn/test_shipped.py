@@ -4,8 +4,10 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 from vispeg.core.assets import assets
+from vispeg.learn.networks.nets import Scale
 from vispeg.learn.policy import load
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.env import PegInHoleVec
@@ -38,6 +40,54 @@ def test_a_policy_says_where_it_comes_from(folder):
     assert meta["command"].startswith("vispeg train ") and "/tmp" not in meta["command"]
     assert meta["world_hash"] and isinstance(meta["seed"], int)
     PegConfig.of(meta["task"])
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda f: f.name)
+def test_a_policy_acts_without_the_ground_truth(folder):
+    """Whatever `privileged` reads, or no such part: the same actions, bit for bit. Its critics are not shipped."""
+    policy, rng = load(folder), np.random.default_rng(0)
+    obs = {key: rng.uniform(0, 1, (3, *shape)).astype(np.float32) for key, shape in policy.layout.shapes.items()}
+    obs |= {key: (255 * image).astype(np.uint8) for key, image in obs.items() if key.startswith("rgb_")}
+    acts = []
+    for more in ({}, {"privileged": rng.normal(size=(3, 22)).astype(np.float32)}):
+        policy.reset(3)
+        acts.append(policy.act({**obs, **more}))
+    assert acts[0].tobytes() == acts[1].tobytes()
+    assert not any("critic" in key for key in policy.actor.state_dict())
+
+
+def test_an_episode_is_the_same_with_the_ground_truth_and_without():
+    policy, played = load("state-3mm-randomized"), []
+    for privileged in (False, True):
+        env = PegInHoleVec(2, "randomized", "state", autoreset_mode="Disabled", privileged=privileged)
+        obs, _ = env.reset(seed=[7, 8])
+        policy.reset(2)
+        assert ("privileged" in obs) == privileged
+        for _ in range(12):
+            obs, reward, *_ = env.step(policy.act(obs))
+            played.append((obs["policy"].tobytes(), reward.tobytes()))
+        env.close()
+    assert played[:12] == played[12:]
+
+
+def test_critics_are_fed_the_same_by_a_scale_and_by_its_mean_over_four_surfaces():
+    """Friction was read as (scale + 3) / 4: standardized, as critics see it, that is the scale drawn.
+
+    So a training is fed what it was fed before, to rounding, in the worlds that draw it at the peg alone, as all do.
+    """
+    env = PegInHoleVec(64, "randomized", "state", autoreset_mode="Disabled", privileged=True)
+    truth = np.concatenate([env.reset(seed=[64 * i + j for j in range(64)])[0]["privileged"] for i in range(4)])
+    at = env.observed["friction"]
+    env.close()
+    before = truth.copy()
+    before[:, at] = (truth[:, at] + 3) / 4
+    fed = []
+    for read in (truth, before):
+        scale = Scale(read.shape[1])
+        scale.measure(torch.from_numpy(read))
+        assert scale.spread[at].item() > scale.floor
+        fed.append(scale(torch.from_numpy(read)))
+    assert torch.allclose(*fed, atol=1e-4) and fed[0][:, at].std().item() == pytest.approx(1, abs=1e-3)
 
 
 def test_the_state_policy_inserts():

@@ -147,3 +147,15 @@ def test_how_often_damping_acts_beside_restitution_is_as_stated():
     alone = damped([w.only(lambda e: e.effect == "restitution") for w in drawn])
     share = np.mean(~np.isclose(damped(drawn), alone, rtol=1e-9).all(axis=1))
     assert abs(share - 1 / 7) < 0.03
+
+
+@pytest.mark.parametrize("name", ["d405", "d435", "structured_light"])
+def test_how_many_draws_of_jitter_move_no_pixel_is_as_stated(name):
+    """A shift is rounded: those whose largest, the last of the table's quantiles, stays below half a pixel."""
+    from vispeg.effects.common.field import _quantiles
+    from vispeg.worlds.sensor import sensor
+
+    (jitter,) = (r for r in sensor(name) if r.effect == "lateral_jitter")
+    drawn, stated = jitter.params["sd"], re.search(r"(\d+) % of the draws are too small", jitter.source)
+    assert stated and drawn.at(0.0) == 0.0
+    assert 0.5 / _quantiles().max() / drawn.at(1.0) == pytest.approx(int(stated[1]) / 100, abs=0.005)

@@ -2,7 +2,7 @@
 
 The nearest pixel's reading, never a mean of two surfaces: a shift is rounded. From sd 0.5 px on that adds 1 / 12 to its
 variance (Sheppard); a small one vanishes: 38 % of pixels read another place at 0.4 px, 18 % at 0.3, 2.5 % at 0.2, none
-below 0.12. Source:
+below 0.116. Source:
 Barron and Malik, Intrinsic scene properties from a single RGB-D image, CVPR 2013, and Handa et al., A benchmark for
 RGB-D visual odometry, ICRA 2014, section III, with sd 0.5 px. Range: 0.3 to 0.7 px.
 """
