@@ -17,6 +17,7 @@ from vispeg.evaluation.jobs import FIRST_SEED, STATE_ROWS, Job, Pushes, Setting,
 from vispeg.evaluation.overlay import Change, overlay
 from vispeg.evaluation.records import Episode, read
 from vispeg.evaluation.runner import EPISODES, failures, run
+from vispeg.learn.envs import HELD_OUT
 from vispeg.task.world_file import load_world, parts
 
 
@@ -185,6 +186,7 @@ def test_worlds_of_ones_own_share_what_their_bases_say(policy, tmp_path):
 def test_evaluation_seeds_are_held_out_and_draws_share_none():
     assert min(seeds_of(500)) == FIRST_SEED and not set(seeds_of(500)) & set(seeds_of(500, seed=1))
     assert seeds_of(100) == seeds_of(500)[:100]
+    assert 500 * 2000 / HELD_OUT == pytest.approx(1 / 2000, rel=0.1), "one of them in so many training runs"
 
 
 def test_an_overlay_changes_what_it_says_and_has_a_hash_of_its_own(tmp_path):
