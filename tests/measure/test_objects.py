@@ -81,8 +81,9 @@ def at_rest(wrench, down, **said):
 
 @pytest.mark.parametrize("case", [weighings, incline, timed, bounces, pressed, attitudes])
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
+    """By the page's own words: 93 to 98 %."""
     held, widths = 0, []
-    for seed in range(200):
+    for seed in range(500):
         protocol, readings, name, truth = case(rng(seed))
         try:
             outcome = protocol.measure(readings, rng(seed))
@@ -91,8 +92,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(case):
         q = next(q for q in outcome.results if q.quantity == name)
         held += q.low <= truth <= q.high
         widths.append((q.high - q.low) / truth)
-    assert len(widths) >= 197
-    assert held >= 0.9 * len(widths), held
+    assert len(widths) >= 495
+    assert 0.93 <= held / len(widths) <= 0.98, held
     assert np.median(widths) < 0.35  # and they say something
 
 
