@@ -191,20 +191,27 @@ def _motor(spec: mujoco.MjSpec, joint: str) -> None:
 
 
 def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
-    """Name of the flange site; added as "flange" at the best-named frame beyond the last joint if there is none."""
+    """Name of the flange site; added as "flange" at the best-named frame if there is none.
+
+    Frames beyond the last joint come first, then those of the joint before: fingers that turn are joints as well. Where
+    no frame has such a name, it is the body of the last joint.
+    """
     if any(s.name == "flange" for s in spec.sites):
         return "flange"
-    rigid = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
-    frames = [(model.site(s).name, "site", s) for s in range(model.nsite) if model.site_bodyid[s] in rigid]
-    frames += [(model.body(b).name, "body", b) for b in rigid]
     beyond = f"link{model.njnt + 1}"  # Franka's link8 behind seven joints
-    for word in (*FLANGE_WORDS, beyond):
-        for name, kind, index in frames:
-            if word in re.split(r"[^a-z0-9]+", name.lower()):
-                if kind == "site":
-                    body = model.body(int(model.site_bodyid[index])).name
-                    return _add(spec, body, model.site_pos[index], model.site_quat[index])
-                return _add(spec, name)
+    rigid = int(model.body_weldid[last])
+    while rigid:
+        bodies = np.flatnonzero(model.body_weldid == rigid)
+        frames = [(model.site(s).name, "site", s) for s in range(model.nsite) if model.site_bodyid[s] in bodies]
+        frames += [(model.body(b).name, "body", b) for b in bodies]
+        for word in (*FLANGE_WORDS, beyond):
+            for name, kind, index in frames:
+                if word in re.split(r"[^a-z0-9]+", name.lower()):
+                    if kind == "site":
+                        body = model.body(int(model.site_bodyid[index])).name
+                        return _add(spec, body, model.site_pos[index], model.site_quat[index])
+                    return _add(spec, name)
+        rigid = int(model.body_weldid[model.body_parentid[rigid]])
     return _add(spec, model.body(last).name)
 
 
