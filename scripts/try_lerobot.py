@@ -1,4 +1,4 @@
-"""Reads a rendered dataset with LeRobot's own package and trains its ACT on it for a few steps.
+"""Reads a rendered dataset with LeRobot's own package, trains its ACT on it for a few steps, and plays that policy.
 
 LeRobot asks for other versions of packages than this project, so it gets an environment of its own, in a temporary
 folder that is removed again (2 GB, minutes to make); `--env` keeps it for the next time.
@@ -11,6 +11,7 @@ folder that is removed again (2 GB, minutes to make); `--env` keeps it for the n
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
 import subprocess
@@ -106,6 +107,14 @@ def train(python: Path, data: Path, out: Path, steps: int) -> list[float]:
     return [float(loss) for loss in re.findall(r" loss:(\S+)", said.stdout + said.stderr)]
 
 
+def judge(python: Path, out: Path, data: Path) -> str:
+    """What `vispeg evaluate` says of the policy that was trained."""
+    policy = f"lerobot:{out / 'checkpoints' / 'last' / 'pretrained_model'}"
+    world = json.loads((data / "meta" / "render.json").read_text(encoding="utf-8"))["plan"]["world"]
+    how = ("--world", world, "--episodes", "2", "--videos", "0", "--out", out / "judged", "--quiet")
+    return call(sys.executable, "-m", "vispeg", "evaluate", policy, *how, LEROBOT_PYTHON=str(python)).stdout
+
+
 def main() -> int:
     """Says what LeRobot made of the dataset."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -120,8 +129,10 @@ def main() -> int:
         cache = str(Path(folder, "cache"))
         print(call(python, "-c", READ, data, HF_HOME=cache).stdout.strip())
         losses = train(python, data, Path(folder, "out"), args.steps)
+        judged = judge(python, Path(folder, "out"), data)
     if len(losses) != args.steps:
         sys.exit(f"LeRobot trained {len(losses)} steps, not {args.steps}")
+    print(judged)
     print(f"LeRobot {args.version} trained ACT for {args.steps} steps; losses {', '.join(f'{x:g}' for x in losses)}")
     return 0
 

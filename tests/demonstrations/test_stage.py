@@ -74,7 +74,7 @@ def test_the_first_look_is_what_the_task_shows(asked):
     seed, moments, record, drawn = stage.play(seeds, 1000)[2]
     made = stage.draw(seed, 0, moments[:3], record, drawn)
     stage.close()
-    env = PegInHoleVec(ROWS, "unknown_hole", obs_mode="rgbd", cameras=CAMERAS, image_size=24)
+    env = PegInHoleVec(ROWS, "unknown_hole", obs_mode="rgbd", cameras=CAMERAS, image_size=24, measured=True)
     seen = env.reset(seed=seeds[2])[0]  # row 0 plays it; the expert's actions are those that were recorded
     for step in range(3):
         for name in CAMERAS:
@@ -87,6 +87,7 @@ def test_the_first_look_is_what_the_task_shows(asked):
             assert np.median(away) < 1e-6 and (away > 1e-4).mean() < 0.01
         want = made.values["observation.policy"][step]
         assert np.allclose(want, seen["policy"][0], atol=2e-4)
+        assert np.allclose(made.values["observation.state"][step], seen["measured"][0], rtol=1e-4, atol=1e-5)
         action = np.zeros((ROWS, 3))
         action[0] = made.values["executed.action"][step]
         seen = env.step(action)[0]

@@ -159,10 +159,10 @@ def test_urdf_flange_is_its_tool0_frame(tmp_path):
 
 def test_urdf_flange_is_on_the_wrist_where_fingers_turn(tmp_path):
     """Of an arm with a gripper whose finger is a hinge: what hangs at its flange does not turn with the finger."""
-    finger = '''<link name="finger"><inertial><mass value="0.05"/><origin xyz="0 0 0.02"/>
+    finger = """<link name="finger"><inertial><mass value="0.05"/><origin xyz="0 0 0.02"/>
       <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
       <joint name="finger_joint" type="revolute"><parent link="tool0"/><child link="finger"/><axis xyz="0 1 0"/>
-      <origin xyz="0 0.03 0.05"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>'''
+      <origin xyz="0 0.03 0.05"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
     tool = {"mass_kg": 2.0, "com_m": [0, 0, 0], "inertia_kgm2": [0, 0, 0]}
     arm = load(write(tmp_path, URDF.replace("</robot>", finger), "hand.urdf"), tool=tool)
     model = arm.compile()

@@ -18,6 +18,7 @@ def make(
     *,
     privileged: bool = False,
     depth_image: bool = False,
+    measured: bool = False,
     render_mode: str | None = None,
     **settings: Any,
 ) -> TaskEnv:
@@ -28,6 +29,7 @@ def make(
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
         privileged: whether observations hold the ground truth too, as `privileged`, for critics and teachers.
         depth_image: whether depth comes as uint8 images (2 mm a level, 0 = no reading) in place of float32 metres.
+        measured: whether observations hold readings in SI units too, as rendered datasets have them.
         render_mode: `rgb_array` for pictures from outside.
         settings: of the task, in place of the world's, such as `steps=60`; see `vispeg.task.config.TaskConfig`.
 
@@ -36,7 +38,7 @@ def make(
     """
     from vispeg.task.environments.env import TaskEnv
 
-    seeing: Any = {"privileged": privileged, "depth_image": depth_image}
+    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
     return TaskEnv(world, obs_mode, render_mode, **seeing, **settings)
 
 
@@ -48,6 +50,7 @@ def make_vec(
     seed: int | None = None,
     privileged: bool = False,
     depth_image: bool = False,
+    measured: bool = False,
     render_mode: str | None = None,
     **settings: Any,
 ) -> TaskVec:
@@ -56,10 +59,11 @@ def make_vec(
     Args:
         num_envs: rows.
         seed: of the first row; row i has seed + i. None: another one every time, told in `infos` of `reset`.
-        world, obs_mode, privileged, depth_image, render_mode, settings: as in `make`; `nthread` among the settings is
-            the threads of physics.
+        world, obs_mode, privileged, depth_image, measured, render_mode, settings: as in `make`; `nthread` among the
+            settings is the threads of physics.
     """
     from vispeg.task.environments.vector import TaskVec
 
-    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "render_mode": render_mode}
+    seeing: Any = {"privileged": privileged, "depth_image": depth_image, "measured": measured}
+    seeing["render_mode"] = render_mode
     return TaskVec(num_envs, world, obs_mode, seed=seed, **seeing, **settings)

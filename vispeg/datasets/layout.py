@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 VERSION = "v3.0"
+COLOUR = "observation.images."  # before a camera's name
 
 
 class Feature(TypedDict):
@@ -128,7 +129,7 @@ def _grid(camera: Camera, dtype: str) -> Feature:
 
 def colour_of(camera: str) -> str:
     """The feature that holds a camera's colour."""
-    return f"observation.images.{camera}"
+    return COLOUR + camera
 
 
 def depth_of(camera: str, features: Container[str]) -> str:
@@ -167,7 +168,7 @@ def short_of(name: str) -> str:
     """A picture feature's name in files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
     if name.startswith("observation.depth."):
         return name.removeprefix("observation.depth.") + "_depth"
-    return name.removeprefix("observation.images.").removeprefix("label.")
+    return name.removeprefix(COLOUR).removeprefix("label.")
 
 
 def is_image(feature: Feature) -> bool:

@@ -168,13 +168,11 @@ class Stage:
     def _moment(self, row: int, observation: dict[str, np.ndarray], meant: np.ndarray, shaken: np.ndarray) -> Moment:
         sim = self.sim
         seen = sim.seen
-        tip, twist = seen.flange[row] - [0, 0, sim.scene.tip], seen.twist[row]
-        state = np.concatenate([seen.measured[0][row], tip, twist[:3], seen.wrench[row]])
         terms = seen.stack.values[:, row].copy()
         unit = sim.observed.term("tip").scale
         terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
         values = {
-            "observation.state": state,
+            "observation.state": sim.measured()[row],
             "observation.policy": np.clip(terms.reshape(-1), -20, 20),
             truth_of(()): observation["privileged"][row],
             "action": meant,

@@ -50,15 +50,16 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
     from vispeg.learn.modalities import modality
     from vispeg.task.environments.vector import TaskVec
 
-    obs_mode = modality(job.entrant.modality).obs_mode
-    key = (job.world, job.world_hash, obs_mode, str(job.entrant.task), job.rows, render_mode, job.dump)
+    who = job.entrant
+    obs_mode = modality(who.modality).obs_mode
+    key = (job.world, job.world_hash, obs_mode, str(who.task), who.measured, job.rows, render_mode, job.dump)
     if key not in _kept:
         for old in _kept.values():
             old.close()
         _kept.clear()
         how: Any = {"obs_mode": obs_mode, "render_mode": render_mode, "autoreset_mode": "Disabled", "dump": job.dump}
         how["privileged"] = True  # some policies are teachers; the user's own are not shown it, see `players`
-        _kept[key] = TaskVec(job.rows, world=job.world, **how, **job.entrant.task)
+        _kept[key] = TaskVec(job.rows, world=job.world, measured=who.measured, **how, **who.task)
     return _kept[key]
 
 

@@ -39,6 +39,7 @@ class Entrant:
         tolerance: that it was made for, see `vispeg.task.config.Tolerance`; None where it does not say.
         source: of a policy of the user's own (`vispeg.evaluation.own`), the text that names it, or the object.
         alone: whether it plays one episode at a time.
+        measured: whether it asks for readings in SI units.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Entrant:
     tolerance: float | None = None
     source: Any = None
     alone: bool = False
+    measured: bool = False
 
     @property
     def stored(self) -> bool:
@@ -67,8 +69,8 @@ class Entrant:
 def entrant(text: str) -> Entrant:
     """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
 
-    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, an .onnx, or a .zip by
-    Stable-Baselines3.
+    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, an .onnx, a .zip by
+    Stable-Baselines3, or `lerobot:FOLDER`.
 
     Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
     a run's folder, the task's.
@@ -80,7 +82,7 @@ def entrant(text: str) -> Entrant:
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
     if own.is_own(place):
-        return _own(name or (Path(place).stem if own.is_file(place) else place.rpartition(":")[2]), place)
+        return _own(name or own.called(place), place)
     path = policy_folder(place, [EXPERT])
     require("torch", f"the policy {place}")
     record = read_record(path)
@@ -111,8 +113,8 @@ def _own(name: str, source: Any) -> Entrant:
     kept = source if isinstance(source, str) else target
     where, known = Path(name) if path is None else path, own.made_in(target)
     hashes, made_of = tuple(known["world_hashes"]), known["world_parts"]
-    alone = own.plays_alone(target)
-    return Entrant(name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, alone=alone)
+    how: Any = {"alone": own.plays_alone(target), "measured": bool(getattr(target, "measured", False))}
+    return Entrant(name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, **how)
 
 
 def given(policies: Policies) -> list[tuple[str, Any]]:

@@ -1,14 +1,16 @@
-"""Policies of a user's own: objects, functions, `MODULE:NAME` of either, what Stable-Baselines3 saved, and ONNX files.
+"""Policies of a user's own: objects, functions, `MODULE:NAME` of either, and what other tools saved.
 
 A policy is a function of the observation, or an object with `act(obs)`; what has `predict`, as Stable-Baselines3's
 models do, acts without exploring. Observations are arrays (n, ...) by key, actions (n, d) within +-1. An object may
 have `reset(n, rows)`, called when episodes begin: n are played side by side, `rows` (n,) bool is those that begin, or
 None for all. One whose `reset` takes no rows plays one episode at a time. `obs_mode` says what it observes (default:
-`state`), `task` which settings of the task it was made for, such as {"stack": 1}.
+`state`), `task` which settings of the task it was made for, such as {"stack": 1}; `measured = True` asks for readings
+in SI units (n, nj + 12) beside it, see `vispeg.task.environments.vector.TaskVec`.
 
 A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
 executed, see `vispeg.learn.sb3_policy`. An ONNX file says in its metadata what its numbers mean, as `vispeg export`
-writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime.
+writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime. `lerobot:FOLDER` is what LeRobot saved,
+see `vispeg.evaluation.lerobot`.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
+from vispeg.evaluation.lerobot import PREFIX, LeRobot, folder_of, run_of
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
 from vispeg.learn.meta import INTERFACE, MadeIn, worlds
@@ -33,8 +36,8 @@ from vispeg.task.terms import POLICY, PRIVILEGED
 
 MODULE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 EXPECTED = (
-    "a policy's folder, NAME=FOLDER, MODULE:NAME, an .onnx file, a .zip by Stable-Baselines3, a function, "
-    "or an object with act"
+    "a policy's folder, NAME=FOLDER, MODULE:NAME, an .onnx file, a .zip by Stable-Baselines3, lerobot:FOLDER, "
+    "a function, or an object with act"
 )
 FILES = (".zip", ".onnx")
 
@@ -45,8 +48,8 @@ def is_file(text: str) -> bool:
 
 
 def is_own(text: str) -> bool:
-    """Whether a text names such a file, or a module's policy."""
-    return is_file(text) or (MODULE.fullmatch(text) is not None and not Path(text).exists())
+    """Whether a text names such a file, a folder of LeRobot's, or a module's policy."""
+    return is_file(text) or text.startswith(PREFIX) or (MODULE.fullmatch(text) is not None and not Path(text).exists())
 
 
 def made(source: Any) -> Any:
@@ -63,6 +66,8 @@ def made(source: Any) -> Any:
         target = opened(Path(source).expanduser())
     elif isinstance(source, str) and is_file(source):
         target = Exported(Path(source).expanduser())
+    elif isinstance(source, str) and source.startswith(PREFIX):
+        target = LeRobot(folder_of(source))
     elif isinstance(source, str):
         target = _imported(source)
     if inspect.isclass(target):
@@ -75,12 +80,21 @@ def made(source: Any) -> Any:
     return target
 
 
+def called(text: str) -> str:
+    """Return the name under which the policy that a text names stands in tables, if nobody gives it another."""
+    if is_file(text):
+        return Path(text).stem
+    return run_of(folder_of(text)) if text.startswith(PREFIX) else text.rpartition(":")[2]
+
+
 def origin(source: Any) -> Path | None:
     """The file that a policy named by a text is in; None for an object."""
     if not isinstance(source, str):
         return None
     if is_file(source):
         return Path(source).expanduser()
+    if source.startswith(PREFIX):
+        return folder_of(source)
     return Path(inspect.getfile(importlib.import_module(source.partition(":")[0])))
 
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 LIMIT = 20.0  # largest scaled value
 NEAR = 0.03  # m, a unit of positions near the goal
-POLICY, PRIVILEGED = "policy", "privileged"  # keys of an observation: what a policy may see, and the ground truth
+# keys of an observation: what a policy may see, the ground truth, and readings as a robot's driver has them
+POLICY, PRIVILEGED, MEASURED = "policy", "privileged", "measured"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.interface.terms import LIMIT, POLICY, PRIVILEGED, Sensed, scaled
+from vispeg.interface.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Sensed, scaled
 from vispeg.task.config import TaskConfig
 
 if TYPE_CHECKING:
@@ -138,4 +138,4 @@ def _entries(place: slice) -> range:
     return range(place.start, place.stop)
 
 
-__all__ = ["LIMIT", "POLICY", "PRIVILEGED", "Observation", "Term"]
+__all__ = ["LIMIT", "MEASURED", "POLICY", "PRIVILEGED", "Observation", "Term"]

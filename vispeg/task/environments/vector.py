@@ -25,16 +25,21 @@ from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.start import Start
-from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
+from vispeg.task.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Observation
 from vispeg.task.world_file import WorldFile, load_world
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.world import World
 
 
 def spaces(
-    config: TaskConfig, obs_mode: str, cameras: Sequence[Any], privileged: bool = True, depth_image: bool = False
+    config: TaskConfig,
+    obs_mode: str,
+    cameras: Sequence[Any],
+    privileged: bool = True,
+    depth_image: bool = False,
+    measured: int = 0,
 ) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
-    """Observation and action space of one environment; see TaskVec."""
+    """Observation and action space of one environment; see TaskVec. `measured`: how many readings there are."""
     box = gym.spaces.Box
     observed = Observation(task_of(config).terms, config)
     parts: dict[str, gym.Space] = {
@@ -42,6 +47,8 @@ def spaces(
     }
     if privileged:
         parts[PRIVILEGED] = box(-LIMIT, LIMIT, (observed.truth_size,), np.float32)
+    if measured:
+        parts[MEASURED] = box(-np.inf, np.inf, (measured,), np.float32)
     parts |= image_spaces(obs_mode, cameras)
     if depth_image:
         depths = {k: space for k, space in parts.items() if kind_of_image(k) is DEPTH}
@@ -117,6 +124,8 @@ class TaskVec(VectorEnv):
         privileged: whether observations hold the ground truth, for critics and teachers; no robot has it.
         depth_image: whether depth comes as uint8 images, which libraries convolve; see
             `vispeg.render.image_kinds.grey_depth`.
+        measured: whether observations hold readings in SI units as rendered datasets have them (`observation.state`):
+            angles of the joints, place and velocity of the tip, force and torque at the flange.
         dump: folder in which an episode that diverges leaves what
             `vispeg.task.environments.replay.replay` plays again.
         **settings: of the task, fields of its TaskConfig that replace the world's.
@@ -135,11 +144,12 @@ class TaskVec(VectorEnv):
         dump: str | Path | None = None,
         privileged: bool = False,
         depth_image: bool = False,
+        measured: bool = False,
         **settings: Any,
     ):
         made = {"num_envs": num_envs, "world": world, "obs_mode": obs_mode, "seed": seed, "nthread": nthread}
         made |= {"autoreset_mode": autoreset_mode, "backend": backend, "render_mode": render_mode, "dump": dump}
-        made |= {"privileged": privileged, "depth_image": depth_image}
+        made |= {"privileged": privileged, "depth_image": depth_image, "measured": measured}
         self._made = {**made, **settings}
         if obs_mode not in MODES:
             raise UserError("unknown observation mode", key="obs_mode", got=obs_mode, choices=MODES)
@@ -159,9 +169,9 @@ class TaskVec(VectorEnv):
         self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
         self.single_observation_space: gym.spaces.Dict
         self.single_observation_space, self.single_action_space = spaces(
-            self.config, obs_mode, self.eyes.cameras, privileged, depth_image
+            self.config, obs_mode, self.eyes.cameras, privileged, depth_image, self.sim.measured().shape[1] * measured
         )
-        self.privileged, self.depth_image = privileged, depth_image
+        self.privileged, self.depth_image, self.measured = privileged, depth_image, measured
         self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -253,8 +263,10 @@ class TaskVec(VectorEnv):
         seen |= {f"{key}@{k}": v for k, rig in enumerate(self.further, 1) for key, v in rig.see().items()}
         if self.depth_image:
             seen = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in seen.items()}
-        measured = self.sim.observation()
-        return {**{k: v for k, v in measured.items() if self.privileged or k != PRIVILEGED}, **seen}
+        told = self.sim.observation()
+        if self.measured:
+            told[MEASURED] = self.sim.measured().astype(np.float32)
+        return {**{k: v for k, v in told.items() if self.privileged or k != PRIVILEGED}, **seen}
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

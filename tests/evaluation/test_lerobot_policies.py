@@ -1,0 +1,155 @@
+"""Policies that LeRobot saved: played in a process of their own, row by row as alone, and refused in one line.
+
+LeRobot itself takes minutes to install; `scripts/try_lerobot.py`, a slow test, plays a real one. Here a package of its
+name and with the three functions that are called stands in its place.
+"""
+
+import json
+import os
+import sys
+import venv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vispeg
+from vispeg.cli.main import main
+from vispeg.core.errors import UserError
+from vispeg.evaluation.entrants import entrant
+from vispeg.evaluation.lerobot import PYTHON, LeRobot
+from vispeg.task.environments.vector import TaskVec
+
+FACTORY = """
+from collections import deque
+import torch
+
+class Chunks(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.network = torch.nn.Linear(1, 1)
+    @classmethod
+    def from_pretrained(cls, folder, config):
+        return cls()
+    def reset(self):
+        self.queue = deque()
+    def select_action(self, batch):
+        if not self.queue:
+            state, image = batch["observation.state"], batch["observation.images.wrist_wide"]
+            assert image.shape == (1, 3, 16, 16) and 0 <= image.min() and image.max() <= 1 and batch["task"] == ""
+            down = torch.stack([state[0, 7], image.mean(), torch.tensor(-0.5)])
+            self.queue.extend([down[None], 2 * down[None]])
+        return self.queue.popleft()
+
+def get_policy_class(kind):
+    assert kind == "act"
+    print("what a library prints is no answer")
+    return Chunks
+
+def make_pre_post_processors(config, pretrained_path, preprocessor_overrides):
+    before = lambda seen: {k: v if isinstance(v, str) else v[None] for k, v in seen.items()}
+    return before, lambda action: 0.5 * action
+"""
+CONFIGS = """
+class PreTrainedConfig:
+    type = "act"
+    @classmethod
+    def from_pretrained(cls, folder):
+        return cls()
+"""
+
+
+class Same:
+    """What the policy above does, in this process and for one episode at a time."""
+
+    obs_mode, measured = "rgb", True
+    task = {"cameras": ("wrist_wide",), "image_size": 16}
+
+    def reset(self, n):
+        self.queue = []
+
+    def act(self, obs):
+        if not self.queue:
+            mean = np.mean(obs["rgb_wrist_wide"][0] / np.float32(255))
+            self.queue = [0.5 * k * np.array([[obs["measured"][0, 7], mean, -0.5]]) for k in (1, 2)]
+        return self.queue.pop(0)
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory):
+    """An interpreter that has a package called lerobot."""
+    environment = tmp_path_factory.mktemp("environment")
+    venv.create(environment, symlinks=True)
+    (place,) = environment.glob("lib/python3*/site-packages")
+    (place / "others.pth").write_text(str(Path(np.__file__).parents[1]))
+    for name, text in (("policies/factory.py", FACTORY), ("configs/policies.py", CONFIGS)):
+        file = place / "lerobot" / name
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    return environment / "bin" / "python"
+
+
+def saved(place, state=19, shape=(3, 16, 16)):
+    """A folder as `lerobot-train` writes it, less its numbers."""
+    folder = place / "act" / "checkpoints" / "last" / "pretrained_model"
+    folder.mkdir(parents=True)
+    seen = {"observation.state": {"type": "STATE", "shape": [state]}}
+    seen["observation.images.wrist_wide"] = {"type": "VISUAL", "shape": list(shape)}
+    config = {"input_features": seen, "output_features": {"action": {"type": "ACTION", "shape": [3]}}}
+    (folder / "config.json").write_text(json.dumps(config))
+    return folder
+
+
+def test_it_plays_as_the_same_policy_does_in_this_process(tmp_path, python, monkeypatch):
+    """Side by side and one after the other: each row's queue of actions is its own."""
+    monkeypatch.setenv(PYTHON, str(python))
+    folder = saved(tmp_path)
+    who = entrant(f"lerobot:{folder}")
+    assert (who.name, who.modality, dict(who.task)) == ("act", "rgb", Same.task) and not who.alone
+    theirs = vispeg.evaluate({"same": f"lerobot:{folder}"}, world="S", episodes=3, videos=0, task={"steps": 6})
+    ours = vispeg.evaluate({"same": Same()}, world="S", episodes=3, videos=0, task={"steps": 6})
+    for one, other in zip(theirs.episodes, ours.episodes, strict=True):
+        assert (one.seed, one.category, one.time) == (other.seed, other.category, other.time)
+        assert one.lateral_error == pytest.approx(other.lateral_error, rel=1e-6), "means of pixels round otherwise"
+
+
+def test_a_row_that_begins_forgets_and_the_others_go_on(tmp_path, python, monkeypatch):
+    monkeypatch.setenv(PYTHON, str(python))
+    policy = LeRobot(saved(tmp_path))
+    env = TaskVec(2, "nominal", obs_mode="rgb", measured=True, seed=3, **Same.task)
+    obs = env.reset()[0]
+    policy.reset(2)
+    first, second = policy.act(obs), policy.act(obs)
+    np.testing.assert_allclose(second, 2 * first, rtol=1e-6)
+    policy.act(obs)
+    policy.reset(2, np.array([False, True]))
+    np.testing.assert_allclose(policy.act(obs), [second[0], first[1]], rtol=1e-6)
+    env.close()
+
+
+def test_what_cannot_be_played_is_one_line(tmp_path, python, monkeypatch, capsys):
+    monkeypatch.setenv(PYTHON, str(python))
+    other = saved(tmp_path / "other", state=6)
+    cases = {
+        f"lerobot:{tmp_path / 'none'}": "none/config.json: not a policy that LeRobot saved",
+        f"lerobot:{other}": "was trained with another state than this robot has",
+        f"lerobot:{saved(tmp_path / 'size', shape=(3, 8, 8))}": "AssertionError",
+    }
+    for policy, said in cases.items():
+        argv = ["evaluate", policy, "--world", "nominal", "--episodes", "1", "--videos", "0"]
+        assert main([*argv, "--out", str(tmp_path / "out"), "--quiet"]) == 2
+        err = capsys.readouterr().err.strip()
+        assert said in err and "\n" not in err and not (tmp_path / "out" / "evaluation.json").exists()
+
+
+def test_without_lerobot_the_way_to_it_is_said(tmp_path, monkeypatch):
+    folder = saved(tmp_path)
+    monkeypatch.delenv(PYTHON, raising=False)
+    with pytest.raises(UserError, match=f"needs lerobot; expected {PYTHON} set to"):
+        LeRobot(folder)
+    monkeypatch.setenv(PYTHON, os.devnull)
+    with pytest.raises(UserError, match=f"{PYTHON}: cannot be run"):
+        LeRobot(folder).reset(1)
+    monkeypatch.setenv(PYTHON, sys.executable)  # has none
+    with pytest.raises(UserError, match="No module named 'lerobot'"):
+        LeRobot(folder).reset(1)
