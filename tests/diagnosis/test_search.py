@@ -80,6 +80,7 @@ def judge() -> Judge:
         blocks=lambda seconds: np.repeat(np.arange(40), 25),
         items=[SimpleNamespace(nj=1, measured=np.zeros((1000, 1)), valid=np.ones((1000, 1), bool))],
         tells=lambda difference: np.ones(len(difference), bool),
+        stretches=lambda blocks: np.arange(40),
         decisive=np.inf,
     )
     return Judge(evidence)  # type: ignore[arg-type]

@@ -74,6 +74,19 @@ class ContactEvidence(Evidence):
         size = np.abs(difference)
         return size >= max(1.0, TIE * float(size.max(initial=0.0)))
 
+    def stretches(self, blocks: np.ndarray) -> np.ndarray:
+        """(nblock,) the visit to a phase of contact that a block of time begins in: an error of form lasts through it,
+        so that its blocks are one vote on which of two worlds is better, not many.
+        """
+        visits, start = [], 0
+        for item in self.items:
+            visit = start + np.cumsum(np.diff(item.phase.code, prepend=item.phase.code[0]) != 0)
+            visits.append(np.repeat(visit, item.measured.shape[1]))
+            start = int(visit[-1]) + 1
+        out = np.zeros(int(blocks.max()) + 1, int)
+        out[blocks[::-1]] = np.concatenate(visits)[::-1]
+        return out
+
     def variance(self, cost: float) -> float:
         """Variance of errors that an effect is judged by where a fit leaves `cost`, both in units of floors.
 

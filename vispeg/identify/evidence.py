@@ -97,6 +97,12 @@ class Evidence(Freedom):
         """(n,) bool: whether a block of time whose losses differ so much tells two worlds apart."""
         return np.ones(len(difference), bool)
 
+    def stretches(self, blocks: np.ndarray) -> np.ndarray:
+        """(nblock,) of each of `blocks` (per residual entry) the stretch of time over which errors may be one and the
+        same.
+        """
+        return np.arange(int(blocks.max()) + 1)
+
     @property
     def unit(self) -> str:
         """Unit of the principal channel."""

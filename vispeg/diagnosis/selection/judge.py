@@ -26,8 +26,9 @@ class Gain:
 
     Attributes:
         mean: drop of the mean squared whitened residual.
-        z: standard normal score of Wilcoxon's signed-rank test over blocks of time; its few heavy blocks (reversals)
-            do not drown the rest, as they would in a mean over its standard error.
+        z: standard normal score of Wilcoxon's signed-rank test over blocks of time, or over stretches of them in which
+            errors last (`Evidence.stretches`); its few heavy blocks (reversals) do not drown the rest, as they would in
+            a mean over its standard error.
         relative: drop over what there was.
         joints: (nj,) the same in the channels of each joint.
     """
@@ -51,6 +52,7 @@ class Judge:
         self.cells = self.blocks * self.nj + np.concatenate(joint)
         self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
         self.size = self._by_cell(self.valid)
+        self.stretch = evidence.stretches(self.blocks)
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the summed squared whitened residual of each block and joint (nblock, nj)."""
@@ -86,9 +88,11 @@ class Judge:
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
         """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""
-        diff = (before - after)[self.size.sum(axis=1) > 0]
+        some = self.size.sum(axis=1) > 0
+        diff = (before - after)[some]
         mean = float(diff.sum() / self.size.sum())
-        tested = diff.sum(axis=1)
+        stretch = np.unique(self.stretch[some], return_inverse=True)[1]
+        tested = np.bincount(stretch, weights=diff.sum(axis=1))
         if crossed is not None:
             more = (crossed[0] - crossed[1]).sum(axis=1)
             tested = np.concatenate([tested, more[more != 0]])
