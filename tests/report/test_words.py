@@ -164,6 +164,15 @@ def test_ambiguous_names_every_member_of_the_class():
     assert "cannot tell" in text
 
 
+def test_unexplained_says_what_the_record_says_of_it():
+    moved = "the fixture stands 5.0 mm elsewhere: what stands in the cell was moved in between"
+    record = {"verdict": "unexplained", "unexplained": {"depends_on": [], "text": moved}}
+    assert words.verdict(record) == f"What is left: {moved}."
+    friction = {"effect": "contact_friction", "where": "peg"}
+    assert words.verdict({**record, "effects": [friction]}).endswith(f"not all is explained: {moved}.")
+    assert "Nothing is left" not in words.onward(record)
+
+
 def test_unexplained_says_what_it_depends_on():
     rest = {"depends_on": [{"input": "position", "share": 0.6}, {"input": "time", "share": 0.2}], "text": ""}
     assert "It depends on position and time." in words.verdict({"verdict": "unexplained", "unexplained": rest})

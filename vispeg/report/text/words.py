@@ -129,9 +129,11 @@ def verdict(values: Mapping[str, Any]) -> str:
         count = len(_tentative(values))
         parts = [named(names)] if names else []
         parts += [f"{count} tentative effect{'s' if count > 1 else ''}"] if count else []
-        rest = f"{join(parts)} {'help' if len(names) + count > 1 else 'helps'}, but a" if parts else "A"
-        rest = rest[0].upper() + rest[1:]
-        return f"{rest} structured residual remains that no known effect explains.{_depends(values)}"
+        helped = f"{join(parts)} {'help' if len(names) + count > 1 else 'helps'}, but " if parts else ""
+        if what := _left_over(values):
+            return f"{helped}not all is explained: {what}." if helped else f"What is left: {what}."
+        rest = f"{helped}a structured residual remains that no known effect explains."
+        return f"{rest[0].upper()}{rest[1:]}{_depends(values)}"
     return f"The record gives no known verdict ({kind})." if kind else ""
 
 
@@ -210,12 +212,17 @@ def combinations(values: Mapping[str, Any]) -> list[list[str]]:
 
 
 def reason(values: Mapping[str, Any]) -> str:
-    """Why the verdict is what it is, its effects in words in place of `name(place)`; empty where none is stated."""
+    """Why the verdict is what it is; empty where none is stated."""
+    return in_words(values.get("reason"))
 
-    def in_words(label: re.Match[str]) -> str:
+
+def in_words(text: Any) -> str:
+    """A clause of a record with its effects in words in place of `name(place)`; empty where there is none."""
+
+    def effect_of(label: re.Match[str]) -> str:
         return named_effect({"effect": label[1], "where": label[2]}) if label[1] in REGISTRY else label[0]
 
-    return re.sub(r"(\w+)\(([^()]+)\)", in_words, str(values.get("reason") or "")).rstrip(".")
+    return re.sub(r"(\w+)\(([^()]+)\)", effect_of, str(text or "")).rstrip(".")
 
 
 def _others(effect: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -243,6 +250,8 @@ def onward(values: Mapping[str, Any]) -> str:
     """What is worth recording next, and why, in one sentence."""
     following = values.get("next_experiment")
     if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
+        if values.get("verdict") == "unexplained":
+            return "What is left is of no known effect, so no motion is known that would tell more of it."
         return (
             "Nothing is left to tell apart. A recording of another motion would show whether the model holds there too."
         )
@@ -319,6 +328,14 @@ def _depends(values: Mapping[str, Any]) -> str:
         return ""
     on = [depends_on(row) for row in rows(rest, "depends_on")]
     return f" It depends on {join(on)}." if on else ""
+
+
+def _left_over(values: Mapping[str, Any]) -> str:
+    """What a record says of what is left; empty where that is its share and what it depends on."""
+    rest = values.get("unexplained")
+    if not isinstance(rest, dict) or "explained_share" in rest or rows(rest, "depends_on"):
+        return ""
+    return in_words(rest.get("text"))
 
 
 def _shows_in(values: Mapping[str, Any]) -> str:
