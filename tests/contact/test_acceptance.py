@@ -125,7 +125,7 @@ def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     """One that is worse by less than a held-out confirmation, in all blocks alike, is as good; not one that explains
     a third; nor one that is worse by twice a confirmation.
     """
-    judge = Judge(evidence_of([recorded()]))
+    judge = Judge(evidence_of([recorded(), recorded(turned=True)]))
     search = ContactSearch(judge.evidence, judge)
     size, chance = judge.size, search.confirms()
 
@@ -135,10 +135,14 @@ def test_rivals_are_equal_within_what_chance_makes_of_lasting_errors():
     def alike(best: float, worse: float, without: float) -> bool:
         return equal(judge, loss(worse), loss(best), without / size.sum(), judge.evidence.alike)
 
-    assert judge.gain(loss(900.0 + 0.9 * chance), loss(900.0)).z > 2.0, "by the ranks of blocks they differ"
+    assert judge.gain(loss(900.0 + 0.9 * chance), loss(900.0)).z > 2.0, "by the ranks of visits they differ"
     assert alike(900.0, 900.0 + 0.9 * chance, 900.0 + 10 * chance)
     assert not alike(900.0, 900.0 + 0.9 * chance, 900.0 + 1.35 * chance)
     assert not alike(900.0, 900.0 + 2.0 * chance, 900.0 + 10 * chance)
+    short = Judge(evidence_of([recorded()]))
+    size, judge = short.size, short
+    assert short.gain(loss(900.0 + 0.9 * chance), loss(900.0)).z < 2.0, "four visits are too few to differ"
+    assert not alike(900.0, 900.0 + 0.9 * chance, 900.0 + 1.35 * chance)
 
 
 def test_an_effect_is_judged_by_what_a_fit_leaves_where_that_is_less_than_floors_allow_for():

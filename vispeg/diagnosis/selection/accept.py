@@ -141,16 +141,18 @@ def equal(
 
     Hardly is measured on what is left above the floor and on the excess `without` either, or on the share `alike` of
     all that the better one removes: no model is exact. With `remaining`, a better one that leaves little has shown that
-    it is: then the worse one may leave twice as much, and no more. With such a share chance counts, too, as far as
-    errors that last make it (`Evidence.tied`), if the worse one removes half as much.
+    it is: then the worse one may leave twice as much, and no more. With such a share chance counts as far as errors
+    that last make it (`Evidence.tied`), too, and in both ways only if the worse one removes half as much.
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
     form = LEAST_SHARE * (without - 1.0)
     share = max(min(form, excess) if remaining else form, alike * (without - judge.mean(best)))
     hardly = gain.mean <= max(TIE * (excess + 0.3), share)
-    half = alike > 0 and gain.mean <= 0.5 * (without - judge.mean(best)) and judge.tied(gain)
-    return hardly or half or (gain.z < 2.0 and not judge.apart(gain))
+    by_chance = gain.z < 2.0 and not judge.apart(gain)
+    if alike > 0:
+        by_chance = gain.mean <= 0.5 * (without - judge.mean(best)) and (by_chance or judge.tied(gain))
+    return hardly or by_chance
 
 
 def same_kind(a: EffectInstance, b: EffectInstance) -> bool:
