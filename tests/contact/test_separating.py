@@ -49,7 +49,7 @@ def against_walls(yaw):
 HEIGHT, FAR = -float(FOUND.scene.target[2]), FOUND.scene.config.block + 0.06
 PAIRS = {  # two placed effects whose sizes do the same to one motion, and the motion that tells them apart
     "height": (("hole_offset", "fixture", {"z": 1e-3}), ("grip_pose", "peg", {"z": 1e-3}), "touch-datum"),
-    "place": (("hole_offset", "fixture", {"x": 1e-3}), ("grip_pose", "peg", {"x": -1e-3}), "insert-turned"),
+    "place": (("hole_offset", "fixture", {"x": 1.5e-3}), ("grip_pose", "peg", {"x": -1.5e-3}), "insert-turned"),
 }
 
 
@@ -111,6 +111,9 @@ def test_a_diagnosis_names_both_of_a_pair_and_one_once_the_experiment_that_it_as
     hidden = (EffectInstance.of(name, at, **size),)
     fitted, judged = (recordings(case, hidden, seed) for seed in (2, 3))
     alone = diagnose_contact(MODEL, fitted[:1], judged[:1], nthread=1)
+    ((axis, true),) = size.items()
+    (row,) = (r for r in alone.record["shows_from"] if r["effect"] == name)
+    assert row["between"][axis][1] < true, "no effect is named that is smaller than what is said to show"
     (found,) = alone.record["effects"]
     pair = {found["effect"], *(e["effect"] for e in found["indistinguishable_from"])}
     assert alone.record["verdict"] == "ambiguous" and {name, other} <= pair
@@ -119,5 +122,4 @@ def test_a_diagnosis_names_both_of_a_pair_and_one_once_the_experiment_that_it_as
     both = diagnose_contact(MODEL, fitted, judged, nthread=1)
     (named,) = both.world.effects
     assert both.record["verdict"] == "identified" and (named.effect, named.where) == (name, at)
-    ((axis, true),) = size.items()
     assert named.params[axis].value == pytest.approx(true, abs=2e-4), "kinematics are trusted to 0.2 mm"
