@@ -42,7 +42,7 @@ def test_parts_change_at_the_border(cell, camera):
     """1/50 px to either side of a point there are the two parts that it names; the normal is of unit length."""
     predictor, q = cell
     predictor.see(world("lens_distortion", camera, k1=-0.1, p1=0.002))
-    borders = borders_of(predictor.draw(camera, q), predictor.geometry)
+    borders = borders_of(predictor.draw(camera, q), predictor.geometry, step=1.5)
     assert len(borders) > 100
     assert np.allclose(np.linalg.norm(borders.normal, axis=1), 1)
     sides = [predictor.geometry.cast(camera, borders.pixel + k * 0.02 * borders.normal)[2] for k in (-1, 1)]
@@ -87,6 +87,24 @@ def test_found_displacements_are_the_true_ones(cell):
     assert abs(np.nanmedian(off)) < 0.2 and np.nanmedian(np.abs(off)) < 0.3
     before = search(picture, borders).along
     assert np.nanmedian(np.abs(before)) > 2 * np.nanmedian(np.abs(off))
+
+
+def test_an_edge_of_a_surface_beside_its_border_is_not_taken_for_it():
+    """From above, a table's side is a strip of 1.5 px between its top and the floor: the edge of the top is the
+    stronger step. A peg's side bends all the way, and its border stays.
+    """
+    middle = ((W - 1) / 2, (H - 1) / 2)
+    above = Camera("above", W, H, 140.0, 140.0, *middle, parent="base", pos=(1, 1, 1), quat=(0, 1, 0, 0))
+    wide = sized(standard_cameras()[0], 75.0)
+    with Predictor(build(), [above, wide], backend="raycast") as predictor:
+        q = home(predictor.scene)
+        predictor.see(World())
+        picture = predictor.draw("above", q)
+        off = search(picture.rgb, borders_of(picture, predictor.geometry, step=1.0), window=3.0).along
+        assert np.isfinite(off).sum() > 5 and np.nanmax(np.abs(off)) < 0.75, "half a pixel: one ray a pixel"
+        borders = borders_of(predictor.draw("wrist_wide", q), predictor.geometry)
+        parts = [*predictor.scene.parts]
+        assert sum(parts[near - 1] == "peg" for near, _ in borders.parts) > 5
 
 
 def test_an_arms_error_is_no_cameras(cell):

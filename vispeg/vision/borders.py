@@ -19,6 +19,9 @@ HALVINGS = 7  # of the step between two pixels, until a border lies within 1/256
 REACH = 6.0  # px along a border from which its direction is taken: a shorter piece follows round corners
 STRAIGHT = 0.25  # px RMS off a line beyond which there is a corner, whose normal says nothing
 FREE = 12.0  # px along a normal that are looked over for other borders
+# px from a border within which a crease of one of its own two surfaces, which looks like a border, is taken for it;
+# px between rays; least change of a surface's slope; of a crease's, what a smooth surface beside it bends by at most
+CREASE, APART, BEND, SMOOTH = 3.0, 0.25, 0.3, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +79,7 @@ def borders_of(rendering: Rendering, geometry: Geometry, step: float = 2.0, marg
     at, pairs, toward, depth, geom = sides
     normal, straight = _normals(at, pairs, toward)
     keep = np.flatnonzero(straight)[_thinned(at[straight], pairs[straight], step)]
+    keep = keep[~_creased(geometry, name, at[keep], normal[keep])]
     at, pairs, normal, depth, geom = (x[keep] for x in (at, pairs, normal, depth, geom))
     body, local = geometry.local(name, at, depth, geom)
     return Borders(at, normal, pairs, depth, body, local, _free(rendering.parts, at, normal))
@@ -159,6 +163,29 @@ def _thinned(at: np.ndarray, pairs: np.ndarray, step: float) -> np.ndarray:
     order = np.argsort(off, kind="stable")
     first = np.unique(np.concatenate([cell, pairs], 1)[order], axis=0, return_index=True)[1]
     return np.sort(order[first])
+
+
+def _creased(geometry: Geometry, name: str, at: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether the surface on either side of a border, points (n, 2), has an edge of its own beside it.
+
+    The inverse of depth is linear in the picture along a plane, so it bends at an edge alone. A rounded surface bends
+    all the way from its border; there nothing is seen but the border.
+    """
+    if not len(at):
+        return np.zeros(0, bool)
+    way = np.arange(2.0 * APART, CREASE + 3.0 * APART, APART)
+    focal, out = geometry.eyes[name].camera.fx, np.zeros(len(at), bool)
+    for side in (-1.0, 1.0):
+        places = at[:, None] + side * way[:, None] * normal[:, None]
+        depth, _, part = (x.reshape(len(at), -1) for x in geometry.cast(name, places.reshape(-1, 2)))
+        near = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-9), 0.0)
+        bend = np.abs(np.diff(near, 2, axis=1)) * focal / (APART * np.maximum(near[:, 1:-1], 1e-9))
+        alike = np.all(part == part[:, :1], axis=1) & (near > 0).all(axis=1)
+        rows, top = np.arange(len(at)), bend.argmax(axis=1)
+        beyond = np.where(np.arange(bend.shape[1]) > top[:, None] + 1, bend, 0.0).max(axis=1)
+        sharp = (bend[rows, top] > BEND) & (beyond < SMOOTH * bend[rows, top]) & (top < bend.shape[1] - 2)
+        out |= alike & sharp
+    return out
 
 
 def _free(parts: np.ndarray, at: np.ndarray, normal: np.ndarray) -> np.ndarray:
