@@ -49,6 +49,21 @@ def test_impossible_numbers(refused, command, words):
     refused(command.split(), *words)
 
 
+@pytest.mark.parametrize("columns", ["80", "40"])
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("record iiwa14", "--motion NAME and --out PATH are required; see vispeg record --help"),
+        ("fit iiwa14", "--out PATH is required; see vispeg fit --help"),
+        ("camera calibrate", "IMAGES, --pattern CxR, --square X and --out PATH are required;"),
+        ("gap --nope 3", "--out PATH is required; Unrecognized options: --nope 3"),
+    ],
+)
+def test_what_is_required_is_named_and_nothing_else(refused, command, words, columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    refused(command.split(), f"error: {words}")
+
+
 def test_help_of_a_command_by_name(vispeg):
     assert vispeg("help", "camera", "calibrate") == vispeg("camera", "calibrate", "--help")
 

@@ -16,6 +16,7 @@ RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alon
 FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
 UNKNOWN = "Unrecognized options: "
+MISSING = "Missing from "
 NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # in help, of what the package's own task has
 NOT_OF_KIND = (  # what the parser quotes of Python's own conversion, and what a person should type
     (r"Error parsing (\S+): .*invalid literal for int\(\) with base 10: '(.*?)'.*", "a whole number"),
@@ -99,12 +100,31 @@ def one_line(framed: str) -> str:
             parts.append([])
     said = [" ".join(" ".join(part).split()) for part in parts]
     sentences = [text.rstrip(".") for text in said if text and not text.startswith(POINTERS)]
+    if sentences and sentences[0].startswith(MISSING):
+        return _missing(framed, sentences[1:])
     if sentences and sentences[0].startswith(UNKNOWN):
         return _unknown(sentences[0].removeprefix(UNKNOWN), " ".join(sentences[1:]))
     for pattern, expected in NOT_OF_KIND:
         if sentences and (match := re.fullmatch(pattern, sentences[0])):
             return str(UserError("is not understood", key=match[1], expected=expected, got=match[2]))
     return "; ".join(sentences) or "bad arguments"
+
+
+def _missing(framed: str, others: Sequence[str]) -> str:
+    """The names of the arguments that must be given and were not, without the parser's lines of help on each."""
+    edges = FRAME.replace(" ", "")
+    lines = [line.strip(edges).rstrip() for line in framed.splitlines()[1:]]
+    depth = [len(line) - len(line.lstrip()) for line in lines]
+    start = next(i for i, line in enumerate(lines) if line.lstrip().startswith(MISSING))
+    names, first = list[str](), 0
+    for line, deep in list(zip(lines, depth, strict=True))[start + 1 :]:
+        if not line.strip(RULE + PLAIN_RULE + " "):
+            break
+        first = first or (deep if deep > depth[start] else 0)
+        if deep == first and deep:
+            names.append(line.strip())
+    several = f"{', '.join(names[:-1])} and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
+    return "; ".join([f"{several} required", *(text for text in others if text.startswith(UNKNOWN))])
 
 
 def _unknown(options: str, hints: str) -> str:
