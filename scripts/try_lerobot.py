@@ -1,4 +1,5 @@
-"""Reads a rendered dataset with LeRobot's own package, trains its ACT on it for a few steps, and plays that policy.
+"""Reads a rendered dataset with LeRobot's own package, trains its ACT on it for a few steps, and plays that policy:
+by `vispeg evaluate` and by `lerobot-eval`, which must agree.
 
 LeRobot asks for other versions of packages than this project, so it gets an environment of its own, in a temporary
 folder that is removed again (2 GB, minutes to make); `--env` keeps it for the next time.
@@ -19,6 +20,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[1]
 TORCH, TORCHVISION = "torch==2.13.0", "torchvision==0.28.0"  # a pair; an index may offer the former without CUDA
 # devices and viewers, which training does not touch, and a decoder of videos, of which a rendered dataset has none
 NOT_NEEDED = r"(torch|torchvision|torchcodec|cmake|rerun-sdk|pynput)\b"
@@ -80,6 +82,7 @@ def make(env: Path, version: str) -> Path:
     call(*pip, "--no-deps", f"lerobot=={version}")
     needed = [line for line in call(python, "-c", REQUIRED).stdout.splitlines() if "extra ==" not in line]
     call(*pip, *[line for line in needed if not re.match(NOT_NEEDED, line)])
+    call(*pip, "-e", ROOT)  # for lerobot-eval, which imports the task
     site = call(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").stdout.strip()
     Path(site, "sitecustomize.py").write_text(DECLARE, encoding="utf-8")
     stamp.touch()
@@ -107,12 +110,31 @@ def train(python: Path, data: Path, out: Path, steps: int) -> list[float]:
     return [float(loss) for loss in re.findall(r" loss:(\S+)", said.stdout + said.stderr)]
 
 
-def judge(python: Path, out: Path, data: Path) -> str:
-    """What `vispeg evaluate` says of the policy that was trained."""
-    policy = f"lerobot:{out / 'checkpoints' / 'last' / 'pretrained_model'}"
+def judge(python: Path, out: Path, data: Path, episodes: int) -> list[bool]:
+    """Which episodes succeed; exits where the two ways to judge a policy do not agree."""
+    policy = out / "checkpoints" / "last" / "pretrained_model"
     world = json.loads((data / "meta" / "render.json").read_text(encoding="utf-8"))["plan"]["world"]
-    how = ("--world", world, "--episodes", "2", "--videos", "0", "--out", out / "judged", "--quiet")
-    return call(sys.executable, "-m", "vispeg", "evaluate", policy, *how, LEROBOT_PYTHON=str(python)).stdout
+    how = ("--world", world, "--episodes", str(episodes), "--videos", "0", "--out", out / "ours", "--quiet")
+    call(sys.executable, "-m", "vispeg", "evaluate", f"lerobot:{policy}", *how, LEROBOT_PYTHON=str(python))
+    lines = (out / "ours" / "episodes.jsonl").read_text(encoding="utf-8").splitlines()
+    ours = {e["seed"]: e["success"] for e in map(json.loads, lines) if "seed" in e}
+    call(
+        python.with_name("lerobot-eval"),
+        f"--policy.path={policy}",
+        "--policy.device=cpu",
+        "--env.discover_packages_path=vispeg.task.lerobot",
+        "--env.type=vispeg",
+        f"--env.world={world}",
+        f"--eval.n_episodes={episodes}",
+        f"--eval.batch_size={min(episodes, 5)}",
+        f"--seed={min(ours)}",
+        f"--output_dir={out / 'theirs'}",
+    )
+    found = json.loads((out / "theirs" / "eval_info.json").read_text(encoding="utf-8"))
+    theirs = found["per_task"][0]["metrics"]["successes"]
+    if theirs != [ours[seed] for seed in sorted(ours)]:
+        sys.exit(f"lerobot-eval and vispeg evaluate do not agree: {theirs}, {ours}")
+    return theirs
 
 
 def main() -> int:
@@ -121,6 +143,7 @@ def main() -> int:
     parser.add_argument("dataset", type=Path, help="folder that `vispeg render` made")
     parser.add_argument("--version", default="0.4.4", help="of LeRobot")
     parser.add_argument("--steps", type=int, default=3, help="of training")
+    parser.add_argument("--episodes", type=int, default=2, help="of each evaluation")
     parser.add_argument("--env", type=Path, help="folder of the environment, kept; a temporary one where not given")
     args = parser.parse_args()
     data = args.dataset.resolve()
@@ -129,10 +152,10 @@ def main() -> int:
         cache = str(Path(folder, "cache"))
         print(call(python, "-c", READ, data, HF_HOME=cache).stdout.strip())
         losses = train(python, data, Path(folder, "out"), args.steps)
-        judged = judge(python, Path(folder, "out"), data)
+        judged = judge(python, Path(folder, "out"), data, args.episodes)
     if len(losses) != args.steps:
         sys.exit(f"LeRobot trained {len(losses)} steps, not {args.steps}")
-    print(judged)
+    print(f"lerobot-eval and vispeg evaluate agree: {sum(judged)} of {len(judged)} succeed")
     print(f"LeRobot {args.version} trained ACT for {args.steps} steps; losses {', '.join(f'{x:g}' for x in losses)}")
     return 0
 

@@ -1,4 +1,4 @@
-"""Policies that LeRobot saved: played in a process of their own, row by row as alone, and refused in one line.
+"""Policies that LeRobot saved, played in a process of their own row by row as alone; the task as LeRobot's environment.
 
 LeRobot itself takes minutes to install; `scripts/try_lerobot.py`, a slow test, plays a real one. Here a package of its
 name and with the three functions that are called stands in its place.
@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 import vispeg
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.lerobot import PYTHON, LeRobot
+from vispeg.task.environments.lerobot_env import LeRobotEnv
 from vispeg.task.environments.vector import TaskVec
 
 FACTORY = """
@@ -153,3 +155,23 @@ def test_without_lerobot_the_way_to_it_is_said(tmp_path, monkeypatch):
     monkeypatch.setenv(PYTHON, sys.executable)  # has none
     with pytest.raises(UserError, match="No module named 'lerobot'"):
         LeRobot(folder).reset(1)
+
+
+def test_the_environment_of_lerobot_shows_what_the_task_shows(tmp_path):
+    """Its episodes are those of the seed, its pictures and readings those of the task's own environment."""
+    env = LeRobotEnv("S", ("external",), 24)
+    check_env(env, skip_render_check=True)
+    one, own = env, vispeg.make("S", "rgb", measured=True, cameras=("external",), image_size=24, steps=3)
+    own_steps = own.vec.config.steps
+    assert one._max_episode_steps == 50 and own_steps == 3 and one.task == one.task_description
+    told, _ = one.reset(seed=7)
+    obs, _ = own.reset(seed=7)
+    for _ in range(3):
+        assert np.array_equal(told["pixels"]["external"], np.moveaxis(obs["rgb_external"], 0, -1))
+        assert np.array_equal(told["agent_pos"], obs["measured"])
+        action = np.array([0.1, -0.2, -1.0], np.float32)
+        told, reward, _, _, info = one.step(action)
+        obs, other, *_ = own.step(action)
+        assert reward == other and info == {"is_success": False}
+    one.close()
+    own.close()

@@ -1,10 +1,10 @@
 """Evaluates policies in one world, with 95 % intervals.
 
 A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted one), an .onnx that
-says what its numbers mean (`vispeg export`), a policy of your own as MODULE:CLASS or MODULE:FUNCTION, or a .zip by
-Stable-Baselines3. Several play the same seeds. Writes OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and
-videos of failures: success, time, force, kinds of failure, differences. A stopped run goes on when the command is
-repeated.
+says what its numbers mean (`vispeg export`), a policy of your own as MODULE:CLASS or MODULE:FUNCTION, a .zip by
+Stable-Baselines3, or what LeRobot saved as lerobot:FOLDER. Several play the same seeds. Writes OUT/evaluate.json,
+OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time, force, kinds of failure, differences. A
+stopped run goes on when the command is repeated.
 
 Example:
     vispeg evaluate runs/{task}-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
@@ -35,7 +35,7 @@ class Args:
     """Arguments of `vispeg evaluate`."""
 
     policies: tyro.conf.Positional[tuple[str, ...]]
-    """Policy folders, NAME=FOLDER, MODULE:CLASS, .onnx or .zip files."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files."""
     out: Path | None = None
     """Folder for the results; default: evaluated/POLICIES-WORLD."""
     world: str = "nominal"

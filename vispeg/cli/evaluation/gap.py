@@ -42,7 +42,8 @@ class Args:
     out: Path
     """Folder for the results."""
     policies: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Policy folders, NAME=FOLDER, MODULE:CLASS, .onnx or .zip files; replicas of a name differ in training seed."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files. Replicas of a name differ in
+    training seed."""
     worlds: tuple[str, ...] = ("S", "V", "N", "P", "VNP")
     """Built-in worlds' names or world files; losses count from the first."""
     episodes: int = 100

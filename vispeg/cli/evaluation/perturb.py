@@ -25,7 +25,7 @@ class Args:
     """Arguments of `vispeg perturb`."""
 
     policies: tyro.conf.Positional[tuple[str, ...]]
-    """Policy folders, NAME=FOLDER, MODULE:CLASS, .onnx or .zip files."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files."""
     out: Path
     """Folder for the results."""
     world: str = "randomized"

@@ -30,7 +30,7 @@ class Run:
     """Plays the suite with one version."""
 
     policies: tyro.conf.Positional[tuple[str, ...]]
-    """Policy folders, NAME=FOLDER, MODULE:CLASS, .onnx or .zip files."""
+    """Policy folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files."""
     out: Path
     """Folder for the results."""
     train: str = "randomized"

@@ -1,0 +1,60 @@
+"""What LeRobot imports to know the task as an environment of its own, in `lerobot-eval` and `lerobot-train`.
+
+LeRobot does so where `--env.discover_packages_path=vispeg.task.lerobot` names this package; the environment is then
+`--env.type=vispeg`, and its fields (`--env.world=VNP`) those of `VispegEnv` here. Observations are what a rendered
+dataset holds: `observation.state` and `observation.images.CAMERA` (docs/datasets.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium as gym
+from lerobot.configs.types import FeatureType, PolicyFeature  # type: ignore[import-not-found]  # LeRobot imports this
+from lerobot.envs.configs import EnvConfig  # type: ignore[import-not-found]
+
+from vispeg.task.environments.lerobot_env import PIXELS, STATE, LeRobotEnv
+
+ID = "vispeg/LeRobot-v0"
+ACTION = "action"
+
+gym.register(ID, LeRobotEnv)
+
+
+@EnvConfig.register_subclass("vispeg")
+@dataclass
+class VispegEnv(EnvConfig):
+    """What `--env.world`, `--env.cameras` and `--env.image_size` set; see LeRobotEnv."""
+
+    task: str | None = "vispeg"
+    fps: int = 6
+    world: str = "nominal"
+    cameras: list[str] = field(default_factory=list)
+    image_size: int = 0
+    features: dict[str, PolicyFeature] = field(default_factory=dict)
+    features_map: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self):
+        env = LeRobotEnv(self.world, tuple(self.cameras), self.image_size)
+        seen = env.observation_space.spaces
+        self.features = {
+            ACTION: PolicyFeature(FeatureType.ACTION, env.action_space.shape),
+            STATE: PolicyFeature(FeatureType.STATE, seen[STATE].shape),
+        }
+        self.features_map = {ACTION: ACTION, STATE: "observation.state"}
+        for name, space in seen[PIXELS].spaces.items():
+            self.features[f"{PIXELS}/{name}"] = PolicyFeature(FeatureType.VISUAL, space.shape)
+            self.features_map[f"{PIXELS}/{name}"] = f"observation.images.{name}"
+        env.close()
+
+    @property
+    def gym_id(self) -> str:
+        """The name under which gymnasium has it."""
+        return ID
+
+    @property
+    def gym_kwargs(self) -> dict[str, Any]:
+        """Arguments of LeRobotEnv."""
+        sizes = {"cameras": tuple(self.cameras), "image_size": self.image_size}
+        return {"world": self.world, **sizes, "render_mode": "rgb_array"}
