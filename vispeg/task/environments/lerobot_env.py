@@ -41,9 +41,9 @@ class LeRobotEnv(gym.Env):
         self.task = self.task_description = task_of(config).title
         self._max_episode_steps = config.steps  # LeRobot's rollout reads it
         self._names = [c.name for c in self.env.cameras]
-        spaces = self.env.observation_space.spaces
-        sizes = {n: (spaces[f"{RGB.name}_{n}"].shape or ())[1:] for n in self._names}
-        images = {n: gym.spaces.Box(0, 255, (*size, 3), np.uint8) for n, size in sizes.items()}
+        spaces: Any = self.env.observation_space
+        sizes = {n: spaces[f"{RGB.name}_{n}"].shape[1:] for n in self._names}
+        images: Any = {n: gym.spaces.Box(0, 255, (*size, 3), np.uint8) for n, size in sizes.items()}
         self.observation_space = gym.spaces.Dict({STATE: spaces[MEASURED], PIXELS: gym.spaces.Dict(images)})
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):

@@ -19,7 +19,7 @@ from vispeg.task.environments.lerobot_env import PIXELS, STATE, LeRobotEnv
 ID = "vispeg/LeRobot-v0"
 ACTION = "action"
 
-gym.register(ID, LeRobotEnv)
+gym.register(ID, f"{LeRobotEnv.__module__}:{LeRobotEnv.__name__}")
 
 
 @EnvConfig.register_subclass("vispeg")
@@ -37,7 +37,7 @@ class VispegEnv(EnvConfig):
 
     def __post_init__(self):
         env = LeRobotEnv(self.world, tuple(self.cameras), self.image_size)
-        seen = env.observation_space.spaces
+        seen: Any = env.observation_space  # of dicts
         self.features = {
             ACTION: PolicyFeature(FeatureType.ACTION, env.action_space.shape),
             STATE: PolicyFeature(FeatureType.STATE, seen[STATE].shape),
