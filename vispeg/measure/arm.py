@@ -4,7 +4,8 @@ A servo pulls with `tau = k (K u - q) - d dq`. What turns with it is the joint's
 joints hold still that is M_jj, and they hold only as stiffly as their own loops do. So the loop is found the other way
 round (indirect inference: Gourieroux, Monfort and Renault, J. Applied Econometrics 8, 1993): it is the one with which
 the linear arm, `M x'' + D x' + (G + diag(k)) x = k_j K u`, answers like the servo that was fitted to the recordings, if
-it is fitted by the same estimator. G is the slope of gravity.
+it is fitted by the same estimator. G is the slope of gravity. From there least squares go on, with the arm and its dry
+friction moved through all steps as they were commanded.
 """
 
 from __future__ import annotations
@@ -152,8 +153,15 @@ class Arm:
             turned = ~still & (way * then[:, nj + j] < 0.0)
             before = x[turned, nj + j]
             part = np.where(before * way[turned] > 0.0, before / (before - then[turned, nj + j]), 0.0)
-            then[turned] = x[turned] + part[:, None] * (then[turned] - x[turned])
-            then[turned, nj + j], way[turned] = 0.0, 0.0
+            stop = x[turned] + part[:, None] * (then[turned] - x[turned])
+            back = np.abs(asked[turned] - stop @ needed) > friction
+            # from there friction pulls the other way, for the rest of the interval, or it holds
+            left = np.repeat([(1.0 - part) ** 2, 1.0 - part], nj, axis=0).T
+            flipped = then[turned] + 2.0 * (friction * way[turned])[:, None] * left * push[:-1, -1]
+            held_at = then[turned].copy()
+            held_at[:, j], held_at[:, nj + j] = stop[:, j], 0.0
+            then[turned] = np.where(back[:, None], flipped, held_at)
+            way[turned] = np.where(back, -way[turned], 0.0)
             x = then
             q[k + 1], v[k + 1] = x[:, j], x[:, nj + j]
         return q.T, v.T

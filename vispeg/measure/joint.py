@@ -18,12 +18,12 @@ from vispeg.measure.becomes import placed
 from vispeg.measure.frequency import Point
 from vispeg.measure.loops import Stroke
 from vispeg.measure.steps import Servo, Step
-from vispeg.measure.steps_with_friction import Shared, shared
+from vispeg.measure.steps_with_friction import Moved, Shared, shared
 from vispeg.measure.trace import Trace, refuse_no_servo
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
-ROUNDS, CLOSE = 6, 5e-4  # of the loop with friction, at most; and relative, the last one's miss, under any scatter
+LINEAR = 2e-3  # of a loop's numbers: what they are off at most when steps of a simulated arm are read as a linear one's
 NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
 
 
@@ -251,37 +251,31 @@ def _loop_of_steps(
     groups, left = through.groups, 0.0
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
-    goal, band = numbers(through.servo), through.band
     if inertia is not None or arm is None:
         loop, slopes = alone(through.servo, inertia or 1.0, drag)
+        of = [Servo(*row) for row in zip(*(groups[name] for name in steps.NAMES), strict=True)]
+        each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(through.servo) for servo in of]).T
+        bands = groups["rest_band"]
     else:
         dragged = arm.with_friction(drag)
-        loop, slopes = inferred(through.servo, dragged, _look(responses, traces, dragged))
-        way, last, move = slopes, np.zeros(4), np.zeros(4)
-        for turn in range(ROUNDS):  # the same with the friction, and with all steps
-            seen = through.again(_moved(dragged, loop, band), dragged.modes(loop)[2], loop.delay)
-            miss = goal - numbers(seen.servo)
-            if turn:  # Broyden's update of the inverse slopes
-                back = way @ (last - miss)
-                way = way + np.outer(move - back, move @ way) / (move @ back)
-            if np.abs(miss).max() < CLOSE and turn:
-                break
-            last, move = miss, np.clip(way @ miss, -0.3, 0.3)
-            loop = Loop.of(loop.numbers + move)
-            band = max(0.0, band + through.band - seen.band)
+
+        def moving(x: np.ndarray, band: float) -> tuple[Moved, float]:
+            return _moved(dragged, Loop.of(x), band), dragged.modes(Loop.of(x))[2]
+
+        start, _ = inferred(through.servo, dragged, _look(responses, traces, dragged))
+        x, values, rest = through.nearest(moving, start.numbers)  # with the friction, and with all steps
+        loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
-        left = float(np.sqrt(max(np.mean(through.left**2 - noise**2 - seen.left**2), 0.0)))
-    of = [Servo(*row) for row in zip(*(groups[name] for name in steps.NAMES), strict=True)]
-    each = loop.numbers[:, None] + slopes @ np.array([numbers(servo) - numbers(through.servo) for servo in of]).T
+        left = float(np.sqrt(max(np.mean(rest**2 - noise**2), 0.0) + LINEAR**2))
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
     misfit = rectangular("what the arm leaves of the steps", left)
     _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
     # where the law is known, so is its torque: the loops of slow strokes tell friction better
     own = any(t.servo for t in traces) and "coulomb_friction" not in {q.quantity for q in friction}
-    if band > 0.0 and own:
+    if np.mean(bands) > 0.0 and own:
         least = left * min(abs(s.size) for s in responses)
         dry = [
-            repeated("rest band", groups["rest_band"] + band - through.band),
+            repeated("rest band", bands),
             rectangular("noise at rest", _noise(traces)),
             rectangular("what the arm leaves of the least step", least),
             inputs[1],
@@ -395,7 +389,7 @@ def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Calla
     return lambda loop: steps.fit(Trace("arm", t, command, arm.answer(t, loop)), first, len(t)).servo
 
 
-def _moved(arm: Arm, loop: Loop, band: float) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+def _moved(arm: Arm, loop: Loop, band: float) -> Moved:
     stiffness = loop.gain * loop.stiffness / arm.modes(loop)[2]  # with gravity's
     return lambda goals, dt, pulls: arm.dry(loop, band * stiffness, goals, dt, np.clip(pulls, -band, band) * stiffness)
 

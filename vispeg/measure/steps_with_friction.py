@@ -11,7 +11,7 @@ out, one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
@@ -23,7 +23,12 @@ from vispeg.measure.trace import Trace
 FINE = 0.1  # rad of the servo's phase in a step of the integration: a reversal is then placed to a hundredth of that
 FINER = 2  # parts of that in which a simulated arm is moved
 SAMPLES = 300  # of a step that are compared
+NEAR = 30  # evaluations of the fit of a simulated joint, at most
 SLOPE = 1e-4  # by which the slopes are differences, relative; of the band as a share of the least step
+
+# goals (nstep, ngrid) rad over those at rest, the grid's interval s, and by how many rad (nstep,) the joint rested
+# short of where it would be without friction -> angles and speeds (nstep, ngrid + 1)
+Moved = Callable[[np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -46,24 +51,51 @@ class Shared:
     x: np.ndarray
     responses: Sequence[Step]
 
-    def again(
-        self, moved: Callable[[np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]], gain: float, late: float
-    ) -> Shared:
-        """The same fit to what a simulated joint does in these steps.
+    def nearest(
+        self, joint: Callable[[np.ndarray, float], tuple[Moved, float]], start: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Fit a simulated joint to the steps themselves.
 
         Args:
-            moved: goals (nstep, ngrid) rad over those at rest, the grid's interval s, and by how many rad (nstep,) the
-                joint rested short of where it would be without friction -> angles and speeds (nstep, ngrid + 1).
-            gain: of the simulated joint, angle over goal.
-            late: s, the delay of its loop.
+            joint: numbers (4,) of a loop, of which the last is its delay, and a band in rad -> what simulates it, and
+                its gain, angle over goal.
+            start: the numbers to begin with.
+
+        Returns:
+            (5,) the numbers and the band; (5, ngroup) pseudo-values about them, as in `groups`; (nstep,) the RMS of
+            what they leave of each step, as a share of its size.
         """
-        p = self.problem
+        p, least = self.problem, float(np.min(np.abs(self.problem.size)))
         goals = np.repeat(p.goals, FINER, axis=1) * p.size[:, None]
-        middle = np.array([p.command[p.trace == k].mean() for k in range(p.sags)])[p.trace]
-        pulls = self.x[0] * middle + self.x[5:][p.trace] + gain * (p.command - middle) - p.rest
-        q, v = moved(goals, p.dt / FINER, pulls)
-        y = _read(q, v, p.dt / FINER, p.t - late) / p.size[:, None]
-        return _solve(replace(p, y=y), self.responses, [self.x])
+        unit = np.array([1.0, 1.0, 1.0, 0.1, *np.full(1 + p.sags, 0.1 * least)])
+        free = np.arange(len(unit)) != (-1 if self.band > 0.0 else 4)
+
+        def left(x: np.ndarray) -> np.ndarray:
+            moved, gain = joint(x[:4], max(x[4], 0.0))
+            q, v = moved(goals, p.dt / FINER, gain * p.command + x[5:][p.trace] - p.rest)
+            y = _read(q, v, p.dt / FINER, p.t - x[3]) / p.size[:, None]
+            return ((y - p.y) * p.weight).reshape(-1)
+
+        def whole(z: np.ndarray) -> np.ndarray:
+            x = x0.copy()
+            x[free] += unit[free] * z
+            return x
+
+        def slopes(z: np.ndarray) -> np.ndarray:
+            now = left(whole(z))
+            return np.stack([(left(whole(z + SLOPE * e)) - now) / SLOPE for e in np.eye(len(z))], axis=1)
+
+        gain = joint(start, self.band)[1]
+        middle = np.array([p.command[p.trace == k].mean() for k in range(p.sags)])
+        x0 = np.concatenate([start, [self.band], (self.x[0] - gain) * middle + self.x[5:]])
+        found = optimize.least_squares(lambda z: left(whole(z)), np.zeros(free.sum()), slopes, max_nfev=NEAR)
+        fun = found.fun.reshape(p.y.shape)
+        moves = _moves(found.jac.reshape(*p.y.shape, -1), fun, self.responses)
+        x = whole(found.x)
+        x[4] = max(x[4], 0.0)
+        each = np.repeat(x[:, None], len(moves), axis=1)
+        each[free] -= unit[free, None] * (len(moves) - 1) * (moves - moves.mean(axis=0)).T
+        return x[:5], each[:5], np.sqrt(np.sum(fun**2, axis=1))
 
 
 @dataclass(frozen=True)
@@ -241,20 +273,10 @@ def _groups(
     best: optimize.OptimizeResult, p: _Problem, responses: Sequence[Step], sticks: bool
 ) -> dict[str, np.ndarray]:
     """Pseudo-values of the jackknife over sizes and directions; over the steps where there is one of these."""
-    groups = list(steps.groups(responses).values())
-    groups = groups if len(groups) > 1 else [[s] for s in responses]
     free = np.arange(len(best.x)) != (-1 if sticks else 4)
-    jac, rest = best.jac.reshape(*p.y.shape, -1)[..., free], best.fun.reshape(p.y.shape)
-    normal = np.einsum("sni,snj->sij", jac, jac)
-    right = np.einsum("sni,sn->si", jac, rest)
-    n = len(groups)
-    values = []
-    for group in groups:
-        out = np.array([any(s is other for other in group) for s in responses])
-        move = np.zeros(len(best.x))
-        move[free] = -np.linalg.pinv(normal[~out].sum(axis=0)) @ right[~out].sum(axis=0)
-        values.append(best.x - (n - 1) * move)  # n x - (n - 1) (x + move)
-    x = np.array(values).T
+    moves = _moves(best.jac.reshape(*p.y.shape, -1)[..., free], best.fun.reshape(p.y.shape), responses)
+    x = np.repeat(best.x[:, None], len(moves), axis=1)
+    x[free] -= (len(moves) - 1) * moves.T  # n x - (n - 1) (x + move)
     return {
         "gain": x[0],
         "natural_frequency": np.exp(x[1]),
@@ -262,3 +284,15 @@ def _groups(
         "delay": x[3],
         "rest_band": x[4],
     }
+
+
+def _moves(jac: np.ndarray, rest: np.ndarray, responses: Sequence[Step]) -> np.ndarray:
+    """By how much (ngroup, nx) a fit moves without each size and direction, or each step where there is one of these.
+
+    One Gauss-Newton step, of jac (nstep, nsample, nx) and rest (nstep, nsample).
+    """
+    groups = list(steps.groups(responses).values())
+    groups = groups if len(groups) > 1 else [[s] for s in responses]
+    normal, right = np.einsum("sni,snj->sij", jac, jac), np.einsum("sni,sn->si", jac, rest)
+    out = [np.array([any(s is other for other in group) for s in responses]) for group in groups]
+    return np.array([-np.linalg.pinv(normal[~o].sum(axis=0)) @ right[~o].sum(axis=0) for o in out])
