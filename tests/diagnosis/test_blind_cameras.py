@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+import vispeg
 from vispeg.api.pictures import border_evidence_of, diagnose
 from vispeg.api.recording.look import cameras_of, scene_of
 from vispeg.core.errors import UserError
@@ -60,3 +61,31 @@ def test_a_camera_that_sees_a_surface_and_no_border_stays_for_its_depth():
     assert seeing(SCENE, (sights,), CELL) == ((sights,), [])
     evidence, _ = border_evidence(SCENE, sights, [], CELL, 0.0)
     assert len(evidence.items[1].points.frame) == 0 and np.isfinite(evidence.error(CELL))
+
+
+PENDULUM = """<mujoco model="pendulum">
+  <worldbody>
+    <light pos="0 0 3"/><geom name="floor" type="plane" size="3 3 .1" pos="0 0 -1"/>
+    <body name="arm"><joint name="swing" axis="0 1 0" range="-1 1"/>
+      <inertial pos="0 0 .2" mass="2" diaginertia=".02 .02 .01"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .4"/>
+      <camera name="up" pos="0 0 .5" euler="180 0 0" fovy="30" resolution="64 48"/></body>
+  </worldbody>
+  <actuator><motor joint="swing" ctrlrange="-40 40"/></actuator>
+</mujoco>
+"""
+
+
+def test_joints_are_diagnosed_where_pictures_show_nothing_and_a_note_says_so(tmp_path):
+    (tmp_path / "pendulum.xml").write_text(PENDULUM)
+    model = str(tmp_path / "pendulum.xml")
+    hidden = "coulomb_friction:swing:torque=0.8"
+    for k, name in enumerate("ab"):
+        made = vispeg.record(model, "fourier", cameras=["up"], effects=hidden, rate_hz=200.0, seed=k)
+        made.save(tmp_path / name)
+    found = vispeg.diagnose(model, tmp_path / "a", tmp_path / "b")
+    assert [e.effect for e in found.effects] == ["coulomb_friction"]
+    (said,) = found.record["missing"]
+    assert said.startswith("pictures are left out: no camera sees the cell: camera 'up'")
+    assert any(said in str(block) for block in found.summary), "in the terminal"
+    with pytest.raises(UserError, match="no camera sees the cell"):
+        vispeg.diagnose(model, tmp_path / "a", tmp_path / "b", channels=["pictures"])

@@ -46,7 +46,8 @@ def diagnose_channels(
     """Name what a model lacks, the cause looked for in every channel.
 
     Joints come first and cameras before contact: what the arm reads wrong moves pictures and the hand's path alike, and
-    a goal that the wrench finds elsewhere is looked at again.
+    a goal that the wrench finds elsewhere is looked at again. Pictures in which nothing shows are left out, with a
+    note, where there is another channel.
 
     Args:
         channels: of `resolve`.
@@ -58,7 +59,10 @@ def diagnose_channels(
     Raises:
         UserError: recordings that cannot be compared in a channel.
     """
-    both, kept, several = (fitted, held_out), Progress() if progress is None else progress, len(channels) > 1
+    both, kept = (fitted, held_out), Progress() if progress is None else progress
+    blind = pictures.unseen(world, *both) if "pictures" in channels and len(channels) > 1 else ""
+    looked_in = [name for name in channels if not (blind and name == "pictures")]
+    several = len(looked_in) > 1
 
     starts: dict[str, Callable[[World], World]] = {
         "joints": arm_of,
@@ -89,12 +93,22 @@ def diagnose_channels(
         Member("pictures", _seen, pictured),
         Member("contact", lambda e: e.name == READINGS, touched),
     )
-    members = [m for m in every if m.name in channels]
+    members = [m for m in every if m.name in looked_in]
     if several:
-        return joined(conduct(members, world, say), world)
+        return _noted(joined(conduct(members, world, say), world), blind)
     alone, began = members[0].diagnose(world), starts[members[0].name](world)
     aside = [e for e in world.effects if e not in began.effects]  # what this channel cannot show stays in the model
-    return replace(alone, world=replace(alone.world, cell=world.cell, effects=(*aside, *alone.world.effects)))
+    whole = replace(alone, world=replace(alone.world, cell=world.cell, effects=(*aside, *alone.world.effects)))
+    return _noted(whole, blind)
+
+
+def _noted(diagnosis: Diagnosis, blind: str) -> Diagnosis:
+    """The diagnosis with a note on the pictures that were left out, if they were."""
+    if not blind:
+        return diagnosis
+    record, said = diagnosis.record, f"pictures are left out: {blind}"
+    lacks = [*record.get("missing", []), said]
+    return replace(diagnosis, record={**record, "missing": lacks, "notes": [*record["notes"], said]})
 
 
 def part_of(progress: Progress, channel: ChannelName, start: World) -> Progress:

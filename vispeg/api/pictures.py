@@ -37,6 +37,13 @@ def diagnose(
     )
 
 
+def unseen(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]) -> str:
+    """Say why no camera of the recordings sees anything of what the model shows; empty where one does."""
+    scene = scene_of(world, (*fitted, *held_out))
+    (mine, _), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
+    return "" if mine else f"no camera sees the cell: {'; '.join(blind)}"
+
+
 def border_evidence_of(
     world: World,
     fitted: Sequence[Recording],
