@@ -99,6 +99,8 @@ def test_a_world_is_called_that_of_training_only_where_the_records_say_so():
     assert "training world" in html and "the world of training" in html and "(home)" not in html
     other = render(gap(both, worlds=list(WORLDS), homes={**hashes, "rgb": ["hash-V"]}))
     assert "training world" not in other and "depth<br>(home)" in other and "rgb<br>(home)" in other
+    older = render(gap(both, worlds=list(WORLDS), homes=dict.fromkeys(hashes, ["hash-before-it-changed"])))
+    assert "none of these, as they are now" in older and "(home)" not in older
 
 
 def test_training_seeds_are_spoken_of_where_there_are_several():

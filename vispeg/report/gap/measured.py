@@ -26,7 +26,7 @@ def _trained(policy: Mapping[str, Any]) -> str:
     """Where a policy was trained, of the worlds of the page."""
     if policy["scripted"]:
         return "nowhere"
-    return "not known" if policy["home"] is None else ", ".join(policy["home"]) or "elsewhere"
+    return "not known" if policy["home"] is None else ", ".join(policy["home"]) or "none of these, as they are now"
 
 
 def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:
