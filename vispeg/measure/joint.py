@@ -86,10 +86,11 @@ def measure(
     turns = arm is not None or inertia is not None
     if len(responses) >= 2:
         through = shared(traces, responses)
-        servo = through.servo
-        _of_steps(through, responses, traces, results, notes, rng)
+        servo, of_loop, seen = through.servo, [], through.groups
         if turns:
-            loop = _loop_of_steps(through, responses, traces, arm, inertia, friction, results, rng)
+            loop, seen = _loop_of_steps(through, responses, traces, arm, inertia, friction, of_loop, rng)
+        _of_steps(through, seen, responses, traces, results, notes, rng)
+        results += of_loop
         _early(results, notes)
     else:
         fit = _of_frequencies(points, results, notes, rng)
@@ -190,14 +191,15 @@ def _limited(
 
 def _of_steps(
     through: Shared,
+    groups: Mapping[str, np.ndarray],
     responses: Sequence[Step],
     traces: Sequence[Trace],
     results: list[Quantity],
     notes: list[str],
     rng: np.random.Generator,
 ) -> None:
-    """The servo that the joint answers like, the band in which it rests, and the bandwidth."""
-    groups, count = through.groups, len(responses)
+    """The servo that the joint answers like, the band in which it rests, and the bandwidth; groups as `through` has."""
+    count = len(responses)
     for name, unit in steps.NAMES.items():
         results.append(_over_sizes(name, unit, groups[name], _half(traces), rng, count))
     bands = np.array([Servo(*(groups[n][k] for n in steps.NAMES)).bandwidth_hz for k in range(len(groups["gain"]))])
@@ -246,8 +248,11 @@ def _loop_of_steps(
     friction: list[Quantity],
     results: list[Quantity],
     rng: np.random.Generator,
-) -> Loop:
-    """Stiffness and damping of the loop, and the numbers of the effect `servo` that are it; dry friction in N m."""
+) -> tuple[Loop, Mapping[str, np.ndarray]]:
+    """Stiffness and damping of the loop, and the numbers of the effect `servo` that are it; dry friction in N m.
+
+    Returns the loop, and the groups of `through` about the servo that an arm with it looks like without dry friction.
+    """
     groups, left = through.groups, 0.0
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
@@ -262,9 +267,11 @@ def _loop_of_steps(
         def moving(x: np.ndarray, band: float) -> tuple[Moved, float]:
             return _moved(dragged, Loop.of(x), band), dragged.modes(Loop.of(x))[2]
 
-        start, _ = inferred(through.servo, dragged, _look(responses, traces, dragged))
+        look = _look(responses, traces, dragged)
+        start, _ = inferred(through.servo, dragged, look)
         x, values, rest = through.nearest(moving, start.numbers)  # with the friction, and with all steps
         loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
+        groups = steps.about(groups, look(loop))
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
         left = float(np.sqrt(max(np.mean(rest**2 - noise**2), 0.0) + LINEAR**2))
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
@@ -290,7 +297,7 @@ def _loop_of_steps(
                 repeats=len(responses),
             )
         )
-    return Loop.of(np.array([x.value for x in inputs[:4]]))  # as the numbers that are stated
+    return Loop.of(np.array([x.value for x in inputs[:4]])), groups  # as the numbers that are stated
 
 
 def _loop_of_frequencies(

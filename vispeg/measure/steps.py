@@ -6,7 +6,7 @@ H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step response, for the pol
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,6 +156,13 @@ def parameters(responses: Sequence[Step]) -> dict[str, np.ndarray]:
 def mean_servo(responses: Sequence[Step]) -> Servo:
     """The mean over groups, as one servo."""
     return Servo(**{name: _mean(name, values) for name, values in parameters(responses).items()})
+
+
+def about(groups: Mapping[str, np.ndarray], servo: Servo) -> dict[str, np.ndarray]:
+    """Move groups' numbers (ngroup,) by name, that this servo is their mean."""
+    means = {name: (getattr(servo, name), _mean(name, groups[name])) for name in NAMES}
+    moved = {n: groups[n] * to / at if n in POSITIVE else groups[n] + to - at for n, (to, at) in means.items()}
+    return {**groups, **moved}
 
 
 def _mean(name: str, values: Sequence[float] | np.ndarray) -> float:
