@@ -221,6 +221,10 @@ def test_a_robot_that_takes_longer_and_presses_harder_is_told_so():
     assert "longer" in rows[0]["words"] and "more than half apart: look at the contact model" in rows[1]["words"]
     near = gap(sim + timed(2.0, 66, "robot", ""))["measures"]
     assert [(r["verdict"], r["apart"]) for r in near] == [(CANNOT_TELL, False), ("different", False)]
+    freely = [replace(e, peak_force=0.0) for e in sim]  # half of the robot's touch, and none of the simulation's
+    touched = [replace(e, world="robot", world_hash="", peak_force=5.0 * (e.seed > 10)) for e in freely]
+    (_, force) = gap(freely + touched)["measures"]
+    assert force["verdict"] == "different" and force["words"].startswith("the peak force is 0 N on both sides in the")
     assert gap(sim + timed(5.0, 117, "P", "other world"))["measures"] == [], "that is what the tables show"
     untold = [replace(e, time=math.nan, peak_force=math.nan) for e in timed(5.0, 117, "robot", "")]
     assert gap(sim + untold)["measures"] == []

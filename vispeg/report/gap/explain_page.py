@@ -40,7 +40,7 @@ def render(values: Mapping[str, Any]) -> str:
     success = [[name, words.rate_of(e).replace("episodes", "trials")] for name, e in rates]
     text = "Share of the replays from each trial's start that succeed, 95 % intervals; filled: the trial succeeded."
     drawn = chart(lambda shape: _figure(values["trials"], shape), "starts", "Success from each trial's start")
-    head = f"The same starts in simulation, {values['replays']} times each"
+    head = f"The same starts in simulation; replays of each: {values['replays']}"
     sections.append(table_page.table(head, ("where", "success"), success, picture=drawn, caption=text))
     kinds = values["categories"]
     counts = [
