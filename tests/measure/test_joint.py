@@ -302,6 +302,16 @@ def test_what_no_servo_does_is_refused_in_one_line(change, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(("share", "refused"), [(0.48, True), (0.52, False), (1.9, False), (2.1, True)])
+def test_less_than_half_and_more_than_twice_of_the_command_are_no_servo(share, refused):
+    trace = answered(parts()["steps-100mrad"], replace(TRUE, gain=share))
+    if refused:
+        with pytest.raises(UserError, match="does not follow its command"):
+            refuse_no_servo([trace], "log")
+    else:
+        refuse_no_servo([trace], "log")
+
+
 @pytest.mark.parametrize("name", ["sines-large", "triangle", "ladder", "sweep"])
 def test_every_motion_tells_whether_the_columns_are_swapped(name):
     t = np.arange(0, 30, 1 / RATE)

@@ -64,3 +64,11 @@ def test_link_masses_vary_by_a_tenth():
             assert share == pytest.approx(0.1, abs=0.006) and np.isclose(
                 r.params["mass"].at(0.0), -r.params["mass"].at(1.0)
             )
+
+
+def test_a_contact_answers_no_faster_than_two_physics_steps():
+    from vispeg.task.peg.config import PegConfig
+
+    config = PegConfig()
+    floor = 2 * config.control_period / config.substeps
+    assert f"T has a floor of two physics steps, {1e3 * floor:.1f} ms in the task" in PAGE and config.solref[0] > floor
