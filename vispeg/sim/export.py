@@ -3,10 +3,12 @@
 It is an arm, or the scene around it. Friction, damping, rotor inertia, springs, inertials, contact, places and gravity
 are numbers of the model, so they are written as the plant of rollouts holds them. A motor's gain, bias and limit are
 its actuator's: the force is `clip(gain ctrl + bias, bias - limit, bias + limit)`, which is the drive chain's order.
+With `servo` the actuators take goals: k (K ctrl - q) - d dq, k = J w^2 and d = 2 J zeta w (`common.servo_loop`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +16,15 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import OPTICAL, Effect, EffectInstance, effect
+from vispeg.effects.common.servo_loop import ServoLoop
 from vispeg.robots.model import RobotModel, load
-from vispeg.sim.placement import activate
+from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
+from vispeg.sim.servo import reference_inertia, stable_step
 from vispeg.worlds.world import World
 
 HOOKS = ("drive", "torque", "friction", "observe", "wrench", "believe", "image", "start")  # no element of an MJCF
-MOTOR = ("torque_gain", "joint_bias", "torque_limit")
+MOTOR = ("torque_gain", "joint_bias", "torque_limit", "servo")
 STEP = 1e-3  # s
 NUMBERS = {  # field of a model -> kind of element and its attribute, where one number stands for one
     "dof_frictionloss": ("joint", "frictionloss"),
@@ -74,7 +78,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
         world: robot, tool and effects with values.
         meshes: folder beside the text that shall hold the meshes.
         robot: the scene that the effects have their places in; by default the arm alone.
-        step: of the physics, s.
+        step: of the physics, s; less where servos need it.
     """
     robot = load(world.robot, tool=world.tool) if robot is None else robot
     native = tuple(e for e in world.effects if is_native(effect(e.effect)))
@@ -84,7 +88,10 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
     native_world = World(world.robot, world.tool, tuple(e for e in native if e.effect not in MOTOR))
     plant = Plant(robot, [native_world], step, step, 1)
     _numbers(spec, plant)
-    _motors(spec, robot, [e for e in native if e.effect in MOTOR])
+    if any(e.effect == "servo" for e in native):  # joints without the effect have servos that follow at once
+        step = min(step, stable_step(robot))
+    motors = World(world.robot, world.tool, tuple(e for e in native if e.effect in MOTOR))
+    _motors(spec, robot, {a.effect.name: a for a in activate(robot, [motors])})
     spec.option.timestep = step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     files: dict[str, Path] = {}
@@ -155,22 +162,32 @@ def _inertials(spec: mujoco.MjSpec, model: mujoco.MjModel, changed: dict[str, np
         body.inertia, body.fullinertia = now["body_inertia"], [np.nan, 0, 0, 0, 0, 0]
 
 
-def _motors(spec: mujoco.MjSpec, robot: RobotModel, effects: list[EffectInstance]) -> None:
-    """Gain, bias and limit of each motor."""
-    values = {a.effect.name: a.p for a in activate(robot, [World(robot.name, None, tuple(effects))])} if effects else {}
+def _motors(spec: mujoco.MjSpec, robot: RobotModel, active: Mapping[str, Active]) -> None:
+    """Writes gain, bias and limit of each motor, and the loop of servos."""
+    nj = len(robot.joints)
+
+    def number(name: str, key: str, null: float) -> np.ndarray:
+        return active[name].p[key][0] if name in active else np.full(nj, null)
+
+    gain, bias = number("torque_gain", "gain", 1.0), number("joint_bias", "torque", 0.0)
+    unlimited = effect("torque_limit").params["limit"].null
+    limit = number("torque_limit", "limit", unlimited)
+    asked, back = np.ones(nj), np.zeros((nj, 2))  # force = asked ctrl + back (q, dq)
+    if "servo" in active:
+        law, inertia = ServoLoop.ideal(1, nj), reference_inertia(robot)
+        active["servo"].effect.regulate(law, active["servo"].p)
+        stiffness = inertia * law.frequency[0] ** 2
+        back = -np.stack([stiffness, 2.0 * inertia * law.damping[0] * law.frequency[0]], axis=1)
+        asked = law.gain[0] * stiffness
     for j, name in enumerate(robot.joints):
         motor = spec.actuator(name)
-        if "torque_gain" in values:
-            motor.gainprm[0] = values["torque_gain"]["gain"][0, j]
-        bias = float(values["joint_bias"]["torque"][0, j]) if "joint_bias" in values else 0.0
-        if bias:
+        motor.gainprm[0] = gain[j] * asked[j]
+        if bias[j] or back[j].any():
             motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-            motor.biasprm[0] = bias
-        limit = effect("torque_limit").params["limit"].null
-        limit = float(values["torque_limit"]["limit"][0, j]) if "torque_limit" in values else limit
-        if limit < effect("torque_limit").params["limit"].null:
+            motor.biasprm[:3] = [bias[j], *(gain[j] * back[j])]
+        if limit[j] < unlimited:
             motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-            motor.forcerange = (bias - limit, bias + limit)
+            motor.forcerange = (bias[j] - limit[j], bias[j] + limit[j])
 
 
 def _relative(xml: str, files: dict[str, Path]) -> str:
