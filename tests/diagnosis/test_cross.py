@@ -32,6 +32,9 @@ class Linear:
     def tells(self, difference: np.ndarray) -> np.ndarray:
         return np.ones(len(difference), bool)
 
+    def stretches(self, blocks: np.ndarray) -> np.ndarray:
+        return np.arange(int(blocks.max()) + 1)
+
     def fit(self, columns=slice(None)):
         u = np.linalg.lstsq(self.x[:, columns], self.y, rcond=None)[0]
         space = SimpleNamespace(bounds=(np.full(len(u), -9.0), np.full(len(u), 9.0)))
