@@ -70,14 +70,19 @@ def squares(recs):
 
 
 def test_the_true_arm_is_at_the_floor_and_a_press_on_the_table_tells_it_from_the_fixture(soft):
-    """A soft fixture takes up most of what a soft arm leaves in a press on it; in a press beside it, nothing."""
+    """A soft fixture takes up most of what a soft arm leaves in a press on it; in a press beside it, nothing.
+
+    Beside it, no compliance changes anything. A fixture without springs is another model to MuJoCo, and rounding alone
+    (1e-13 rad on the angles) moves the squared residual of the sticking peg by 1 of 147.
+    """
     first, turned, beside, _ = soft
     count = evidence_of([first]).count
     found = squares([first, turned, beside])
     nominal, arm, fixture = found[:, 0], found[:, 1], found[:, 2:]
     assert np.all(arm < 0.5 * count), "the right model is within the floor"
     taken_up = (nominal[:, None] - fixture) / (nominal - arm)[:, None]
-    assert nominal[0] - arm[0] > CHANCE and taken_up[0].max() > 0.5 and np.abs(taken_up[2]).max() < 0.01
+    assert nominal[0] - arm[0] > CHANCE and taken_up[0].max() > 0.5
+    assert np.ptp(fixture[2]) < 1e-6 and np.abs(nominal[2] - fixture[2]).max() < 0.1 * CHANCE
     apart = [fixture[list(some)].sum(axis=0).min() - arm[list(some)].sum() for some in ((0,), (0, 1), (0, 2))]
     assert apart[0] < apart[1] < apart[2] and apart[2] > max(2 * apart[0], 1.5 * CHANCE)
     assert effect("fixture_compliance").told_from["arm_compliance"] == "touch-datum"
