@@ -132,8 +132,12 @@ def test_a_row_that_begins_forgets_and_the_others_go_on(tmp_path, python, monkey
 def test_what_cannot_be_played_is_one_line(tmp_path, python, monkeypatch, capsys):
     monkeypatch.setenv(PYTHON, str(python))
     other = saved(tmp_path / "other", state=6)
+    plain = tmp_path / "another"
+    plain.mkdir()
+    (plain / "config.json").write_text("{}")
     cases = {
-        f"lerobot:{tmp_path / 'none'}": "none/config.json: not a policy that LeRobot saved",
+        f"lerobot:{tmp_path / 'none'}": "none/config.json: ",
+        f"lerobot:{plain}": "another/config.json: not a policy that LeRobot saved",
         f"lerobot:{other}": "was trained with another state than this robot has",
         f"lerobot:{saved(tmp_path / 'size', shape=(3, 8, 8))}": "AssertionError",
     }

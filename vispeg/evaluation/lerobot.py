@@ -7,7 +7,6 @@ interpreter that LEROBOT_PYTHON names, else the present one. A policy sees what 
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from vispeg.core.extras import there
 from vispeg.datasets.layout import COLOUR, colour_of
 from vispeg.evaluation import lerobot_process
 from vispeg.evaluation.lerobot_process import read, write
+from vispeg.formats.json_data import read_json
 from vispeg.interface.terms import MEASURED
 from vispeg.render.image_kinds import RGB
 
@@ -62,13 +62,13 @@ class LeRobot:
 
     def __init__(self, folder: Path):
         file = folder / "config.json"
+        config = read_json(file)
         try:
-            config = json.loads(file.read_text(encoding="utf-8"))
             seen, out = config["input_features"], config["output_features"]
             shapes = {key: tuple(map(int, feature["shape"])) for key, feature in seen.items()}
             self.actions = int(out[ACTION]["shape"][0])
             images = [key for key, feature in seen.items() if feature["type"] == "VISUAL"]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
             what = "not a policy that LeRobot saved"
             expected = "a folder with config.json and model.safetensors, such as checkpoints/last/pretrained_model"
             raise UserError(what, file=file, expected=expected) from error
