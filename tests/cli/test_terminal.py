@@ -74,6 +74,7 @@ def test_what_is_listed_can_be_named(monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setattr("vispeg.robots.menagerie._downloaded", lambda folder: None)
     from vispeg.api.library import catalogue
+    from vispeg.evaluation.entrants import entrant
     from vispeg.learn.shipped import policy_folder
     from vispeg.task.world_file import load_world
 
@@ -88,6 +89,9 @@ def test_what_is_listed_can_be_named(monkeypatch):
         load_world("nonesuch")
     assert str(refused.value).endswith(f"choices: {', '.join(entry.name for entry in catalogue.worlds())}")
     assert all(policy_folder(entry.name).is_dir() for entry in catalogue.policies())
+    for entry in catalogue.policies():
+        who, world = entrant(entry.name), load_world(entry.more["world"])
+        assert (" as it was before" in entry.about) == (world.hash not in who.trained_on), entry.name
 
 
 def test_effects_by_family_and_by_words(vispeg):

@@ -89,9 +89,11 @@ def test_what_is_dropped_has_a_limit_in_all_and_its_own_size(gated):
 
 
 @pytest.mark.parametrize("port", [0, -1, 65536, 10**20])
-def test_a_port_out_of_range_is_refused(port):
+def test_a_port_out_of_range_is_refused(port, capsys):
     with pytest.raises(UserError, match="1 to 65535"):
         free_port(port)
+    assert main(["view", "--no-browser", "--port", str(port)]) == 2
+    assert f"--port: is no port; expected 1 to 65535; got {port}" in capsys.readouterr().err
 
 
 def test_a_taken_port_is_refused_in_one_line_and_otherwise_passed_over(tmp_path, capsys):

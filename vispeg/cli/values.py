@@ -78,6 +78,6 @@ def _check_number(name: str, value: float) -> None:
     whole = isinstance(value, int)
     if name == "--seed" and not 0 <= value < SEEDS:
         raise UserError("no such seed", key=name, got=str(value), expected="a whole number from 0 to 2^63 - 1")
-    if name != "--seed" and (abs(value) > LARGEST or (whole and value < 0)):
+    if name not in ("--seed", "--port") and (abs(value) > LARGEST or (whole and value < 0)):
         low = "0" if whole else f"-{LARGEST:g}"
         raise UserError("out of range", key=name, got=f"{value:g}", expected=f"{low} to {LARGEST:g}")

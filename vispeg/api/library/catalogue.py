@@ -15,7 +15,7 @@ from vispeg.robots.model import RobotModel, load
 from vispeg.robots.scene import Scene, build
 from vispeg.task.registry import FIRST, kind_of, task
 from vispeg.task.rig.expert import EXPERT
-from vispeg.task.world_file import WORLD, by_name
+from vispeg.task.world_file import WORLD, by_name, load_world
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,10 @@ def policies() -> list[Entry]:
         meta = record["meta"]
         success, made = meta.get("success"), made_for(meta)
         kind = "two policies in one" if record["format"] == PAIR.name else "one network"
-        parts = [f"trained in {meta.get('world', '?')}", kind]
+        world = meta.get("world", "?")
+        now = load_world(world).hash if world in by_name() else None
+        changed = now is not None and meta.get("world_hash", now) != now
+        parts = [f"trained in {world}{' as it was before' * changed}", kind]
         if (tolerance := kind_of(meta.get("task") or {}).tolerance) is not None and made:
             parts.append(f"{made[tolerance.setting]:g} {tolerance.unit} {tolerance.name}")
         parts += [f"{100 * success:.0f} % success there"] if success is not None else []
