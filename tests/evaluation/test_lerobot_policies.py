@@ -21,6 +21,7 @@ from vispeg.evaluation.entrants import entrant
 from vispeg.evaluation.lerobot import PYTHON, LeRobot
 from vispeg.task.environments.lerobot_env import LeRobotEnv
 from vispeg.task.environments.vector import TaskVec
+from vispeg.trials.trial import folders, read_trial
 
 FACTORY = """
 from collections import deque
@@ -126,6 +127,37 @@ def test_a_row_that_begins_forgets_and_the_others_go_on(tmp_path, python, monkey
     policy.act(obs)
     policy.reset(2, np.array([False, True]))
     np.testing.assert_allclose(policy.act(obs), [second[0], first[1]], rtol=1e-6)
+    env.close()
+
+
+def test_it_runs_on_a_robot(tmp_path, python, monkeypatch, capsys):
+    """On a robot that is simulated in a process of its own it does what it does in an evaluation."""
+    monkeypatch.setenv(PYTHON, str(python))
+    text = f"lerobot:{saved(tmp_path)}"
+    assert main(["run", text, "--robot", "sim:S", "--out", str(tmp_path / "trials")]) == 2
+    assert "does not say which arm" in capsys.readouterr().err and not (tmp_path / "trials").exists()
+    argv = [
+        "run",
+        text,
+        "--robot",
+        "sim:S",
+        "--world",
+        "S",
+        "--seed",
+        "3",
+        "--quiet",
+        "--out",
+        str(tmp_path / "trials"),
+    ]
+    assert main(argv) == 0
+    (folder,) = folders(tmp_path / "trials")
+    trial = read_trial(folder)
+    first, second = trial.steps.action[:2]
+    np.testing.assert_allclose(second, 2 * first, rtol=1e-6)  # a chunk of two, from one observation
+    env = TaskVec(1, "S", obs_mode="rgb", measured=True, **Same.task)
+    obs, same = env.reset(seed=[3])[0], Same()
+    same.reset(1)
+    np.testing.assert_allclose(first, same.act(obs)[0], atol=0.02)  # a picture was taken at another moment
     env.close()
 
 

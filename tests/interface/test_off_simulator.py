@@ -29,29 +29,33 @@ onnx, log, out = sys.argv[1:]
 policy, data = Exported(onnx), np.load(log)
 builder = Builder(policy.interface)
 builder.begin(data["q"][0], data["dq"][0], data["goal"])
-actions, targets = [], []
+actions, targets, measured = [], [], []
 for k in range(len(data["q"])):
     for wrench in data["wrench"][k]:
         builder.feel(wrench)
     pictures = {name: Picture(depth=data[name][k]) for name in data if name.startswith("wrist")}
-    action = policy.act(builder.observe(data["q"][k], data["dq"][k], pictures))
+    seen = builder.observe(data["q"][k], data["dq"][k], pictures)
+    measured.append(seen["measured"][0])
+    action = policy.act(seen)
     actions.append(action[0])
     targets.append(builder.act(action))
 heavy = sorted({"torch", "mujoco", "gymnasium", "stable_baselines3"} & set(sys.modules))
 assert not heavy, heavy
-np.savez(out, actions=actions, targets=targets)
+np.savez(out, actions=actions, targets=targets, measured=measured)
 """
 
 
 def played(policy, world: str, mode: str, seed: int, steps: int) -> dict[str, np.ndarray]:
     """What the sensors of a simulated robot read, what the policy did, and which flange poses were held."""
-    env = TaskVec(1, world, mode, autoreset_mode="Disabled")
+    env = TaskVec(1, world, mode, autoreset_mode="Disabled", measured=True)
     ticks: list[np.ndarray] = []
     env.sim.heard = lambda q, dq, wrench: ticks.append(wrench[0].copy())
     obs, _ = env.reset(seed=[seed])
     policy.reset(1)
-    seen, out = env.sim.seen, {key: [] for key in ("q", "dq", "wrench", "actions", "targets", *env.config.cameras)}
+    keys = ("q", "dq", "wrench", "measured", "actions", "targets", *env.config.cameras)
+    seen, out = env.sim.seen, {key: [] for key in keys}
     for _ in range(steps):
+        out["measured"].append(obs["measured"][0])
         out["wrench"].append(ticks[-4:] or [np.zeros(6)] * 4)
         for key, values in zip(("q", "dq"), seen.measured, strict=True):
             out[key].append(values[0])
@@ -84,6 +88,7 @@ def test_an_exported_policy_acts_the_same_without_torch_and_without_a_simulator(
     alone = np.load(tmp_path / "out.npz")
     assert len(log["actions"]) > 4
     np.testing.assert_allclose(alone["actions"], log["actions"], atol=2e-5)
+    np.testing.assert_allclose(alone["measured"], log["measured"], rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(alone["targets"], log["targets"], atol=2e-5 * 0.01 + 1e-12)  # of an offset of 1 cm
 
 

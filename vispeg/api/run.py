@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from vispeg.core.disk import written
 from vispeg.core.errors import UserError
@@ -19,6 +20,9 @@ from vispeg.trials.driver import Driver
 from vispeg.trials.loop import Acts, Clock, How, Step, run_episode
 from vispeg.trials.named import driver
 from vispeg.trials.trial import OutcomePart, PolicyPart, Said, is_trial, write_trial
+
+if TYPE_CHECKING:
+    from vispeg.evaluation.entrants import Entrant
 
 DIGITS = 4  # of a trial's number
 
@@ -86,7 +90,8 @@ def run(
     """Runs a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
 
     Args:
-        policy: a folder, a bundled policy's name, or an .onnx by `vispeg export`, which needs no torch.
+        policy: a folder, a bundled policy's name, an .onnx by `vispeg export`, which needs no torch, or one of the
+            user's own, see `vispeg.evaluation.own`, with `world`.
         robot: as `--robot`, or an object with the four calls of `vispeg.trials.driver.Driver`.
         out: folder of the trials.
         episodes: number of them.
@@ -149,13 +154,32 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
     from vispeg.learn.interface import interface_of_policy
 
     who = entrant(text)
-    if who.scripted or who.source is not None:
+    if who.scripted:
         raise UserError("cannot be run on a robot", key="policy", expected="a policy's folder or .onnx", got=EXPERT)
+    if who.source is not None:
+        return _own(who, world, name)
     network = open_policy(who.path)
     meaning = interface_of_policy(network, None if world is None else str(world), digest(who.path))
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
     return network, meaning, part
+
+
+def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
+    """A policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no world."""
+    from vispeg.evaluation.own import Own, made
+    from vispeg.task.environments.vector import world_of
+    from vispeg.task.interface import interface_in
+
+    if world is None:
+        what = "the policy does not say which arm and cameras it is for"
+        raise UserError(what, key="--world", expected="the world in which it was trained")
+    _, config, file = world_of(str(world), who.task)
+    origin: Any = {"modality": who.modality, "recurrent": 0, "world": str(world), "policy": who.digest}
+    meaning = interface_in(config, file, who.modality, world_hash="" if file is None else file.hash, **origin)
+    meaning.observer()
+    part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
+    return Own(made(who.source), who.name, who.modality, len(config.dof)), meaning, part
 
 
 @contextmanager

@@ -172,7 +172,7 @@ class Stage:
         unit = sim.observed.term("tip").scale
         terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
         values = {
-            "observation.state": sim.measured()[row],
+            "observation.state": seen.readings()[row],
             "observation.policy": np.clip(terms.reshape(-1), -20, 20),
             truth_of(()): observation["privileged"][row],
             "action": meant,

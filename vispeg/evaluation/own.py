@@ -32,7 +32,7 @@ from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
 from vispeg.learn.meta import INTERFACE, MadeIn, worlds
 from vispeg.render.image_kinds import DEPTH, MODES, camera_of, grey_depth, kind_of
-from vispeg.task.terms import POLICY, PRIVILEGED
+from vispeg.task.terms import MEASURED, POLICY, PRIVILEGED
 
 MODULE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 EXPECTED = (
@@ -192,7 +192,8 @@ class Own:
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Policy. Raises UserError: no actions (n, d) of finite numbers came back."""
         n = len(obs[POLICY])
-        seen = {key: value for key, value in obs.items() if key != PRIVILEGED}
+        hidden = (PRIVILEGED,) if getattr(self.target, "measured", False) else (PRIVILEGED, MEASURED)
+        seen = {key: value for key, value in obs.items() if key not in hidden}
         if self._space is not None:
             seen = {key: self._fitted(key, seen) for key in self._space}
         if callable(getattr(self.target, "act", None)):

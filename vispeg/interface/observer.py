@@ -90,6 +90,12 @@ class Observer:
         """(n, 3) m in the base, as measured. Of a policy that does not turn the tool, straight below the flange."""
         return self.flange + self.lever(self.turn) if self.turns else self.flange - [0, 0, self.length]
 
+    def readings(self) -> np.ndarray:
+        """Readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of the
+        joints, place and velocity of the tool's tip in the base, force and torque at the flange.
+        """
+        return np.concatenate([self.measured[0], self.tip(), self.twist[:, :3], self.wrench], axis=1)
+
     # Commanded ------------------------------------------------------------------------------------------------
     def begin(self, rows: np.ndarray, flange: np.ndarray) -> None:
         """Rows begin an episode with the flange asked to be at `flange` (n, 3) m, straight down."""

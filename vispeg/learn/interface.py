@@ -8,11 +8,8 @@ from vispeg.learn.envs import home
 from vispeg.learn.meta import interface, made_for
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import Policy
-from vispeg.render.image_kinds import MODES
 from vispeg.task.environments.vector import world_of
-from vispeg.task.eyes import task_cameras
-from vispeg.task.interface import interface_of
-from vispeg.task.registry import task_of
+from vispeg.task.interface import interface_in
 
 
 def interface_of_policy(policy: Policy, world: str | None = None, digest: str = "") -> Interface:
@@ -36,15 +33,11 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
         _, config, file = world_of(at, {**memory, **own, **interface(meta)})
     except UserError as error:
         raise UserError(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
-    seen = config.cameras if MODES[senses.obs_mode] else ()
-    scene = task_of(config).cell(config, seen)
-    cameras = task_cameras(scene, config, file.cameras if file is not None else {}) if seen else ()
     trained = str(meta.get("world_hash") or ("" if file is None else file.hash))
-    out = interface_of(
+    out = interface_in(
         config,
-        scene,
+        file,
         senses.obs_mode,
-        cameras,
         policy.layout.images,
         modality=policy.modality,
         recurrent=policy.recurrent,

@@ -10,17 +10,38 @@ import numpy as np
 
 from vispeg.interface.interface import OFFSET, Arm, Controller, Goal, Interface, Seen, Told, Tool
 from vispeg.render.cameras.camera import Camera
-from vispeg.render.image_kinds import GOAL_TOLD, camera_of, kind_of
+from vispeg.render.image_kinds import GOAL_TOLD, MODES, camera_of, kind_of
 from vispeg.robots.declared import carried
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.contract import Task
 from vispeg.task.control import DAMPING, POSTURE
+from vispeg.task.eyes import task_cameras
 from vispeg.task.kinematics import chain_of, tool_weight
 from vispeg.task.registry import task_of
 from vispeg.task.rig.posture import posture
 from vispeg.task.rig.record import stated_cell
 from vispeg.task.terms import Observation
+from vispeg.task.world_file import WorldFile
+
+
+def interface_in(
+    config: TaskConfig, file: WorldFile | None, obs_mode: str, images: Iterable[str] | None = None, **origin: Any
+) -> Interface:
+    """The meaning of what a policy sees and does in a world.
+
+    Args:
+        config: of the world's task.
+        file: of the world, which may place cameras.
+        obs_mode: what is observed.
+        images: keys of the images that are seen; None: all of the mode.
+        **origin: as in `interface_of`.
+    """
+    kinds = MODES[obs_mode]
+    scene = task_of(config).cell(config, config.cameras if kinds else ())
+    cameras = task_cameras(scene, config, file.cameras if file is not None else {}) if kinds else ()
+    every = [f"{kind.name}_{c.name}" for c in cameras for kind in kinds]
+    return interface_of(config, scene, obs_mode, cameras, every if images is None else images, **origin)
 
 
 def interface_of(

@@ -319,14 +319,6 @@ class TaskSimulation:
         truth = np.clip(np.nan_to_num(self.observed.read(self, self.observed.truth)), -LIMIT, LIMIT)
         return {POLICY: told(self.seen.stack), PRIVILEGED: truth.astype(np.float32)}
 
-    def measured(self) -> np.ndarray:
-        """Readings in SI units, (nsim, nj + 12), as rendered datasets hold them in `observation.state`: angles of the
-        joints, place and velocity of the held part's tip in the base, force and torque at the flange.
-        """
-        seen = self.seen
-        tip = seen.flange - [0, 0, self.scene.tip]
-        return np.concatenate([seen.measured[0], tip, seen.twist[:, :3], seen.wrench], axis=1)
-
     def snapshot(self, row: int) -> Snapshot:
         """How this row stands now, for whoever draws it."""
         qpos = self.cell.qpos[row, : compiled(self.scene).nq].copy()  # springs that effects built in come last

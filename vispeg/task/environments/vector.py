@@ -168,8 +168,9 @@ class TaskVec(VectorEnv):
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
         self.single_observation_space: gym.spaces.Dict
+        count = self.sim.seen.readings().shape[1] if measured else 0
         self.single_observation_space, self.single_action_space = spaces(
-            self.config, obs_mode, self.eyes.cameras, privileged, depth_image, self.sim.measured().shape[1] * measured
+            self.config, obs_mode, self.eyes.cameras, privileged, depth_image, count
         )
         self.privileged, self.depth_image, self.measured = privileged, depth_image, measured
         self.observed = self.sim.observed
@@ -265,7 +266,7 @@ class TaskVec(VectorEnv):
             seen = {key: grey_depth(v) if kind_of_image(key) is DEPTH else v for key, v in seen.items()}
         told = self.sim.observation()
         if self.measured:
-            told[MEASURED] = self.sim.measured().astype(np.float32)
+            told[MEASURED] = self.sim.seen.readings().astype(np.float32)
         return {**{k: v for k, v in told.items() if self.privileged or k != PRIVILEGED}, **seen}
 
     @property
