@@ -179,7 +179,9 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     meaning = interface_in(config, file, who.modality, world_hash="" if file is None else file.hash, **origin)
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
-    return Own(made(who.source), who.name, who.modality, len(config.dof)), meaning, part
+    acts = Own(made(who.source), who.name, who.modality, len(config.dof))
+    acts.reset(1)  # what cannot begin is refused before the robot is asked, and what begins slowly has begun
+    return acts, meaning, part
 
 
 @contextmanager
