@@ -14,7 +14,6 @@ import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
-from vispeg.core.memory import release
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import several
 from vispeg.recordings.frames.read import FOLDER
@@ -190,11 +189,7 @@ def _read(
         rec = replace(rec, dq=None)  # was read to hold the angles against it
     if rec.chosen is not None:
         return rec
-    cut = choose(rec, seconds)
-    if cut is not rec:
-        del rec
-        release()
-    return cut
+    return choose(rec, seconds)
 
 
 def of_cell(model: Model) -> bool:

@@ -21,6 +21,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
 from vispeg.core.interrupt import Interrupted
 from vispeg.core.lock import release
+from vispeg.core.memory import large_apart
 from vispeg.core.notes import Note, line
 from vispeg.core.provenance import command_line
 
@@ -65,6 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     UserError.in_command = True
     gc.set_threshold(GARBAGE)
+    large_apart()
     try:
         with warnings.catch_warnings(), _terminable() as stopped:
             warnings.simplefilter("default", Note)  # a command's notes are its output, whatever hides Python's warnings

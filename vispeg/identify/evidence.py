@@ -13,7 +13,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.core.memory import release
+from vispeg.core.memory import large_apart
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
@@ -40,7 +40,6 @@ PENALTY = 1e4  # whitened residual of a rollout that diverged
 # The cases of scripts/bench/hidden_effects have 70,000; their intervals hold, and more would make them narrower alone.
 READINGS = 150_000
 LEAST_HZ = 50.0  # that are compared whatever that comes to: a block of time (0.25 s) has a dozen samples then
-LONG = 4e6  # bytes of one rollout beyond which what it leaves is given back at once
 AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
 ROWS = 32  # worlds at once, a process: whatever effects are in a batch are asked of all its rows
 
@@ -55,6 +54,7 @@ class Evidence(Freedom):
     """
 
     def __init__(self, recordings: Sequence[Recording], *, h_max: float = 2e-3, nthread: int = 1):
+        large_apart()
         sound = [in_hand(rec, nominal_robot(rec), 2.0 * _settle(rec)) for rec in recordings]
         self.recordings, self.nthread = [driven(rec, robot_of(rec)) for rec in sound], nthread
         servo = all(rec.control.mode == "servo" for rec in recordings)
@@ -161,8 +161,6 @@ class Evidence(Freedom):
         some = max(1, min(ROWS, int(AT_ONCE / size))) * self.nthread
         for start in range(0, len(worlds), some):
             per_item = self.simulated(worlds[start : start + some])
-            if size > LONG:
-                release()
             for w in range(len(per_item[0])):
                 parts = [self.whiten(item, y[w]).ravel() for item, y in zip(self.items, per_item, strict=True)]
                 yield np.concatenate(parts)
