@@ -28,7 +28,7 @@ from vispeg.render.image_kinds import RGB
 
 PREFIX = "lerobot:"
 PYTHON = "LEROBOT_PYTHON"
-STATE, ACTION = "observation.state", "action"
+STATE = "observation.state"
 WITHIN = ("pretrained_model", "last", "checkpoints", "")  # folders in a training's own
 
 
@@ -64,11 +64,10 @@ class LeRobot:
         file = folder / "config.json"
         config = read_json(file)
         try:
-            seen, out = config["input_features"], config["output_features"]
+            seen = config["input_features"]
             shapes = {key: tuple(map(int, feature["shape"])) for key, feature in seen.items()}
-            self.actions = int(out[ACTION]["shape"][0])
             images = [key for key, feature in seen.items() if feature["type"] == "VISUAL"]
-        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             what = "not a policy that LeRobot saved"
             expected = "a folder with config.json and model.safetensors, such as checkpoints/last/pretrained_model"
             raise UserError(what, file=file, expected=expected) from error
