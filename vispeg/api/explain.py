@@ -15,7 +15,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner
-from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER, label
+from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs
 from vispeg.evaluation.overlay import Change
@@ -107,7 +107,7 @@ def explain(
     if others:
         notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
     named = () if model is None else load_model(model).effects
-    causes: dict[str, tuple[EffectInstance, ...]] = {label(effect): (effect,) for effect in named}
+    causes: dict[str, tuple[EffectInstance, ...]] = {effect.label: (effect,) for effect in named}
     if len(named) > 1:
         causes[TOGETHER] = tuple(named)
     if not causes:

@@ -34,11 +34,6 @@ LATE = 0.02  # s: the article's delays are 0 to 20 ms
 DELAYS = np.arange(0, 41)  # samples that are tried
 
 
-def label(effect: EffectInstance) -> str:
-    """Name an effect in one word: `coulomb_friction(joint4)`."""
-    return f"{effect.effect}({effect.where})"
-
-
 def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
     """Give the seeds of a trial's replays, the same for every kind of replay, so that they are pairs."""
     start = FIRST_SEED + 100_000 * seed + trial * replays

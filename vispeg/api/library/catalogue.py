@@ -80,14 +80,14 @@ def policies() -> list[Entry]:
     from vispeg.learn.record import PAIR, read_record
     from vispeg.learn.shipped import names, policy_folder
 
-    entries = []
+    entries, built_in = [], by_name()
     for name in names():
         record = read_record(policy_folder(name))
         meta = record["meta"]
         success, made = meta.get("success"), made_for(meta)
         kind = "two policies in one" if record["format"] == PAIR.name else "one network"
         world = meta.get("world", "?")
-        now = load_world(world).hash if world in by_name() else None
+        now = load_world(world).hash if world in built_in else None
         changed = now is not None and meta.get("world_hash", now) != now
         parts = [f"trained in {world}{' as it was before' * changed}", kind]
         if (tolerance := kind_of(meta.get("task") or {}).tolerance) is not None and made:

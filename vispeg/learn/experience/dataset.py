@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vispeg.datasets.layout import is_depth, is_picture, short_of, truth_of
+from vispeg.datasets.layout import COLOUR, is_depth, is_picture, short_of, truth_of
 from vispeg.datasets.read import Dataset
 
-OBSERVED = ("observation.images.", "observation.depth.")
+OBSERVED = (COLOUR, "observation.depth.")
 
 
 class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
