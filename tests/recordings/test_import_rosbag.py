@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made import recording
 
+from vispeg.api.recording.convert import convert
 from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.mapping import ColumnMap
@@ -194,3 +195,19 @@ def test_slow_commands_hold_and_quick_ones_go_to_their_reading():
     late = hold(clock, clock + 0.002, np.arange(6.0)[:, None])[:, 0]
     assert late.tolist() == [0, 1, 2, 3, 4, 5]
     assert np.isnan(hold(clock, np.array([0.025, 0.09]), np.ones((2, 1)))[:3]).all()
+
+
+def test_efforts_that_are_currents_become_torques_by_torque_constants(tmp_path):
+    """As the drivers of Universal Robots publish them."""
+    body = '<body name="{0}" pos="0 0 .3"><joint name="{0}" axis="0 1 0" range="-3 3"/><geom size=".05" mass="1"/>'
+    links = body.format("joint1") + body.format("joint2") + "</body></body>"
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{links}</worldbody></mujoco>")
+    rec = recording(200)
+    file, topics = bag(tmp_path / "run", "mcap", rec), Topics("/joint_states", "/command")
+    arm = str(tmp_path / "arm.xml")
+    back = convert(file, arm, tmp_path / "rig", topics=topics, torque_constants=["10", "10"], insist=True)
+    np.testing.assert_allclose(back.tau, 10 * rec.tau, atol=1e-12)
+    assert back.torque_sensor == "motor"
+    with pytest.raises(UserError, match="no constant of this joint; got 'joint1'"):
+        convert(file, arm, tmp_path / "other", topics=topics, torque_constants=["joint2=8"], insist=True)
+    assert not (tmp_path / "other").exists()

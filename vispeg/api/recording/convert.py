@@ -12,11 +12,13 @@ from vispeg.core.errors import UserError
 from vispeg.core.several import several
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.frames.camera import RecordedCamera, Sensor
+from vispeg.recordings.importers.guess.constants import KEY, Constant
+from vispeg.recordings.importers.guess.constants import stated as stated_constants
 from vispeg.recordings.importers.mapping import ColumnMap, checked_rate, read_map
 from vispeg.recordings.importers.objects import import_object
 from vispeg.recordings.importers.plausible import refuse_units
 from vispeg.recordings.importers.rosbag import Topics
-from vispeg.recordings.importers.source import read_source
+from vispeg.recordings.importers.source import is_bag, read_source
 from vispeg.recordings.objects import ObjectRecording, write_object
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.write import write
@@ -38,6 +40,7 @@ def convert(
     cameras: Path | Sequence[Path] = (),
     depth_camera: str | Sequence[str] = (),
     torque_sensor: Literal["joint", "motor", "none"] | None = None,
+    torque_constants: Sequence[str] = (),
     rate_hz: float | None = None,
     column_names: Sequence[str] = (),
     insist: bool = False,
@@ -57,6 +60,7 @@ def convert(
         depth_camera: kind of the depth cameras, by whose noise their depth is judged: `d405`, `d435`,
             `structured_light`, or NAME=KIND for one of several.
         torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
+        torque_constants: of a bag whose efforts are motor currents, A: as `propose` takes them; a map has its own.
         rate_hz: samples a second of a table that keeps no time.
         column_names: of the columns of a table without a header line; else they are numbered from 1.
         insist: take the stated units even where they cannot be true.
@@ -72,6 +76,10 @@ def convert(
         raise UserError("does not exist", file=source)
     kinds, model = _kinds(depth_camera), load(robot)
     files = several(cameras)
+    constants = stated_constants(torque_constants, model.joints) if torque_constants else None
+    if constants is not None and not is_bag(source):
+        expected = "--guess, a bag, or torque_constant in the map"
+        raise UserError("are not used with this source", file=source, key=KEY, expected=expected)
     columns = mapping if isinstance(mapping, ColumnMap) else read_map(mapping, model.joints)
     if rate_hz is not None:
         columns = replace(columns, rate_hz=checked_rate(rate_hz, "--rate-hz"))
@@ -90,6 +98,8 @@ def convert(
             scratch=Path(scratch),
             progress=progress,
         )
+        if constants is not None:
+            rec = _of_currents(rec, constants, torque_sensor, source)
         if kinds:
             rec = _stated(rec, kinds, source)
         if not insist:
@@ -169,6 +179,21 @@ def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Record
             raise UserError("no such camera with depth", file=source, key="--depth-camera", got=name, choices=deep)
     every = kinds.get("")
     return replace(rec, frames=frames.of_kinds(dict.fromkeys(deep, every) if every else kinds))
+
+
+def _of_currents(
+    rec: Recording,
+    constants: Mapping[str, Constant],
+    sensor: Literal["joint", "motor", "none"] | None,
+    source: Path,
+) -> Recording:
+    """The recording whose efforts, A, are torques. Raises UserError: no efforts, or a joint without a constant."""
+    lacking = [joint for joint in rec.joints if joint not in constants]
+    if rec.tau is None or lacking:
+        said = "no constant of this joint" if lacking else "the bag has no efforts"
+        raise UserError(said, file=source, key=KEY, got=", ".join(lacking) or None)
+    factors = [constants[joint].value for joint in rec.joints]
+    return replace(rec, tau=rec.tau * factors, torque_sensor=sensor or "motor")
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:

@@ -12,6 +12,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.fits import Needs
 from vispeg.recordings.importers.guess import words
+from vispeg.recordings.importers.guess.constants import of_arm, stated, torque_sensor_of
 from vispeg.recordings.importers.guess.propose import Proposal
 from vispeg.recordings.importers.guess.source import guess
 from vispeg.recordings.importers.mapping import ColumnMap, checked_rate, map_from
@@ -74,6 +75,7 @@ def propose(
     rate_hz: float | None = None,
     columns: Sequence[str] = (),
     calibration: Path | None = None,
+    torque_constants: Sequence[str] = (),
 ) -> GuessedMap:
     """A map for a table of unknown names, with a reason for each column, tried against the robot's model.
 
@@ -84,6 +86,8 @@ def propose(
         rate_hz: samples a second of a file that keeps no time.
         columns: names of the columns of a file without a header.
         calibration: LeRobot's calibration file.
+        torque_constants: of currents, N m/A at the joint: a number a joint, JOINT=NUMBER, or the name of an arm or
+            servo. Those published for the robot are used where none are stated.
 
     Raises:
         UserError: no table, or one in which no column can be the time or the angles; no such robot.
@@ -98,9 +102,23 @@ def propose(
     def needs(rec: Recording) -> Needs | None:
         return needs_of(load_for(rec.joints, robot), rec)
 
+    called = f"{robot} {model.name} {model.spec().modelname}"
     proposal = guess(
-        source, model.joints, Limits.of(model), needs, rate_hz=rate_hz, names=columns, calibration=calibration
+        source,
+        model.joints,
+        Limits.of(model),
+        needs,
+        rate_hz=rate_hz,
+        names=columns,
+        calibration=calibration,
+        constants=stated(torque_constants, model.joints) if torque_constants else None,
+        known=of_arm(called, model.joints),
     )
+    sensor = torque_sensor_of(called)
+    if sensor is not None and "tau" in proposal.signals() and not torque_constants and not proposal.current:
+        proposal.recording["torque_sensor"] = "joint"
+        proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+        proposal.doubts.append(f"torque_sensor: joint, as this arm has sensors behind its gears ({sensor})")
     if torque_sensor is not None:
         proposal.recording["torque_sensor"] = torque_sensor
         proposal.doubts[:] = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]

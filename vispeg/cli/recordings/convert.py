@@ -59,6 +59,9 @@ class Args:
     """Names of the columns of a table without a header line, with commas: time,q1,q2."""
     calibration: Path | None = None
     """With --guess: LeRobot's calibration file (encoder ranges); default: calibration.json in the data set."""
+    torque_constants: tuple[str, ...] = ()
+    """With --guess, or for a bag: measured torque is a motor current, with these N m/A at the joint (motor constant x
+    gear): a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350)."""
     episodes: str | None = None
     """For an object's archive: tosses to convert, FIRST:LAST without LAST. The others can be held out."""
     insist: bool = False
@@ -112,6 +115,7 @@ class Args:
                 cameras=self.cameras,
                 depth_camera=self.depth_camera,
                 torque_sensor=self.torque_sensor,
+                torque_constants=() if self.guess else self.torque_constants,
                 rate_hz=self.rate_hz,
                 column_names=self._names(),
                 insist=self.insist,
@@ -172,6 +176,7 @@ class Args:
             rate_hz=self.rate_hz,
             columns=self._names(),
             calibration=self.calibration,
+            torque_constants=self.torque_constants,
         )
         self.output.line(str(proposed))
         if self.save_map is not None:

@@ -19,9 +19,11 @@ FACTORS = {
     **{"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi},
     "tick": 2 * math.pi / 4096,  # of the encoders of Feetech's STS3215 and Dynamixel's X series
     **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
+    **{"A": 1.0, "mA": 1e-3},  # with a torque constant alone
     **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
 }
-OTHER = ("joints", "recording", "table")
+AMPERES = ("A", "mA")
+OTHER = ("joints", "recording", "table", "motors")
 SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
 
@@ -32,13 +34,18 @@ class Source:
     Attributes:
         name: of the column; empty for one that is stated as missing.
         factor, offset: as above.
-        plus: what is added: nanoseconds beside seconds.
+        plus: what is added: nanoseconds beside seconds, another motor's angle.
     """
 
     name: str
     factor: float = 1.0
     offset: float = 0.0
-    plus: Source | None = None
+    plus: tuple[Source, ...] = ()
+
+    @property
+    def names(self) -> set[str]:
+        """All columns that are asked for."""
+        return {self.name}.union(*(term.names for term in self.plus))
 
 
 @dataclass(frozen=True)
@@ -64,8 +71,7 @@ class ColumnMap:
     @property
     def names(self) -> set[str]:
         """All columns of the source that are asked for."""
-        sources = [*self.columns.values()]
-        return {part.name for part in [*sources, *(s.plus for s in sources if s.plus is not None)]} - {""}
+        return set[str]().union(*(source.names for source in self.columns.values())) - {""}
 
 
 def _example(folder: Path) -> Path:
@@ -85,7 +91,8 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
     """Reads a map file for a robot with these joints; without one every name stands for itself.
 
     A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
-    offset (SI) is added last, and `plus` names a further column to add. `none` stands for a column of missing readings.
+    offset (SI) is added last, and `plus` names a further column to add, or lists several. A torque in A or mA has a
+    `torque_constant`, N m/A at the joint. `none` stands for a column of missing readings.
 
     Raises:
         UserError: an unknown target, unit or key, or a value of the wrong kind.
@@ -159,7 +166,7 @@ def _source(value: Any, target: str, file: Path) -> Source:
         raise UserError(
             "names no column", file=file, key=target, expected="a name or {column: .., unit: ..}", got=value
         )
-    keys = ("column", "unit", "scale", "offset", "plus")
+    keys = ("column", "unit", "scale", "offset", "plus", "torque_constant")
     for key in value:
         if key not in keys:
             raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
@@ -167,11 +174,31 @@ def _source(value: Any, target: str, file: Path) -> Source:
     if unit is not None and str(unit) not in FACTORS:
         raise UserError("unknown unit", file=file, key=target, got=unit, choices=FACTORS)
     factor = 1.0 if unit is None else FACTORS[str(unit)]
+    _check_current(value, target, file)
     numbers = {}
-    for key, default in (("scale", 1.0), ("offset", 0.0)):
+    for key, default in (("scale", 1.0), ("offset", 0.0), ("torque_constant", 1.0)):
         number = value.get(key, default)
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             raise UserError("is not a number", file=file, key=f"{target}.{key}", got=number)
         numbers[key] = float(number)
-    plus = None if "plus" not in value else _source(value["plus"], f"{target}.plus", file)
-    return Source(str(value["column"]), numbers["scale"] * factor, numbers["offset"], plus)
+    added = value.get("plus", [])
+    terms = added if isinstance(added, list) else [added]
+    plus = tuple(_source(term, f"{target}.plus", file) for term in terms)
+    if not all(term.name for term in plus):
+        raise UserError("names no column", file=file, key=f"{target}.plus", expected="{column: ..}", got=added)
+    return Source(str(value["column"]), numbers["torque_constant"] * numbers["scale"] * factor, numbers["offset"], plus)
+
+
+def _check_current(value: dict, target: str, file: Path) -> None:
+    """Refuse a current without its torque constant, a constant without a current, and a current that is no torque."""
+    constant, amperes = value.get("torque_constant"), value.get("unit") in AMPERES
+    if amperes and target.partition(".")[0] not in ("tau", "tau_cmd"):
+        raise UserError("a current is no reading of this", file=file, key=target, expected="tau.JOINT or tau_cmd.JOINT")
+    if amperes and constant is None:
+        expected = "torque_constant: N m/A at the joint, the motor's constant times the gear"
+        raise UserError("a current needs its torque constant", file=file, key=target, expected=expected)
+    if constant is not None and not amperes:
+        raise UserError("has a torque constant but no current", file=file, key=target, expected="unit: A or mA")
+    if isinstance(constant, int | float) and not isinstance(constant, bool) and constant <= 0:
+        expected = "above 0; scale: -1 turns the sign"
+        raise UserError("no torque constant", file=file, key=target, expected=expected, got=constant)

@@ -13,7 +13,7 @@ from vispeg.core.notes import note
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.importers.build import build, joints_of, si
 from vispeg.recordings.importers.clock import counted
-from vispeg.recordings.importers.mapping import ColumnMap
+from vispeg.recordings.importers.mapping import ColumnMap, Source
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Reading, Table
@@ -59,9 +59,7 @@ def from_table(
         if not origin.name:  # stated as not there
             columns[target] = np.full(table.rows, np.nan)
             continue
-        columns[target] = si(table.number(origin.name), origin)
-        if origin.plus is not None:
-            columns[target] = columns[target] + si(table.number(origin.plus.name), origin.plus)
+        columns[target] = summed(table, origin)
     for target in targets:
         if target not in columns and target in table.names:
             columns[target] = table.number(target)
@@ -77,6 +75,12 @@ def from_table(
         )
         note(f"{source}: {lines}: {table.comments[0][:80]}")
     return build(columns, source, robot, joints, mapping, table.first_row, **header)
+
+
+def summed(table: Table, origin: Source) -> np.ndarray:
+    """Return a column (n,) in SI units with all that the map adds to it."""
+    own = si(table.number(origin.name), origin)
+    return sum((summed(table, term) for term in origin.plus), start=own)
 
 
 def _targets(names: list[str]) -> list[str]:

@@ -34,9 +34,11 @@ POSITION = {"q", "pos", "position", "positions", "angle", "angles", "theta", "jp
 VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "omega", "qdot", "geschwindigkeit",
             "qvel"}  # fmt: skip
 TORQUE = {"tau", "trq", "tq", "torque", "torques", "effort", "efforts", "moment", "moments", "load", "drehmoment"}
+AMPERES = {"ma": "mA", **dict.fromkeys(("milliamp", "milliamps", "milliampere", "milliamperes"), "mA"),
+           **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A")}  # fmt: skip
 OTHER = {  # quantity -> words, and why it is not used
     "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"}, "accelerations are not"),
-    "current": ({"current", "currents", "curr", "amp", "amps", "macur", "iq", "strom"}, "measured torque is there, "
+    "current": ({"current", "currents", "curr", "macur", "iq", "strom", *AMPERES} - {"ma"}, "measured torque is there, "
                 "so that currents are not"),
     "external": ({"ext", "external"}, "an estimate of external torque, not what the joint felt"),
     "temperature": ({"temp", "temperature", "temperatur"}, "temperatures are not"),
@@ -80,7 +82,7 @@ class Meaning:
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
     """Reads a name; `labels` are columns whose joint is known from elsewhere."""
-    unit, rest = _unit(name)
+    unit, rest = _unit(re.sub(r"[\[(]\s*(m?)A\s*[\])]", lambda hit: "_milliamp" if hit[1] else "_amp", name))
     words = split(rest)
     taken, quantity, said = set(), "", ""
     if "episode" in words:
@@ -97,6 +99,9 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
         hit = [i for i, word in enumerate(words) if word in vocabulary]
         if hit:
             quantity, said = kind, words[hit[0]]
+    if quantity == "current":
+        spelt = [i for i, word in enumerate(words) if word in AMPERES]
+        unit, taken = (AMPERES[words[spelt[0]]] if spelt else ""), taken | {*spelt}
     commanded: bool | None = None
     for i, word in enumerate(words):
         desired = word == "d" and quantity in ("q", "dq", "tau")  # Franka: q_d, tau_J_d

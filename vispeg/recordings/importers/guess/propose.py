@@ -51,6 +51,7 @@ class Line:
         offset: what is added then, SI.
         plus: a further column that is added, and its unit.
         rate_hz: samples a second, where the file keeps no time.
+        constant: N m/A, of a current.
     """
 
     target: str
@@ -62,6 +63,7 @@ class Line:
     offset: float = 0.0
     plus: tuple[str, str] | None = None
     rate_hz: float | None = None
+    constant: float | None = None
 
 
 class Stated(TypedDict, total=False):
@@ -86,6 +88,7 @@ class Proposal:
         unused: column -> why it is not used.
         assumed: signals whose columns are taken in an order that nothing states.
         current: whether measured torque is a motor current, whose scale has to be found.
+        ampere: the unit of these currents that their names state, A or mA.
         rows: the rows that decided, as they stand in the file.
     """
 
@@ -98,6 +101,7 @@ class Proposal:
     unused: dict[str, str] = field(default_factory=dict)
     assumed: set[str] = field(default_factory=set)
     current: bool = False
+    ampere: str = ""
     rows: list[str] = field(default_factory=list)
 
     def signals(self) -> set[str]:
@@ -162,7 +166,8 @@ def propose(
     stacks = {s: _stack(table, [placed[s][j] for j in out.joints]) for s in placed}
     ticks = _ticks(placed["q"], stacks, out, calibration)
     known = {s: ("tick", "encoder ticks") for s in ("q", "q_cmd") if s in placed and any(ticks)}
-    known |= {"tau": ("", "a motor current, whose scale is found by the model")} if out.current else {}
+    if out.current and "tau" in placed:
+        known["tau"], out.ampere = ("", "a motor current"), _amperes(placed["tau"])
     columns = {s: [placed[s][j] for j in out.joints] for s in placed}
     units = values.units_of(columns, stacks, selected, out.doubts, known)
     speeds = {s: _speeds(columns[s]) for s in ("dq", "dq_cmd") if s in placed}
@@ -495,6 +500,12 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
             out.unused[m.name] = f"{OTHER[m.quantity][1]}{' used' if OTHER[m.quantity][1].endswith('not') else ''}"
         else:
             out.unused[m.name] = "its name is of no known signal"
+
+
+def _amperes(columns: Mapping[str, Meaning]) -> str:
+    """The unit that all names of currents say, or nothing."""
+    said = {m.unit for m in columns.values()}
+    return said.pop() if len(said) == 1 else ""
 
 
 def _sensor(names: list[str], out: Proposal) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,13 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import Note
 from vispeg.formats.json_data import read_json
 from vispeg.recordings.checks.quality import Limits
-from vispeg.recordings.importers.fits import Needs, order_that_fits, scales
+from vispeg.recordings.importers.fits import Needs, Scales, order_that_fits, scales
 from vispeg.recordings.importers.guess import words
+from vispeg.recordings.importers.guess.constants import KEY, Constant
 from vispeg.recordings.importers.guess.dialect import dialect_of
 from vispeg.recordings.importers.guess.propose import Line, Proposal, propose
 from vispeg.recordings.importers.guess.ticks import calibration_beside, read_calibration
-from vispeg.recordings.importers.mapping import map_from
+from vispeg.recordings.importers.mapping import FACTORS, map_from
 from vispeg.recordings.importers.plausible import doubts
 from vispeg.recordings.importers.table import from_table
 from vispeg.recordings.importers.turns import turned
@@ -28,6 +30,14 @@ from vispeg.recordings.tables.read import is_text, read_table
 from vispeg.recordings.tables.table import Dialect, Reading, Table
 
 ROWS = 200_000  # that are looked at: header and ranges need no more
+AGREE = (
+    2.0  # times that a published constant and the model's own may differ: masses, temperature and friction make less
+)
+BEYOND = 5.0  # times a joint's torque limit: as amperes they would give more, so they are milliamperes
+QUESTION = (
+    f"their torque constants, N m/A at the joint (motor constant x gear), would make torques that do not lean on the "
+    f"model's masses: {KEY} with a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350)"
+)
 INFO = "meta/info.json"  # of a LeRobot data set, up to four folders above its tables
 
 NeedsOf = Callable[[Recording], Needs | None]  # the robot's torques for the joints of a recording
@@ -42,6 +52,8 @@ def guess(
     rate_hz: float | None = None,
     names: Sequence[str] = (),
     calibration: Path | None = None,
+    constants: Mapping[str, Constant] | None = None,
+    known: Mapping[str, Constant] | None = None,
 ) -> Proposal:
     """A map for a table of unknown names; nothing is proposed that the numbers or the model contradict unsaid.
 
@@ -53,6 +65,8 @@ def guess(
         rate_hz: samples a second of a file that keeps no time.
         names: of the columns of a text table or array without a header.
         calibration: LeRobot's calibration file; by default the one beside the data set.
+        constants: joint -> torque constant, as the user states it: measured torque is a current then.
+        known: the same as published for the robot, used where measured torque is one.
 
     Raises:
         UserError: no table, or one in which no column can be the time or the angles.
@@ -70,11 +84,14 @@ def guess(
             table, joints, limits, dialect, _lerobot(source), order=order, rate_hz=rate_hz, calibration=ranges
         )
 
+    most = dict(zip(joints, limits.torque.tolist(), strict=True))
     out = proposed()
+    if constants and "tau" not in out.signals():
+        raise UserError("no column looks like a current", file=source, key=KEY, got=", ".join(constants))
     rec = _tried(out, table, source, joints, limits)
     needs = None if rec is None else needs_of(rec)
     if rec is None or needs is None:
-        return _without_current(out)
+        return out if _by_constants(out, rec, None, constants, known, most) else _without_current(out)
     if out.assumed and rec.tau is not None and not out.current:
         better = order_that_fits(rec, needs)
         if better is not None:
@@ -86,7 +103,9 @@ def guess(
                 f"{better.given:.3g}; it is proposed: {which}"
             )
             rec = rec if mended is None else mended
-    _scaled(out, rec, needs)
+    found = None if rec.tau is None else scales(rec, needs)
+    if not _by_constants(out, rec, found, constants, known, most):
+        _scaled(out, found)
     return out
 
 
@@ -110,9 +129,75 @@ def _tried(out: Proposal, table: Table, source: Path, joints: Sequence[str], lim
     return rec
 
 
-def _scaled(out: Proposal, rec: Recording, needs: Needs) -> None:
+def _by_constants(
+    out: Proposal,
+    rec: Recording | None,
+    found: Scales | None,
+    stated: Mapping[str, Constant] | None,
+    known: Mapping[str, Constant] | None,
+    most: Mapping[str, float],
+) -> bool:
+    """Make torques of currents by torque constants; False where none are known or the readings are no currents.
+
+    Published constants of a column that is not called a current count where the model's own scale agrees with them.
+    """
+    constants = stated or known or {}
+    if rec is None or rec.tau is None or not set(constants) & set(rec.joints):
+        return False
+    joints = [joint for joint in rec.joints if joint in constants]
+    places = [rec.joints.index(joint) for joint in joints]
+    values = np.array([constants[joint].value for joint in joints])
+    fitted = np.full(len(joints), np.nan) if found is None or not found.told else 1.0 / found.scale[places]
+    ratio = float(np.nanmedian(np.abs(fitted) / values)) if np.isfinite(fitted).any() else math.nan
+    unit = min(("A", "mA"), key=lambda u: abs(math.log(ratio / FACTORS[u]))) if ratio > 0 else ""
+    agree = bool(unit) and 1 / AGREE < ratio / FACTORS[unit] < AGREE
+    called = out.current or bool(stated)
+    if not (called or (agree and found is not None and found.foreign)):
+        return False
+    if out.ampere:
+        unit, why = out.ampere, f"the name says {out.ampere}"
+    elif agree:
+        why = f"in {unit} the model's torques agree"
+    else:
+        share = np.nanmax(np.abs(rec.tau[:, places]) * values, axis=0) / [most[joint] for joint in joints]
+        unit = "mA" if np.isfinite(share).any() and np.nanmax(share) > BEYOND else "A"
+        why = f"{unit} is taken"
+        out.doubts.append(f"currents: no name states their unit, and this motion does not tell it: {unit} is taken")
+    torques = [line for line in out.lines if line.target.startswith("tau.") and "the name says" in line.why]
+    if torques and not out.current:
+        raise UserError("the name says that it is no current", file=out.file, key=KEY, got=torques[0].column)
+    lines = []
+    for line in out.lines:
+        signal, _, joint = line.target.partition(".")
+        if signal == "tau" and joint not in constants:
+            out.unused[line.column] = f"{joint}: its torque constant is not known"
+            line = Line(line.target, "", "", "measured torque: its torque constant is not known", "measured")
+        elif signal == "tau":
+            k = constants[joint]
+            sign = -1.0 if fitted[joints.index(joint)] < 0 else 1.0
+            said = f"{line.why}; {why}; {k.value:g} N m/A: {k.source}"
+            line = replace(line, unit=unit, scale=sign, constant=k.value, why=said, sure="stated")
+        lines.append(line)
+    out.lines = lines
+    out.recording["torque_sensor"] = "motor"
+    out.doubts = [d for d in out.doubts if not d.startswith("torque_sensor") and "it is not used until you" not in d]
+    if not stated:
+        out.doubts.append(f"torque constants as published for this arm; {KEY} states those of your own")
+    if found is not None and np.isfinite(fitted).any():
+        beside = [
+            f"{joint} {own / FACTORS[unit]:.3g} +- {sigma / scale**2 / FACTORS[unit]:.1g} for {value:.4g}"
+            for joint, own, value, sigma, scale in zip(
+                joints, fitted, values, found.sigma[places], found.scale[places], strict=True
+            )
+            if np.isfinite(own)
+        ]
+        odd = "" if 1 / AGREE < ratio / FACTORS[unit] < AGREE else ": they do not agree, look at unit and constants"
+        out.doubts.append(f"N m/A by this motion and the model's masses: {', '.join(beside)}{odd}")
+    return True
+
+
+def _scaled(out: Proposal, found: Scales | None) -> None:
     """Gives torques that are none in N m the scale at which they are the model's, and leaves out those of no joint."""
-    found = None if rec.tau is None else scales(rec, needs)
     if found is None or not (found.foreign or (out.current and found.told)):
         if out.current:
             _without_current(out)
@@ -141,6 +226,7 @@ def _scaled(out: Proposal, rec: Recording, needs: Needs) -> None:
     out.recording["torque_sensor"] = "motor"
     out.doubts = [d for d in out.doubts if not d.startswith("torque_sensor") and "it is not used until you" not in d]
     out.doubts.append("torque_sensor: motor, as a current is; its scale can be fitted beside friction (torque_gain)")
+    out.doubts.append(f"currents: {QUESTION}")
 
 
 def _without_current(out: Proposal) -> Proposal:
@@ -150,6 +236,7 @@ def _without_current(out: Proposal) -> Proposal:
         out.unused |= {line.column: why for line in out.lines if line.target.startswith("tau.")}
         out.lines = [line for line in out.lines if not line.target.startswith("tau.")]
         out.recording.pop("torque_sensor", None)
+        out.doubts.append(f"currents: {QUESTION}")
         out.doubts = [doubt for doubt in out.doubts if not doubt.startswith("torque_sensor")]
         out.current = False
     return out

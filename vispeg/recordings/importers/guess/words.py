@@ -33,6 +33,7 @@ def _entry(line: Line) -> dict[str, object] | str:
     entry: dict[str, object] = {"column": line.column}
     entry |= {"unit": line.unit} if line.unit else {}
     entry |= {"scale": line.scale} if line.scale != 1.0 else {}
+    entry |= {"torque_constant": line.constant} if line.constant is not None else {}
     entry |= {"offset": line.offset} if line.offset else {}
     return entry | ({"plus": {"column": line.plus[0], "unit": line.plus[1]}} if line.plus is not None else {})
 

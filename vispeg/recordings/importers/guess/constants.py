@@ -1,0 +1,129 @@
+"""Torque constants of joints, N m/A: stated by the user, or published for an arm or a servo, each with its source."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from vispeg.core.errors import UserError
+from vispeg.formats.yaml_data import read_yaml
+
+FILE = Path(__file__).with_name("torque_constants.yaml")
+KEY = "--torque-constants"
+EXPECTED = "N m/A at the joint (motor constant x gear): a number a joint, JOINT=NUMBER, or the name of an arm or servo"
+
+
+@dataclass(frozen=True)
+class Constant:
+    """What a joint gives for an ampere.
+
+    Attributes:
+        value: N m/A, above 0.
+        source: who says so.
+    """
+
+    value: float
+    source: str
+
+
+@cache
+def published() -> Mapping[str, Any]:
+    """Return the file of published constants: `arms`, `sensors` and `motors`."""
+    return read_yaml(FILE)
+
+
+def names() -> list[str]:
+    """List the arms and servos whose constants are known."""
+    return [*published()["arms"], *published()["motors"]]
+
+
+def of_arm(called: str, joints: Sequence[str]) -> dict[str, Constant]:
+    """Return the published constants of an arm's joints.
+
+    Args:
+        called: what the robot is called: name, file and model, in any order.
+        joints: the robot's; theirs may begin with a prefix.
+
+    Returns:
+        Joint -> constant; empty where no constant of that arm is known.
+    """
+    for name, arm in published()["arms"].items():
+        if not _named(name, called):
+            continue
+        found = {joint: k for joint in joints for key, k in arm["motor"].items() if joint.endswith(key)}
+        return {joint: Constant(float(f"{k * arm['gear']:.4g}"), arm["source"]) for joint, k in found.items()}
+    return {}
+
+
+def torque_sensor_of(called: str) -> str | None:
+    """Return the source that says that an arm of this name measures torque behind the gear; None where none does."""
+    sensors = published()["sensors"]
+    return next((sensors[name]["source"] for name in sensors if _named(name, called)), None)
+
+
+def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
+    """Return the constants that a user states.
+
+    Args:
+        texts: a number a joint in the robot's order; JOINT=NUMBER or JOINT=SERVO; or one arm's or servo's name.
+        joints: the robot's.
+
+    Raises:
+        UserError: another count than the joints', a number that is none, or an unknown name.
+    """
+    if len(texts) == 1 and "=" not in texts[0] and not _is_number(texts[0]):
+        name = texts[0]
+        arm = published()["arms"].get(name.lower())
+        if arm is None:
+            return {joint: _one(name) for joint in joints}
+        known = of_arm(name, joints)
+        if known or len(arm["motor"]) != len(joints):
+            return known or _refuse_arm(name, arm, joints)
+        return dict(zip(joints, of_arm(name, [*arm["motor"]]).values(), strict=True))
+    if any("=" in text for text in texts):
+        out = {}
+        for text in texts:
+            joint, equals, value = text.partition("=")
+            if not equals or joint not in joints or joint in out:
+                said = "is stated twice" if joint in out else "is no joint of the robot"
+                raise UserError(said, key=KEY, got=text, expected="JOINT=NUMBER", choices=list(joints))
+            out[joint] = _one(value)
+        return out
+    if len(texts) != len(joints):
+        raise UserError("not a number a joint", key=KEY, expected=f"{len(joints)} numbers", got=len(texts))
+    return {joint: _one(text) for joint, text in zip(joints, texts, strict=True)}
+
+
+def _refuse_arm(name: str, arm: Mapping[str, Any], joints: Sequence[str]) -> Any:
+    expected = f"an arm with {', '.join(arm['motor'])}"
+    raise UserError(f"{name}'s constants are of other joints", key=KEY, expected=expected, got=", ".join(joints))
+
+
+def _one(text: str) -> Constant:
+    if _is_number(text):
+        if not 1e-4 <= float(text) <= 1e4:
+            raise UserError("no torque constant", key=KEY, expected="0.0001 to 10000 N m/A", got=text)
+        return Constant(float(text), "stated")
+    motors = {name.lower(): (name, data) for name, data in published()["motors"].items()}
+    found = next((motors[name] for name in motors if text.lower().startswith(name)), None)
+    if found is None:
+        raise UserError("not known", key=KEY, expected=EXPECTED, got=text, choices=names())
+    name, data = found
+    at = f"{name} at stall, {data['torque']:g} N m at {data['current']:g} A and {data['volt']:g} V"
+    return Constant(float(f"{data['torque'] / data['current']:.4g}"), f"{at}: {data['source']}")
+
+
+def _named(name: str, called: str) -> bool:
+    return re.search(rf"(?<![a-z0-9]){name}(?![a-z0-9])", called.lower()) is not None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
