@@ -25,6 +25,8 @@ from vispeg.trials.trial import folders, read_trial
 
 FACTORY = """
 from collections import deque
+from pathlib import Path
+import json
 import torch
 
 class Chunks(torch.nn.Module):
@@ -33,7 +35,8 @@ class Chunks(torch.nn.Module):
         self.network = torch.nn.Linear(1, 1)
     @classmethod
     def from_pretrained(cls, folder, config):
-        return cls()
+        out = json.loads((Path(folder) / "config.json").read_text())["output_features"]["action"]
+        return cls() if out["shape"] == [3] else Joints()
     def reset(self):
         self.queue = deque()
     def select_action(self, batch):
@@ -43,6 +46,14 @@ class Chunks(torch.nn.Module):
             down = torch.stack([state[0, 7], image.mean(), torch.tensor(-0.5)])
             self.queue.extend([down[None], 2 * down[None]])
         return self.queue.popleft()
+
+class Joints(Chunks):
+    def reset(self):
+        pass
+    def select_action(self, batch):
+        assert batch["observation.state"].shape == (1, 7)  # the joints alone
+        step = torch.tensor([0.0, 0.01, 0.0, 0.0, 0.0, -0.01, 0.0])
+        return 2 * (batch["observation.state"] + step).flip(1)
 
 def get_policy_class(kind):
     assert kind == "act"
@@ -92,14 +103,26 @@ def python(tmp_path_factory):
     return environment / "bin" / "python"
 
 
-def saved(place, state=19, shape=(3, 16, 16)):
+class SameJoints:
+    obs_mode, measured, action, task = *("rgb", True, "joint_goal"), Same.task
+
+    def act(self, obs):
+        return obs["measured"][:, :7] + np.float32([0.0, 0.01, 0.0, 0.0, 0.0, -0.01, 0.0])
+
+
+def saved(place, state=19, shape=(3, 16, 16), action=3, names=None):
     """A folder as `lerobot-train` writes it, less its numbers."""
     folder = place / "act" / "checkpoints" / "last" / "pretrained_model"
     folder.mkdir(parents=True)
     seen = {"observation.state": {"type": "STATE", "shape": [state]}}
     seen["observation.images.wrist_wide"] = {"type": "VISUAL", "shape": list(shape)}
-    config = {"input_features": seen, "output_features": {"action": {"type": "ACTION", "shape": [3]}}}
+    config = {"input_features": seen, "output_features": {"action": {"type": "ACTION", "shape": [action]}}}
     (folder / "config.json").write_text(json.dumps(config))
+    if names:
+        info = {"features": {"action": {"dtype": "float32", "shape": [action], "names": names}}}
+        (place / "data" / "meta").mkdir(parents=True)
+        (place / "data" / "meta" / "info.json").write_text(json.dumps(info))
+        (folder / "train_config.json").write_text(json.dumps({"dataset": {"root": str(place / "data")}}))
     return folder
 
 
@@ -114,6 +137,27 @@ def test_it_plays_as_the_same_policy_does_in_this_process(tmp_path, python, monk
     for one, other in zip(theirs.episodes, ours.episodes, strict=True):
         assert (one.seed, one.category, one.time) == (other.seed, other.category, other.time)
         assert one.lateral_error == pytest.approx(other.lateral_error, rel=1e-6), "means of pixels round otherwise"
+
+
+def test_the_names_of_its_dataset_say_that_it_acts_in_joints(tmp_path, python, monkeypatch, capsys):
+    """In the order in which they stand there; where the dataset is not at hand, the kind has to be said."""
+    monkeypatch.setenv(PYTHON, str(python))
+    names = {"motors": [f"joint{i}.pos" for i in range(7, 0, -1)]}
+    named = saved(tmp_path / "named", state=7, action=7, names=names)
+    theirs = vispeg.evaluate({"same": f"lerobot:{named}"}, world="nominal", episodes=2, task={"steps": 4})
+    ours = vispeg.evaluate({"same": SameJoints()}, world="nominal", episodes=2, task={"steps": 4})
+    for one, other in zip(theirs.episodes, ours.episodes, strict=True):
+        assert one.lateral_error == pytest.approx(other.lateral_error, abs=1e-6) and one.depth == pytest.approx(
+            other.depth
+        )
+    (tmp_path / "named" / "data" / "meta" / "info.json").unlink()
+    argv = ["evaluate", f"lerobot:{named}", "--world", "nominal", "--episodes", "1", "--out", str(tmp_path / "out")]
+    assert main([*argv, "--quiet"]) == 2 and not (tmp_path / "out" / "evaluate.json").exists()
+    err = capsys.readouterr().err.strip()
+    assert "what do its actions mean" in err and "joint_goal" in err and "\n" not in err
+    assert entrant(f"lerobot:{named}?action=joint_goal").digest != entrant(f"lerobot:{named}").digest
+    other = vispeg.evaluate(f"lerobot:{named}?action=joint_delta", world="nominal", episodes=1, task={"steps": 1})
+    assert other.episodes[0].policy == "act"
 
 
 def test_a_row_that_begins_forgets_and_the_others_go_on(tmp_path, python, monkeypatch):

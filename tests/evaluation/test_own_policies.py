@@ -9,8 +9,9 @@ import vispeg
 from vispeg.api.export.policy import export_policy
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
-from vispeg.evaluation.entrants import entrant
+from vispeg.evaluation.entrants import entrant, entrants
 from vispeg.evaluation.jobs import seeds_of
+from vispeg.evaluation.players import own_player
 from vispeg.interface.exported import Exported
 from vispeg.learn import onnx
 from vispeg.learn.evaluation import run_episodes
@@ -135,7 +136,6 @@ def test_what_cannot_be_sent_to_a_worker_is_said_before_it_is_tried():
 def test_a_file_by_stable_baselines3_acts_as_that_library_loads_it(algorithm, tmp_path):
     """Without its pickles: depth as an image, the same actions, no ground truth; also the model in memory."""
     sb3 = pytest.importorskip("stable_baselines3")
-    from vispeg.evaluation.own import Own, made
 
     seen = {"cameras": ("wrist_wide",), "image_size": 36, "backend": "raycast"}
     env = vispeg.make("nominal", "depth", depth_image=True, **seen)
@@ -149,8 +149,8 @@ def test_a_file_by_stable_baselines3_acts_as_that_library_loads_it(algorithm, tm
     image, _ = TaskVec(2, "nominal", "depth", depth_image=True, **seen).reset(seed=1)
     metres, _ = played.reset(seed=1)
     expected = model.predict(image, deterministic=True)[0]
-    for policy in (made(str(tmp_path / "mine.zip")), model):
-        np.testing.assert_array_equal(Own(policy, "mine", "depth", 3).act(metres), expected)
+    for policy in (str(tmp_path / "mine.zip"), model):
+        np.testing.assert_array_equal(own_player(entrants({"mine": policy})[0], played.config).act(metres), expected)
     result = vispeg.evaluate(str(tmp_path / "mine.zip"), "nominal", episodes=2, task={"steps": 2})
     assert [e.modality for e in result.episodes] == ["depth"] * 2 and result.episodes[0].policy == "mine"
 
@@ -174,10 +174,8 @@ def test_rows_that_begin_are_told(module):
     """A policy with a memory learns which of its rows begin anew."""
     import own_policy_of_test as own
 
-    from vispeg.evaluation.own import Own
-
     policy, env = own.Down(), TaskVec(2, "nominal", "proprio", autoreset_mode="Disabled", steps=3)
-    run_episodes(Own(policy, "down", "proprio", 3), env, seeds_of(3))
+    run_episodes(own_player(entrants({"down": policy})[0], env.config), env, seeds_of(3))
     assert policy.began[0] is None and [rows.tolist() for rows in policy.began[1:]] == [[True, True]]
 
 

@@ -64,7 +64,11 @@ class RunResult:
         heads = ("trial", "outcome", "said by", "time", "peak force", "missed deadlines")
         good = sum(said.outcome.success for said in self.trials.values())
         text = f"{self.policy} on {self.robot}: {good} of {len(rows)} succeeded; trials in {self.folder}"
-        return [Sheet([Column(head) for head in heads], rows), Line(text, path=True)]
+        lines = [Line(text, path=True)]
+        if cut := sum(said.timing.clipped for said in self.trials.values()):
+            steps = sum(said.timing.steps for said in self.trials.values())
+            lines.append(Line(f"{cut} of {steps} actions asked for more than the controller takes"))
+        return [Sheet([Column(head) for head in heads], rows), *lines]
 
     def _repr_html_(self) -> str:
         return html(self.summary)
@@ -167,7 +171,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
 
 def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
     """A policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no world."""
-    from vispeg.evaluation.own import Own, made
+    from vispeg.evaluation.players import own_player
     from vispeg.task.environments.vector import world_of
     from vispeg.task.interface import interface_in
 
@@ -179,7 +183,7 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     meaning = interface_in(config, file, who.modality, world_hash="" if file is None else file.hash, **origin)
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
-    acts = Own(made(who.source), who.name, who.modality, len(config.dof))
+    acts = own_player(who, config)
     acts.reset(1)  # what cannot begin is refused before the robot is asked, and what begins slowly has begun
     return acts, meaning, part
 

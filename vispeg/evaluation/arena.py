@@ -68,7 +68,7 @@ def episode(job: Job, outcome: Outcome) -> Episode:
     info = outcome.info
     forces = np.asarray(info.get("force_profile", ()), float)
     steps = max(1, outcome.steps)
-    numbers = [float(info.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth")]
+    numbers = [float(info.get(k, np.nan)) for k in ("time", "peak_force", "lateral_error", "depth", "clipped")]
     per_step = [float(part.max()) for part in np.array_split(forces, steps) if part.size]
     return Episode(
         policy=job.entrant.name,
@@ -83,6 +83,7 @@ def episode(job: Job, outcome: Outcome) -> Episode:
         peak_force=numbers[1],
         lateral_error=numbers[2],
         depth=numbers[3],
+        clipped=numbers[4],
         control=job.control,
         configuration=job.configuration,
         force_profile=tuple(per_step) if job.profile else None,

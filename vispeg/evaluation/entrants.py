@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,6 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.provenance import digest
 from vispeg.evaluation import own
+from vispeg.interface.actions import OFFSET
 from vispeg.learn.meta import interface, tolerance_of, worlds
 from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
@@ -70,7 +72,7 @@ def entrant(text: str) -> Entrant:
     """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
 
     In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, an .onnx, a .zip by
-    Stable-Baselines3, or `lerobot:FOLDER`.
+    Stable-Baselines3, or `lerobot:FOLDER`, each with `?action=KIND` behind it where its actions are no offsets.
 
     Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
     a run's folder, the task's.
@@ -78,11 +80,15 @@ def entrant(text: str) -> Entrant:
     Raises:
         UserError: no such policy, a folder without a readable policy.json, no torch to play it with.
     """
-    name, _, place = text.rpartition("=")
+    stated, kind = own.split(text)
+    name, _, place = stated.rpartition("=")
+    if own.is_own(place):
+        return _own(name or own.called(place), place if kind is None else f"{place}{own.ACTION}{kind}")
+    if kind is not None:
+        what = "only of a policy of your own, for another one states what its actions mean"
+        raise UserError(what, key="action", got=text)
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)
-    if own.is_own(place):
-        return _own(name or own.called(place), place)
     path = policy_folder(place, [EXPERT])
     require("torch", f"the policy {place}")
     record = read_record(path)
@@ -108,12 +114,15 @@ def _own(name: str, source: Any) -> Entrant:
     """A policy of the user's own. Raises UserError: nothing that acts, or that observes what there is."""
     target = own.made(source)
     mode, task = own.observes(target, name)
-    path = own.origin(source)
+    path, action = own.origin(source), own.acts(source, target)
     digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
+    if path is not None and own.split(source)[1] is not None:  # acts otherwise, so it is another policy
+        digest_of = hashlib.sha256(f"{digest_of} {action}".encode()).hexdigest()
     kept = source if isinstance(source, str) else target
     where, known = Path(name) if path is None else path, own.made_in(target)
     hashes, made_of = tuple(known["world_hashes"]), known["world_parts"]
-    how: Any = {"alone": own.plays_alone(target), "measured": bool(getattr(target, "measured", False))}
+    how: Any = {"alone": own.plays_alone(target), "measured": action not in (None, OFFSET)}
+    how["measured"] |= bool(getattr(target, "measured", False))
     return Entrant(name, where, mode, 0, hashes, task, digest_of, made_of, source=kept, **how)
 
 

@@ -385,6 +385,12 @@ def _notes(table: Table, decided: Mapping[Key, Decision], order: Sequence[str], 
             notes.append(
                 f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
             )
+        mine = [row for cell, by_seed in table.cells.items() if cell.policy == policy for row in by_seed.values()]
+        cut = [e.clipped for row in mine for e in row.values() if e.clipped >= 0]  # NaN: nobody counted
+        if any(cut):
+            notes.append(
+                f"{policy} asked for more than the controller takes in {np.mean(cut):.1%} of an episode's steps"
+            )
         if policy not in scripted:
             notes += _of_networks(policy, len(_policy(table, policy, False, None)["train_seeds"]))
         if order[0] in played:

@@ -2,7 +2,8 @@
 
 LeRobot asks for other versions of packages than this project does, so the process may run in another environment: the
 interpreter that LEROBOT_PYTHON names, else the present one. A policy sees what a rendered dataset calls
-`observation.state` and `observation.images.CAMERA` (docs/datasets.md), and its action is the task's.
+`observation.state` (or of it the joints alone) and `observation.images.CAMERA` (docs/datasets.md). What its action
+means is told by the names that the dataset of its training gives the action, see `vispeg.interface.actions`.
 """
 
 from __future__ import annotations
@@ -19,16 +20,20 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.extras import there
+from vispeg.datasets.describe import INFO
 from vispeg.datasets.layout import COLOUR, colour_of
 from vispeg.evaluation import lerobot_process
 from vispeg.evaluation.lerobot_process import read, write
+from vispeg.formats.guard import is_file
 from vispeg.formats.json_data import read_json
+from vispeg.interface.actions import entries
 from vispeg.interface.terms import MEASURED
 from vispeg.render.image_kinds import RGB
 
 PREFIX = "lerobot:"
 PYTHON = "LEROBOT_PYTHON"
-STATE = "observation.state"
+STATE, ACTION = "observation.state", "action"
+READ = 12  # readings behind the joints': tip, velocity, force, torque
 WITHIN = ("pretrained_model", "last", "checkpoints", "")  # folders in a training's own
 
 
@@ -53,6 +58,7 @@ class LeRobot:
         obs_mode: `rgb`, or `proprio` of a policy without pictures.
         measured: it asks for readings in SI units.
         task: the cameras that it sees, and their size.
+        action_names, action_width: of the numbers of an action; () and None where the folder does not say.
 
     Raises:
         UserError: not such a folder; pictures of several sizes; nothing that runs LeRobot.
@@ -67,13 +73,15 @@ class LeRobot:
             seen = config["input_features"]
             shapes = {key: tuple(map(int, feature["shape"])) for key, feature in seen.items()}
             images = [key for key, feature in seen.items() if feature["type"] == "VISUAL"]
+            acts = config.get("output_features", {}).get(ACTION)
+            self.action_width = None if acts is None else int(np.prod(acts["shape"]))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             what = "not a policy that LeRobot saved"
             expected = "a folder with config.json and model.safetensors, such as checkpoints/last/pretrained_model"
             raise UserError(what, file=file, expected=expected) from error
         self.folder = folder
         self.cameras = [key.removeprefix(COLOUR) for key in images]
-        self.state = shapes.get(STATE)
+        self.state, self.action_names = shapes.get(STATE), _action_names(folder)
         self.task: dict[str, Any] = {}
         self.obs_mode = "rgb" if images else "proprio"
         if images:
@@ -93,17 +101,19 @@ class LeRobot:
             self._ask({"row": row})
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return actions (n, d) within +-1 for n episodes."""
+        """Return actions (n, k) for n episodes."""
         state = obs[MEASURED]
-        if self.state is not None and self.state != state.shape[1:]:
+        if self.state == (state.shape[1] - READ,):
+            state = state[:, :-READ]
+        elif self.state is not None and self.state != state.shape[1:]:
             what, key = "was trained with another state than this robot has", f"input_features.{STATE}"
             raise UserError(f"{self.folder} {what}", key=key, expected=state.shape[1:], got=self.state)
-        return np.clip([self._ask(self._seen(obs, row))["action"] for row in range(len(state))], -1, 1)
+        return np.stack([self._ask(self._seen(obs, state, row))["action"] for row in range(len(state))])
 
-    def _seen(self, obs: Mapping[str, np.ndarray], row: int) -> dict[str, Any]:
+    def _seen(self, obs: Mapping[str, np.ndarray], state: np.ndarray, row: int) -> dict[str, Any]:
         images = {colour_of(name): obs[f"{RGB.name}_{name}"][row] for name in self.cameras}
         scaled = {key: np.ascontiguousarray(image, np.float32) / np.float32(255) for key, image in images.items()}
-        return {"row": row, STATE: obs[MEASURED][row], "task": "", **scaled}
+        return {"row": row, STATE: state[row], "task": "", **scaled}
 
     def _ask(self, message: dict[str, Any]) -> dict[str, np.ndarray]:
         if self._process is None:
@@ -136,6 +146,20 @@ class LeRobot:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_process": None}
+
+
+def _action_names(folder: Path) -> tuple[str, ...]:
+    """Names that the dataset of a policy's training gives the numbers of an action; () where it is not there."""
+    root = _stated(folder / "train_config.json", "dataset", "root")
+    return entries(_stated(Path(root) / INFO, "features", ACTION, "names")) if isinstance(root, str) else ()
+
+
+def _stated(file: Path, *keys: str) -> Any:
+    """What a JSON file states under keys in each other; None where it does not, or is not there."""
+    value = read_json(file) if is_file(file) else None
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value
 
 
 def _end(process: subprocess.Popen) -> None:

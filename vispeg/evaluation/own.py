@@ -7,6 +7,9 @@ None for all. One whose `reset` takes no rows plays one episode at a time. `obs_
 `state`), `task` which settings of the task it was made for, such as {"stack": 1}; `measured = True` asks for readings
 in SI units (n, nj + 12) beside it, see `vispeg.task.environments.vector.TaskVec`.
 
+`action` says what the numbers of an action mean, of `vispeg.interface.actions.KINDS`, where they are no offset within
++-1; behind any text `?action=KIND` says so in its place.
+
 A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
 executed, see `vispeg.learn.sb3_policy`. An ONNX file says in its metadata what its numbers mean, as `vispeg export`
 writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime. `lerobot:FOLDER` is what LeRobot saved,
@@ -28,6 +31,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.evaluation.lerobot import PREFIX, LeRobot, folder_of, run_of
+from vispeg.interface.actions import OFFSET, Actions, checked
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
 from vispeg.learn.meta import INTERFACE, MadeIn, worlds
@@ -40,6 +44,13 @@ EXPECTED = (
     "a function, or an object with act"
 )
 FILES = (".zip", ".onnx")
+ACTION = "?action="  # between what names a policy and the kind of its actions
+
+
+def split(text: str) -> tuple[str, str | None]:
+    """What a text names, and the kind of actions that it states, None where it states none."""
+    place, stated, kind = text.partition(ACTION)
+    return (place, kind) if stated else (text, None)
 
 
 def is_file(text: str) -> bool:
@@ -49,6 +60,7 @@ def is_file(text: str) -> bool:
 
 def is_own(text: str) -> bool:
     """Whether a text names such a file, a folder of LeRobot's, or a module's policy."""
+    text = split(text)[0]
     return is_file(text) or text.startswith(PREFIX) or (MODULE.fullmatch(text) is not None and not Path(text).exists())
 
 
@@ -58,7 +70,7 @@ def made(source: Any) -> Any:
     Raises:
         UserError: no such module or file, a class that cannot be made, or nothing that acts.
     """
-    target = source
+    target = source = split(source)[0] if isinstance(source, str) else source
     if isinstance(source, str) and source.lower().endswith(".zip"):
         require("torch", f"the policy {source}")
         from vispeg.learn.sb3_policy import opened
@@ -82,6 +94,7 @@ def made(source: Any) -> Any:
 
 def called(text: str) -> str:
     """Return the name under which the policy that a text names stands in tables, if nobody gives it another."""
+    text = split(text)[0]
     if is_file(text):
         return Path(text).stem
     return run_of(folder_of(text)) if text.startswith(PREFIX) else text.rpartition(":")[2]
@@ -91,6 +104,7 @@ def origin(source: Any) -> Path | None:
     """The file that a policy named by a text is in; None for an object."""
     if not isinstance(source, str):
         return None
+    source = split(source)[0]
     if is_file(source):
         return Path(source).expanduser()
     if source.startswith(PREFIX):
@@ -105,6 +119,21 @@ def _imported(text: str) -> Any:
     except Exception as error:  # a module may raise anything while it is imported
         expected = "a module on PYTHONPATH or installed, and a class, function or object in it"
         raise UserError(f"no such policy ({_where(error)})", expected=expected, got=text) from error
+
+
+def acts(source: Any, target: Any) -> str | None:
+    """The kind of a policy's actions as `source`, the text that names it, or the policy itself states it.
+
+    Raises:
+        UserError: an unknown kind, or another than an exported policy states.
+    """
+    stated, kind = split(source)[1] if isinstance(source, str) else None, getattr(target, "action", None)
+    if isinstance(target, Exported):
+        if stated is not None:
+            raise UserError("is stated in an exported policy", file=target.path, key="action", got=stated)
+        return OFFSET  # it turns its actions into offsets by itself
+    kind = stated if stated is not None or not isinstance(kind, str) else kind
+    return None if kind is None else checked(kind, origin(source))
 
 
 def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
@@ -172,15 +201,15 @@ class Own:
         target: what acts.
         name: for errors.
         mode: what it observes.
-        action: numbers of an action.
+        actions: what its numbers mean.
     """
 
     meta: Mapping[str, Any] = {}
     estimate: np.ndarray | None = None
     recurrent = 0
 
-    def __init__(self, target: Any, name: str, mode: str, action: int):
-        self.target, self.name, self.modality, self.action = target, name, mode, action
+    def __init__(self, target: Any, name: str, mode: str, actions: Actions):
+        self.target, self.name, self.modality, self.actions = target, name, mode, actions
         self._space = getattr(getattr(target, "observation_space", None), "spaces", None)
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
@@ -191,7 +220,7 @@ class Own:
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """See Policy. Raises UserError: no actions (n, d) of finite numbers came back."""
-        n = len(obs[POLICY])
+        n, widths = len(obs[POLICY]), self.actions.widths
         hidden = (PRIVILEGED,) if getattr(self.target, "measured", False) else (PRIVILEGED, MEASURED)
         seen = {key: value for key, value in obs.items() if key not in hidden}
         if self._space is not None:
@@ -208,13 +237,19 @@ class Own:
             actions = np.asarray(out, dtype=np.float32)
         except (TypeError, ValueError):
             actions = np.empty(0, np.float32)
-        if n == 1 and actions.shape == (self.action,):
+        if n == 1 and actions.ndim == 1:
             actions = actions[None]
-        if actions.shape != (n, self.action) or not np.isfinite(actions).all():
-            expected = f"finite numbers of shape ({n}, {self.action}): an action for each of {n} episodes"
-            got = "numbers that are not finite" if actions.shape == (n, self.action) else np.shape(out)
-            raise UserError(f"{self.name} gives no actions", expected=expected, got=got)
-        return actions
+        right = actions.ndim == 2 and len(actions) == n and actions.shape[-1] in widths
+        if not right or not np.isfinite(actions).all():
+            shapes, each = " or ".join(f"({n}, {k})" for k in widths), f"an action for each of {n} episodes"
+            got = "numbers that are not finite" if right else np.shape(out)
+            raise UserError(
+                f"{self.name} gives no actions", expected=f"finite numbers of shape {shapes}: {each}", got=got
+            )
+        if self.actions.kind == OFFSET:
+            return actions
+        nj = len(self.actions.joints)
+        return self.actions.offset(actions, obs[MEASURED][:, :nj]).astype(np.float32)
 
     def _fitted(self, key: str, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """The part of an observation as the policy's space has it."""

@@ -4,20 +4,44 @@ from __future__ import annotations
 
 from typing import Any
 
+from vispeg.core.errors import UserError
 from vispeg.evaluation import own
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, entrants
+from vispeg.evaluation.lerobot import LeRobot
+from vispeg.interface.actions import OFFSET, Actions
+from vispeg.task.config import TaskConfig
+from vispeg.task.contract import Task
+from vispeg.task.kinematics import chain_of
+from vispeg.task.registry import task_of
 from vispeg.task.scripted import Scripted
 
 
 def player(who: Entrant, config: Any) -> Any:
     """The policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
     if who.source is not None:
-        return own.Own(own.made(who.source), who.name, who.modality, len(config.dof))
+        return own_player(who, config)
     if str(who.path) == EXPERT:
         return Scripted(config)
     from vispeg.learn.coarse_to_fine import open_policy
 
     return open_policy(who.path)
+
+
+def own_player(who: Entrant, config: TaskConfig) -> own.Own:
+    """A policy of the user's own, its actions turned into what the task's controller takes.
+
+    Raises:
+        UserError: as `vispeg.interface.actions.Actions`, or a task whose actions are its own.
+    """
+    target, task = own.made(who.source), task_of(config)
+    scene, kind = task.cell(config), own.acts(who.source, target)
+    arm, at = scene.nominal, own.origin(who.source)
+    told: Any = {"names": target.action_names, "width": target.action_width} if isinstance(target, LeRobot) else {}
+    actions = Actions(kind, config, chain_of(arm), scene.tip, arm.joints, **told, source=at)
+    if actions.kind != OFFSET and type(task).command is not Task.command:
+        what = f"{who.name}: the task {config.name} has actions of its own"
+        raise UserError(what, key="action", expected=OFFSET, got=actions.kind)
+    return own.Own(target, who.name, who.modality, actions)
 
 
 def ready(policies: Policies) -> list[Entrant]:

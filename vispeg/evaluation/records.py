@@ -39,6 +39,7 @@ class Episode:
         configuration: "" or the named configuration of a suite, a sweep's value, a hard position.
         force_profile: N, contact force at the policy's rate, or None.
         video: path of a video relative to the record's folder, or None.
+        clipped: share of the steps in which the action asked for more than the controller takes.
     """
 
     policy: str
@@ -57,6 +58,7 @@ class Episode:
     configuration: str = ""
     force_profile: tuple[float, ...] | None = None
     video: str | None = None
+    clipped: float = math.nan
 
     @property
     def key(self) -> tuple[str, int, str, str, str, int]:
@@ -187,7 +189,7 @@ def _parse(line: bytes, path: Path, number: int) -> Episode:
         value: Any = row.setdefault(key, "") if key not in types else row.get(key)
         if type(value) is not kind or (kind is int and abs(value) > LAST_SEED):
             raise UserError(f"{key} is missing or of the wrong type", **where, expected=kind.__name__, got=value)
-    for key in ("time", "peak_force", "lateral_error", "depth"):
+    for key in ("time", "peak_force", "lateral_error", "depth", "clipped"):
         value = row.get(key)
         row[key] = math.nan if value is None else measure(key, value, where)
     profile = row.get("force_profile")

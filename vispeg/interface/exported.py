@@ -13,9 +13,12 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.formats.guard import MB, read_bytes
+from vispeg.interface.actions import OFFSET, Actions
 from vispeg.interface.interface import KEY, Interface, read
+from vispeg.interface.terms import MEASURED
 
 MEMORY = ("hidden", "cell")
+ACTION = "action"  # name of the output
 
 
 class Exported:
@@ -23,6 +26,7 @@ class Exported:
 
     Attributes:
         interface: the meaning of its numbers.
+        measured: whether it asks for readings in SI units, from which its actions are turned into offsets.
         digest: SHA-256 of the file.
     """
 
@@ -43,6 +47,21 @@ class Exported:
         self.interface: Interface = read(stated[KEY], self.path)
         self.digest = hashlib.sha256(blob).hexdigest()
         self._check()
+        i = self.interface
+        self.measured = i.action != OFFSET
+        outputs = {x.name: x.shape for x in self._session.get_outputs()}
+        if ACTION not in outputs:
+            raise UserError("has no such output", file=self.path, key=ACTION, got=sorted(outputs))
+        width = outputs[ACTION][-1]  # a name where the network leaves it open
+        self._actions = Actions(
+            i.action,
+            i,
+            i.chain,
+            i.tool.tip_m,
+            i.arm.joints,
+            width=width if isinstance(width, int) else None,
+            source=self.path,
+        )
         self.reset(1)
 
     def _check(self) -> None:
@@ -70,9 +89,14 @@ class Exported:
         self._memory = fresh
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Observation (n, ...) -> actions (n, d) float32 within +-1."""
+        """Observation (n, ...) -> actions (n, d) float32, offsets whatever the network's own are."""
         parts = {key: obs[key] for key in ("policy", *self.interface.images)}
         values = self._session.run(None, {**parts, **self._memory})
         out = dict(zip(self._outputs, values, strict=True))
         self._memory = {name: out[f"{name}_next"] for name in self._memory}
-        return out["action"]
+        action = out[ACTION]
+        if self.measured:
+            self._actions.check(action.shape[-1], self.path)
+            q = obs[MEASURED][:, : len(self.interface.arm.joints)]
+            action = self._actions.offset(action, q).astype(np.float32)
+        return action

@@ -14,6 +14,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_valida
 
 from vispeg.core.errors import UserError
 from vispeg.formats.typed import typed
+from vispeg.interface.actions import KINDS as ACTIONS
+from vispeg.interface.actions import OFFSET as SHARE
 from vispeg.interface.chain import Chain
 from vispeg.interface.observer import DOF, RECENT, Observer
 from vispeg.interface.terms import LIMIT, SENSED, Sensed
@@ -125,7 +127,8 @@ class Interface(_Part):
         images: further parts by key.
         recurrent: width of the policy's memory.
         dof, offset_m, turn_rad: what an action within +-1 moves, and how far 1 is.
-        law: how an action becomes a target, see `Observer.offset_by`.
+        action: what the numbers of the network's action are, of `vispeg.interface.actions.KINDS`.
+        law: how an offset becomes a target, see `Observer.offset_by`.
         policy_period_s, steps: of an action; of an episode.
         wrench_periods: control periods over whose mean the wrench is told.
         force_abort_n: contact force that ends an episode.
@@ -145,6 +148,7 @@ class Interface(_Part):
     dof: Annotated[tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...], Field(min_length=1)]
     offset_m: Positive
     turn_rad: Positive
+    action: str = SHARE
     law: str = OFFSET
     policy_period_s: Positive
     steps: Count
@@ -167,6 +171,13 @@ class Interface(_Part):
             if seen.kind not in KINDS:
                 raise ValueError(f"image {key} is of an unknown kind {seen.kind!r}")
         return images
+
+    @field_validator("action")
+    @classmethod
+    def _known(cls, action: str) -> str:
+        if action not in ACTIONS:
+            raise ValueError(f"action is of an unknown kind {action!r}, known are {', '.join(ACTIONS)}")
+        return action
 
     @property
     def offset(self) -> float:

@@ -12,6 +12,7 @@ from vispeg.interface.chain import Chain
 
 DOF = ("x", "y", "z", "rx", "ry", "rz")
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
+BEYOND = 1e-3  # of an action of 1, by which one counts as cut: readings in float32 give 1e-5
 RECENT = 4  # control periods over whose mean the wrench is told: contact chatters in step with the controller
 
 
@@ -49,7 +50,7 @@ class Observer:
         flange, turn: (n, 3) m, (n, 4) wxyz: the measured pose in the base; `twist` (n, 6) and `jac` (n, 6, nj) there.
         wrench: (n, 6) N and N m that the tool puts on the flange, base axes, the tool's weight off; 0 as an episode
             begins.
-        action: (n, len(dof)) the last one.
+        action: (n, len(dof)) the last one; `clipped` (n,) how many of the episode's were beyond what is taken.
         believed: (n, 3) m, where the goal is believed to be, base.
         held, rot: (n, 3) m, (n, 4): the pose that is asked for of the point that actions move; `goal` (n, 3) of the
             flange.
@@ -66,6 +67,7 @@ class Observer:
         self.goal, self.rot, self.believed = np.zeros((n, 3)), self.straight.copy(), np.zeros((n, 3))
         self.held = self.goal.copy()
         self.action, self.wrench = np.zeros((n, len(settings.dof))), np.zeros((n, 6))
+        self.clipped = np.zeros(n, int)
         self.stack = Stack(settings.stack, n, size)
 
     # Measured -------------------------------------------------------------------------------------------------
@@ -101,11 +103,13 @@ class Observer:
         """Rows begin an episode with the flange asked to be at `flange` (n, 3) m, straight down."""
         self.goal[rows], self.rot[rows] = flange[rows], DOWN
         self.held[rows] = (self.goal + self.lever(self.rot))[rows]
-        self.action[rows], self.wrench[rows] = 0.0, 0.0
+        self.action[rows], self.wrench[rows], self.clipped[rows] = 0.0, 0.0, 0
 
     def asked(self, action: np.ndarray) -> np.ndarray:
         """Takes note of an action (n, len(dof)); returns it within +-1 among all directions, (n, 6)."""
-        self.action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
+        wanted = np.nan_to_num(np.asarray(action, float))
+        self.action = np.clip(wanted, -1.0, 1.0)
+        self.clipped += (np.abs(wanted - self.action) > BEYOND).any(axis=1)
         motion = np.zeros((self.n, 6))
         motion[:, self.places] = self.action
         return motion
@@ -121,6 +125,15 @@ class Observer:
             asked = rotation_vector(self.straight, self.turn) + self.settings.turn * motion[:, 3:]
             rot = turned(self.straight, np.where(self.move[3:], asked, 0.0))
         return held, rot
+
+    def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
+        """The action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by` undone."""
+        motion = np.zeros((self.n, 6))
+        motion[:, :3] = (tip - self.tip()) / self.settings.offset
+        if turn is not None:
+            asked = rotation_vector(self.straight, turn) - rotation_vector(self.straight, self.turn)
+            motion[:, 3:] = asked / self.settings.turn
+        return motion
 
     def hold(self, held: np.ndarray, rot: np.ndarray) -> None:
         """The held point is asked to be at `held` (n, 3) m, the flange turned by `rot` (n, 4)."""

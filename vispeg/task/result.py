@@ -15,6 +15,7 @@ class EpisodeResult(TypedDict):
         peak_force: N, largest contact force.
         lateral_error: m, distance of the tip from the goal's axis at the end.
         depth: m, depth of the tip below the goal's plane at the end.
+        clipped: share of its steps in which the action asked for more than the controller takes.
         force_profile: N, contact force at every control tick.
         world: what the world drew: `effect(place)` -> parameter -> value.
         replay: the folder in which a diverged episode was left, where that was asked for.
@@ -27,6 +28,7 @@ class EpisodeResult(TypedDict):
     peak_force: float
     lateral_error: float
     depth: float
+    clipped: float
     force_profile: tuple[float, ...]
     world: dict[str, dict[str, float]]
     replay: NotRequired[str]

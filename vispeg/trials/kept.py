@@ -121,6 +121,7 @@ class Kept:
             peak_force_n=float(record["peak_force"]),
             depth_m=float(record["depth"]),
         )
+        steps, timed = len(tape.late), config.policy_period
         said = Said(
             policy=self.who,
             robot="simulator",
@@ -129,7 +130,7 @@ class Kept:
             world=self.world,
             start=self._starts[row],
             outcome=outcome,
-            timing=TimingPart(period_s=config.policy_period, steps=len(tape.late)),
+            timing=TimingPart(period_s=timed, steps=steps, clipped=round(float(record["clipped"]) * steps)),
         )
         trial = Trial(said, tape.recording(notes="simulated"), tape.steps())
         write_trial(trial, self.folder / f"{self.stem}-{seed}", overwrite=True)

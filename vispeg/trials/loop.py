@@ -318,6 +318,7 @@ class _Loop:
         timing = TimingPart(
             period_s=i.policy_period_s,
             steps=len(late),
+            clipped=int(self.builder.observer.clipped[0]),
             missed=self.missed,
             deadline_s=self.deadline,
             late_median_s=float(np.median(late)),

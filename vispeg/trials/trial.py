@@ -77,10 +77,13 @@ class OutcomePart(_Part):
 
 
 class TimingPart(_Part):
-    """How well the loop kept time: its period, steps, those later than `deadline_s`, and how late they were."""
+    """How well the loop kept time: its period, steps, those later than `deadline_s`, and how late they were; and how
+    many steps asked for more than the controller takes (`clipped`).
+    """
 
     period_s: Positive = 0.0
     steps: int = 0
+    clipped: int = 0
     missed: int = 0
     deadline_s: Positive = 0.0
     late_median_s: Finite = 0.0

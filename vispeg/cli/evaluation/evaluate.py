@@ -2,7 +2,8 @@
 
 A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted one), an .onnx that
 says what its numbers mean (`vispeg export`), a policy of your own as MODULE:CLASS or MODULE:FUNCTION, a .zip by
-Stable-Baselines3, or what LeRobot saved as lerobot:FOLDER. Several play the same seeds. Writes OUT/evaluate.json,
+Stable-Baselines3, or what LeRobot saved as lerobot:FOLDER. Where its actions are joints or metres, ?action=KIND behind
+it says so (joint_goal, joint_delta, tip_goal, tip_delta). Several play the same seeds. Writes OUT/evaluate.json,
 OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time, force, kinds of failure, differences. A
 stopped run goes on when the command is repeated.
 

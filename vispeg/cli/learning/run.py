@@ -1,7 +1,8 @@
 """Runs a policy on a robot.
 
 POLICY is a folder, a bundled policy's name, or an .onnx by `vispeg export`, which needs neither torch nor a simulator.
-With --world it may be one of your own: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3.
+With --world it may be one of your own: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3, with ?action=KIND
+behind it where its actions are joints or metres (joint_goal, joint_delta, tip_goal, tip_delta).
 A robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated one
 in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), or
 `python:MODULE:CALLABLE`, a driver of your own with the calls connect, read, command and stop.

@@ -293,6 +293,7 @@ class TaskSimulation:
             "peak_force": t.peak,
             "lateral_error": t.lateral,
             "depth": t.depths[-1],
+            "clipped": float(self.seen.clipped[i] / self.count[i]),
             "force_profile": tuple(
                 np.concatenate(t.forces).tolist()
             ),  # not an array: gymnasium stacks these, of one length

@@ -1,0 +1,152 @@
+"""What the numbers of an action mean, and how each meaning becomes what a task's controller takes.
+
+The controller takes an `offset`: how far the tip is to be from where it is measured, along the directions that the
+policy moves, in shares of the greatest step. Joints, and places and steps of the tip in SI units, are turned into that
+by the arm's kinematics. What the controller does not take is lost: which of an arm's postures reach a pose, and turns
+of a tool that the task holds straight. An offset beyond 1 is cut where it is taken, see `Observer.asked`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.interface.chain import Chain
+from vispeg.interface.observer import Observer, Settings
+
+OFFSET = "offset"
+JOINT_GOAL, JOINT_DELTA, TIP_GOAL, TIP_DELTA = "joint_goal", "joint_delta", "tip_goal", "tip_delta"
+KINDS: Mapping[str, str] = {
+    OFFSET: "of the tip from where it is measured, within +-1, as the task's own policies act",
+    JOINT_GOAL: "angles of the joints, rad",
+    JOINT_DELTA: "angles of the joints from where they are measured, rad",
+    TIP_GOAL: "place of the tip in the base, m; or place and quaternion w x y z of the flange's turn",
+    TIP_DELTA: "of the tip from where it is measured, m, base axes; or that and the turn's rotation vector, rad",
+}
+MOST = 4 * np.pi  # rad
+POSITION = ".pos"  # behind a motor's name in what LeRobot records
+TIP = ("tip_x", "tip_y", "tip_z")
+
+
+def checked(kind: Any, source: Any = None) -> str:
+    """A kind of action as it is. Raises UserError for an unknown one."""
+    if kind not in KINDS:
+        raise UserError("no such kind of action", file=source, key="action", got=kind, choices=KINDS)
+    return kind
+
+
+def entries(names: Any) -> tuple[str, ...]:
+    """Names of an action's numbers as LeRobot writes them: a list, or lists by what they are of; () for none."""
+    if isinstance(names, Mapping):
+        names = [name for part in names.values() for name in (part if isinstance(part, list | tuple) else [])]
+    return tuple(map(str, names)) if isinstance(names, list | tuple) else ()
+
+
+def columns_of(names: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
+    """Where the wanted names stand among others, `.pos` behind them or not; None where one is absent."""
+    places = {name.removesuffix(POSITION): i for i, name in enumerate(names)}
+    return [places[name] for name in wanted] if all(name in places for name in wanted) else None
+
+
+class Actions:
+    """What a policy's actions mean on an arm.
+
+    Args:
+        kind: of KINDS; None: what the names and the number of entries tell.
+        settings: of the task.
+        chain: the arm, as its controller knows it.
+        tip: of the tool below the flange, m.
+        joints: their names.
+        names: of an action's entries, where they have any.
+        width: of an action, where it is known.
+        source: who states it, for errors.
+
+    Attributes:
+        kind: of KINDS.
+
+    Raises:
+        UserError: an unknown kind, another width than the kind has, or nothing that tells the kind.
+    """
+
+    def __init__(
+        self,
+        kind: str | None,
+        settings: Settings,
+        chain: Chain,
+        tip: float,
+        joints: Sequence[str],
+        *,
+        names: Sequence[str] = (),
+        width: int | None = None,
+        source: Any = None,
+    ):
+        self.settings, self.chain, self.length, self.joints = settings, chain, tip, tuple(joints)
+        told = self._told(names, width) if kind is None else checked(kind, source)
+        if told is None:
+            got = ", ".join(names) or f"{width} numbers"
+            raise UserError("what do its actions mean", file=source, key="action", got=got, choices=KINDS)
+        self.kind = told
+        # of more entries than joints, such as a gripper's, those of the joints
+        columns = columns_of(names, self.joints) if told in (JOINT_GOAL, JOINT_DELTA) else None
+        self._columns = slice(None) if columns is None else np.array(columns)
+        self._entries = None if columns is None else len(names)
+        if width is not None:
+            self.check(width, source)
+
+    def _told(self, names: Sequence[str], width: int | None) -> str | None:
+        if not names or tuple(names) == tuple(self.settings.dof):
+            return OFFSET if width in (None, len(self.settings.dof)) else None
+        if columns_of(names, self.joints) is not None:
+            return JOINT_GOAL
+        if len(names) == len(self.joints) and all(name.endswith(POSITION) for name in names):
+            return JOINT_GOAL
+        return TIP_GOAL if tuple(names) == TIP else None
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """How many numbers an action may have."""
+        each = {OFFSET: (len(self.settings.dof),), TIP_GOAL: (3, 7), TIP_DELTA: (3, 6)}
+        return each.get(self.kind, (self._entries or len(self.joints),))
+
+    def check(self, width: int, source: Any = None) -> None:
+        """Raises UserError where actions of this kind do not have so many numbers."""
+        if width not in self.widths:
+            expected = f"{' or '.join(map(str, self.widths))} numbers: {KINDS[self.kind]}"
+            raise UserError(f"no {self.kind}", file=source, key="action", expected=expected, got=width)
+
+    def offset(self, action: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return the offset (n, len(dof)) that actions (n, k) ask of arms that are measured at q (n, nj) rad.
+
+        Raises:
+            UserError: a quaternion of length 0, angles that can only be in degrees.
+        """
+        action, q = np.asarray(action, float), np.asarray(q, float)
+        if self.kind == OFFSET:
+            return action
+        here = self._seen(q)
+        if self.kind == TIP_DELTA:
+            motion = np.zeros((len(q), 6))
+            motion[:, : action.shape[1]] = action
+            motion /= np.repeat([self.settings.offset, self.settings.turn], 3)
+        elif self.kind == TIP_GOAL:
+            length = np.linalg.norm(action[:, 3:], axis=1, keepdims=True)
+            if action.shape[1] > 3 and not length.all():
+                raise UserError("a turn that is no quaternion", key="action", got=[0.0] * 4)
+            motion = here.offset_to(action[:, :3], action[:, 3:] / length if action.shape[1] > 3 else None)
+        else:
+            goal = action[:, self._columns]
+            if np.abs(goal).max() > MOST:
+                raise UserError(
+                    "angles of more than two turns", key="action", expected="rad", got=float(np.abs(goal).max())
+                )
+            there = self._seen(goal if self.kind == JOINT_GOAL else q + goal)
+            motion = here.offset_to(there.tip(), there.turn)
+        return motion[:, here.places]
+
+    def _seen(self, q: np.ndarray) -> Observer:
+        observer = Observer(self.settings, self.chain, self.length, np.zeros(3), 0, len(q))
+        observer.see(q, np.zeros_like(q))
+        return observer
