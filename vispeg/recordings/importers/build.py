@@ -11,6 +11,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.clock import cleaned
 from vispeg.recordings.importers.mapping import ColumnMap, Source
+from vispeg.recordings.importers.motors import joint_side
 from vispeg.recordings.load import assemble
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import FORMAT, header_from
@@ -53,7 +54,7 @@ def build(
     time = columns.get("time")
     if time is None:
         raise UserError("has no time", file=source, expected="a column `time`, or a map that says which it is")
-    columns = cleaned(dict(columns), source, first_row)
+    columns = joint_side(cleaned(dict(columns), source, first_row), joints_of(joints, mapping), mapping, source)
     time = columns["time"]
     start = time[0] if len(time) else 0.0
     if np.isfinite(start) and abs(start) > EPOCH:

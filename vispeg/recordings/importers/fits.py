@@ -97,7 +97,7 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
         rec: with measured torque.
         needs: torques of the robot's model for a motion of its joints.
     """
-    found = _motion(rec, POSTURES)
+    found = motion_of(rec, POSTURES)
     if found is None or len(rec.joints) < 2:
         return None
     motion, tau = found
@@ -138,7 +138,7 @@ def scales(rec: Recording, needs: Needs) -> Scales | None:
         rec: with measured torque.
         needs: torques of the robot's model for a motion of its joints.
     """
-    found = _motion(rec, SAMPLES)
+    found = motion_of(rec, SAMPLES)
     if found is None:
         return None
     (q, dq, ddq), tau = found
@@ -168,8 +168,8 @@ def scales(rec: Recording, needs: Needs) -> Scales | None:
     return Scales(rec.joints, scale, sigma, explained, silent)
 
 
-def _motion(rec: Recording, most: int) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None:
-    """Smoothed motion and torque (n, nj) at some of the moments at which all are known."""
+def motion_of(rec: Recording, most: int) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None:
+    """Return smoothed motion and torque (n, nj) at some of the moments at which all are known."""
     if rec.tau is None:
         return None
     motion = smooth(rec.time, rec.q, MOTION_HZ)

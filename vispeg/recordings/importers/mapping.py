@@ -59,6 +59,8 @@ class ColumnMap:
         recording: further keys of recording.yaml (control, tool, torque_sensor, noise, ...).
         dialect: how a text table is written.
         rate_hz: samples a second of a log that keeps no time; None where it does.
+        motors: joint -> motor -> factor, of joints whose columns hold motors' readings: the joint's angle is the sum
+            over motors, each called as the joint in whose columns it stands.
     """
 
     file: Path | None = None
@@ -67,6 +69,7 @@ class ColumnMap:
     recording: Mapping[str, Any] = field(default_factory=dict)
     dialect: Dialect = Dialect()
     rate_hz: float | None = None
+    motors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def names(self) -> set[str]:
@@ -77,7 +80,7 @@ class ColumnMap:
 def _example(folder: Path) -> Path:
     text = "time: {column: t, unit: ms}\nq.a: {column: A, unit: deg, scale: -1, offset: 0.1}\nq.b: B\n"
     text += "table: {separator: ';', decimal: ','}\njoints: {a: axis1}\n"
-    text += "recording: {torque_sensor: joint, tool: {mass_kg: 1.0}}\n"
+    text += "motors: {a: 1/8}\nrecording: {torque_sensor: joint, tool: {mass_kg: 1.0}}\n"
     (folder / "map.yaml").write_text(text, encoding="utf-8")
     return folder / "map.yaml"
 
@@ -122,7 +125,36 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
         if target not in targets:
             raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
         columns[target] = _source(value, target, file)
-    return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate)
+    motors = _motors(_section(data, "motors", file), [str(name) for name in names], file)
+    return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate, motors)
+
+
+def _motors(section: dict, joints: Sequence[str], file: Path) -> dict[str, dict[str, float]]:
+    """Joint -> motor -> factor of a map's section: a number or a fraction, or a mapping of them."""
+    out = {}
+    for joint, value in section.items():
+        terms = value if isinstance(value, dict) else {joint: value}
+        for name in (joint, *terms):
+            if name not in joints:
+                raise UserError("no such joint", file=file, key="motors", got=name, choices=joints)
+        out[str(joint)] = {str(name): _factor(number, f"motors.{joint}", file) for name, number in terms.items()}
+        if not out[str(joint)]:
+            raise UserError("names no motor", file=file, key=f"motors.{joint}", expected="{motor: factor, ..}")
+    return out
+
+
+def _factor(value: Any, key: str, file: Path) -> float:
+    """A number that is not 0; `1/8` counts as one."""
+    parts = value.split("/") if isinstance(value, str) else [value]
+    try:
+        numbers = [float(part) for part in parts if not isinstance(part, bool)]
+        number = numbers[0] if len(numbers) == 1 else numbers[0] / numbers[1]
+    except (TypeError, ValueError, ZeroDivisionError, IndexError):
+        number = math.nan
+    if not 1e-6 <= abs(number) <= 1e6 or len(parts) > 2:
+        expected = "joint angle over motor angle, such as 0.125 or 1/8"
+        raise UserError("is no ratio", file=file, key=key, expected=expected, got=value)
+    return number
 
 
 def checked_rate(value: Any, key: str, file: Path | None = None) -> float:

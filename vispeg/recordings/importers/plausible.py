@@ -178,5 +178,6 @@ def refuse_units(
         return
     likely = list(dict.fromkeys(doubt.likely for doubt in said if doubt.likely))
     unit = f" (likely {' or '.join(likely)})" if likely else ""
-    expected = f"the right unit in {stated}{unit}, or --insist"
+    motors = ", motors: there if angles are the motors'" if "q" in said[0].key.replace(".", ", ").split(", ") else ""
+    expected = f"the right unit in {stated}{unit}{motors}, or --insist"
     raise UserError(f"a unit cannot be true: {said[0].said}", file=file, key=said[0].key, expected=expected)

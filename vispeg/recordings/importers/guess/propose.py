@@ -88,6 +88,7 @@ class Proposal:
         unused: column -> why it is not used.
         assumed: signals whose columns are taken in an order that nothing states.
         current: whether measured torque is a motor current, whose scale has to be found.
+        motors: joint -> joint angle over motor angle, as a map states it, of joints whose columns are their motors'.
         ampere: the unit of these currents that their names state, A or mA.
         rows: the rows that decided, as they stand in the file.
     """
@@ -101,6 +102,7 @@ class Proposal:
     unused: dict[str, str] = field(default_factory=dict)
     assumed: set[str] = field(default_factory=set)
     current: bool = False
+    motors: dict[str, str] = field(default_factory=dict)
     ampere: str = ""
     rows: list[str] = field(default_factory=list)
 

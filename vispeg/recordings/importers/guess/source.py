@@ -19,6 +19,7 @@ from vispeg.recordings.importers.fits import Needs, Scales, order_that_fits, sca
 from vispeg.recordings.importers.guess import words
 from vispeg.recordings.importers.guess.constants import KEY, Constant
 from vispeg.recordings.importers.guess.dialect import dialect_of
+from vispeg.recordings.importers.guess.motor_side import of_motors
 from vispeg.recordings.importers.guess.propose import Line, Proposal, propose
 from vispeg.recordings.importers.guess.ticks import calibration_beside, read_calibration
 from vispeg.recordings.importers.mapping import FACTORS, map_from
@@ -88,6 +89,7 @@ def guess(
     out = proposed()
     if constants and "tau" not in out.signals():
         raise UserError("no column looks like a current", file=source, key=KEY, got=", ".join(constants))
+    of_motors(out, table, joints, limits, needs_of)
     rec = _tried(out, table, source, joints, limits)
     needs = None if rec is None else needs_of(rec)
     if rec is None or needs is None:

@@ -20,6 +20,8 @@ def data(proposal: Proposal) -> dict[str, object]:
         out["table"] = table if not proposal.dialect.names else table | {"columns": [*proposal.dialect.names]}
     for line in proposal.lines:
         out[line.target] = _entry(line)
+    if proposal.motors:
+        out["motors"] = proposal.motors
     if proposal.recording:
         out["recording"] = proposal.recording
     return out
@@ -42,6 +44,7 @@ def text(proposal: Proposal) -> str:
     """The map file: a line a column with the reason behind it, then what to look at, and what is not used."""
     entries = data(proposal)
     why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
+    why |= {"motors": "measured: joint over motor, by which the measured torques are the model's; power stays"}
     rows = [(f"{_flow(key)}: {_flow(value)}", why.get(key, "")) for key, value in entries.items()]
     width = min(max(len(row) for row, _ in rows), 70)
     lines = [f"# A map guessed from {proposal.file.name}. Look at it before it is used."]

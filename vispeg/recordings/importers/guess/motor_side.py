@@ -1,0 +1,194 @@
+"""Angles beyond the joints' ranges that are their motors': the ratio is proposed where torques tell it, else asked."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.checks.quality import Limits
+from vispeg.recordings.importers.fits import TORQUE, Needs
+from vispeg.recordings.importers.guess import words
+from vispeg.recordings.importers.guess.propose import Proposal
+from vispeg.recordings.importers.mapping import FACTORS, Source, map_from
+from vispeg.recordings.importers.ratios import Ratio, ratios
+from vispeg.recordings.importers.slopes import TOGETHER, slope
+from vispeg.recordings.importers.table import from_table
+from vispeg.recordings.importers.turns import straightened
+from vispeg.recordings.recording import Recording
+from vispeg.recordings.tables.table import Table
+
+SLACK, FEW = 0.1, 0.02  # rad beyond a range, and the share of readings there, from which an angle is not the joint's
+LITTLE = math.radians(25)  # an arm of which no joint moves farther in degrees may as well be one of motors in radians
+TINY = 1e-9  # factor on angles while the rest of a log is read, so that no turn of a motor is too far for a joint
+SHOWN = 3  # joints that a question names one by one
+
+
+def of_motors(
+    out: Proposal,
+    table: Table,
+    joints: Sequence[str],
+    limits: Limits,
+    needs_of: Callable[[Recording], Needs | None],
+) -> None:
+    """Propose ratios of joints whose angles are their motors', or ask for them.
+
+    Args:
+        out: the proposal, which is changed.
+        table: the file's.
+        joints, limits: the robot's.
+        needs_of: the model's torques.
+    """
+    lines = {line.target: line for line in out.lines}
+    units = {lines[f"q.{joint}"].unit for joint in out.joints}
+    if len(units) != 1 or not units <= {"rad", "deg"}:
+        return
+    stated = any("the name says" in lines[f"q.{joint}"].why for joint in out.joints)
+    degrees = units == {"deg"}
+    raw = np.stack([table.columns[lines[f"q.{joint}"].column] for joint in out.joints], axis=1)
+    unit = FACTORS["deg"] if stated and degrees else 1.0
+    raw = raw * unit
+    bounds = limits.range[[list(joints).index(joint) for joint in out.joints]]
+    beyond = _beyond(raw, bounds)
+    if not beyond.any():
+        return
+    places = [int(j) for j in np.flatnonzero(beyond)]
+    found = _by_torques(out, table, joints, unit, places, needs_of)
+    if not stated and all(FACTORS["deg"] in ratio for ratio in found.values()):
+        small = float(np.nanmax(np.nanmax(raw, axis=0) - np.nanmin(raw, axis=0))) * FACTORS["deg"] < LITTLE
+        if found or not small or not degrees:
+            return  # degrees, as proposed
+    known = {j: ratio for j, ratio in found.items() if ratio.text is not None}
+    if known and not stated:
+        _radians(out)
+    for j, ratio in known.items():
+        _apply(out, table, out.joints[j], ratio)
+    if asked := [j for j in places if j not in known]:
+        out.doubts.append(_question(out.joints, raw, bounds, asked, found, degrees and not stated and not known))
+
+
+def _beyond(raw: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Whether the angles (n, nj) rad of each joint lie beyond its range, whole turns apart."""
+    straight, _ = straightened(raw, bounds)
+    low, high = bounds.T
+    return np.mean((straight < low - SLACK) | (straight > high + SLACK), axis=0) > FEW
+
+
+def _by_torques(
+    out: Proposal,
+    table: Table,
+    joints: Sequence[str],
+    unit: float,
+    places: list[int],
+    needs_of: Callable[[Recording], Needs | None],
+) -> dict[int, Ratio]:
+    """What measured torques tell of the ratios of the joints at `places`; nothing where there are none."""
+    if "tau" not in out.signals():
+        return {}
+    chosen = {
+        key: value for key, value in words.data(out).items() if key.partition(".")[0] not in ("dq", "q_cmd", "dq_cmd")
+    }
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mapping = map_from(chosen, table.file, joints)
+            angles = {f"q.{joint}": Source(mapping.columns[f"q.{joint}"].name, TINY) for joint in out.joints}
+            rec = from_table(
+                table, table.file, "robot", joints, replace(mapping, columns={**mapping.columns, **angles})
+            )
+            needs = needs_of(rec)
+    except UserError:
+        return {}  # is said of the proposal itself
+    if needs is None or rec.tau is None:
+        return {}
+    q, _ = straightened(rec.q / TINY * unit, np.tile([-np.inf, np.inf], (len(out.joints), 1)), rec.episode)
+    return ratios(replace(rec, q=q), needs, places)
+
+
+def _radians(out: Proposal) -> None:
+    """Take angles and speeds in radians that were taken in degrees for want of a gear."""
+    other = {"deg": "rad", "deg/s": "rad/s"}
+    out.lines = [
+        replace(
+            line, unit=other[line.unit], why=f"{line.why}; but as radians of the motors the torques are the model's"
+        )
+        if line.unit in other and line.target.partition(".")[0] in ("q", "dq", "q_cmd", "dq_cmd")
+        else line
+        for line in out.lines
+    ]
+
+
+def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
+    """State one joint's ratio: for all its columns, or for those alone that are on the motor's side."""
+    text = str(ratio.text)
+    value = 1 / float(text[2:]) if text.startswith("1/") else float(text)
+    columns = {line.target.partition(".")[0]: line for line in out.lines if line.target.endswith(f".{joint}")}
+    angle = columns["q"]
+    motor = {"q"}
+    for signal in {"dq", "q_cmd", "dq_cmd"} & set(columns):
+        if _of_motor(table, out, angle.column, columns[signal].column, signal, value):
+            motor.add(signal)
+    size = abs(ratio.torque)
+    torque = not out.current and 1 / TORQUE < size / value < TORQUE
+    own = not out.current and 1 / TORQUE < size < TORQUE and abs(math.log(size)) < abs(math.log(size / value))
+    angles = {"q", "dq", "q_cmd", "dq_cmd"} & set(columns)
+    if torque and not own and motor == angles:
+        out.motors[joint] = text
+        return
+    said = f"its motor's side: {text} ({1 / ratio.high:.4g} to {1 / ratio.low:.4g})"
+    for place, line in enumerate(out.lines):
+        signal, _, name = line.target.partition(".")
+        if name != joint or (signal not in motor and not (signal == "tau" and torque and not own)):
+            continue
+        factor = value if signal in motor else 1 / value
+        out.lines[place] = replace(
+            line, scale=float(f"{line.scale * factor:.6g}"), why=f"{line.why}; {said}", sure="measured"
+        )
+
+
+def _of_motor(table: Table, out: Proposal, angle: str, column: str, signal: str, value: float) -> bool:
+    """Whether a signal beside a motor's angle is on the motor's side, too."""
+    measured, other = table.columns[angle], table.columns[column]
+    if signal == "dq":
+        time = next(line for line in out.lines if line.target == "time")
+        period = 1.0 if time.rate_hz is not None or not time.column else FACTORS[time.unit]
+        clock = (
+            np.arange(table.rows) / (time.rate_hz or 1.0) if not time.column else table.columns[time.column] * period
+        )
+        step = np.diff(clock)
+        good = step > 0
+        ratio = slope(np.diff(measured)[good] / step[good], other[1:][good], TOGETHER)
+    elif signal == "q_cmd":
+        ratio = slope(measured, other, TOGETHER)
+    else:
+        return True
+    return ratio is None or abs(math.log(ratio)) < abs(math.log(ratio / value))
+
+
+def _question(
+    names: Sequence[str],
+    raw: np.ndarray,
+    bounds: np.ndarray,
+    asked: list[int],
+    found: dict[int, Ratio],
+    degrees: bool,
+) -> str:
+    """One line that asks for the ratios which the torques do not tell."""
+    parts = []
+    for j in asked[:SHOWN]:
+        low, high = float(np.nanmin(raw[:, j])), float(np.nanmax(raw[:, j]))
+        near = (
+            f", by the torques 1/{1 / found[j].value:.3g} (1/{1 / found[j].low:.3g} to 1/{1 / found[j].high:.3g})"
+            if j in found
+            else ""
+        )
+        parts.append(
+            f"{names[j]} {low:.3g} to {high:.3g} rad for a range of {bounds[j][0]:.3g} to {bounds[j][1]:.3g}{near}"
+        )
+    more = f" and {len(asked) - SHOWN} more" if len(asked) > SHOWN else ""
+    what = "small angles in degrees, or the motors' in radians" if degrees else "another unit, or the motors'"
+    return f"{what}: {'; '.join(parts)}{more}; for motors state `motors: {{{names[asked[0]]}: 1/GEAR, ..}}` in the map"

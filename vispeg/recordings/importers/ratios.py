@@ -1,0 +1,154 @@
+"""How far a joint turns for its motor, as far as the measured torques tell: a ratio with its interval, or none.
+
+Angles are taken times a factor, joint by joint, and the model's torques for that motion are held against the measured
+ones beside friction and a constant, with a free scale. Gravity tells the factor by where it turns the torque round;
+inertia alone does not, since a scale does as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, stats
+
+from vispeg.recordings.importers.fits import EXPLAINED, SPEEDS, Needs, motion_of
+from vispeg.recordings.recording import Recording
+
+ROWS = 200  # at which torques are worked out
+LEAST, MOST, STEPS = 1 / 400, 2.0, 70  # factors that are tried, and in how many steps
+ROUNDS = 3  # in which each joint's factor is looked for beside the others'
+EACH = 5  # rows of one independent reading
+LEFT = 1e-3  # share of a torque's variance that no model explains
+WHOLE, KNOWN = 0.03, 0.01  # half width of the interval, relative, from which a whole number, or any other, is known
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Joint angle over motor angle.
+
+    Attributes:
+        value, low, high: with its 95 % interval.
+        torque: measured torque over the model's at that factor.
+    """
+
+    value: float
+    low: float
+    high: float
+    torque: float
+
+    @property
+    def text(self) -> str | None:
+        """The factor as a map states it: `1/8` where 8 is the one whole number in the interval; None if not known."""
+        first, last = math.ceil(1 / self.high), math.floor(1 / self.low)
+        half = (self.high - self.low) / (2 * self.value)
+        if first == last and first > 1 and half < WHOLE:
+            return f"1/{first}"
+        return f"{self.value:.5g}" if half < KNOWN else None
+
+    def __contains__(self, factor: float) -> bool:
+        return self.low <= factor <= self.high
+
+
+def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Ratio]:
+    """Return the factors of the joints that measured torques tell.
+
+    Args:
+        rec: with measured torque; angles of `joints` are those of their motors, rad.
+        needs: torques of the robot's model for a motion of its joints.
+        joints: places of the joints that are looked at.
+    """
+    found = motion_of(rec, ROWS)
+    if found is None or not joints:
+        return {}
+    (q, dq, ddq), tau = found
+    spread = np.std(tau, axis=0)
+    heard = spread > 0
+    constant = np.ones(len(q))
+    others = []
+    for j in range(q.shape[1]):
+        top = max(float(np.quantile(np.abs(dq[:, j]), 0.99)), 1e-12)
+        others.append(np.linalg.qr(np.stack([constant, dq[:, j] / top, np.tanh(dq[:, j] / (SPEEDS * top))], 1))[0])
+
+    def fit(factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Squared residual, of what friction leaves, and slope of each joint, (nj,)."""
+        needed = needs(q * factor, dq * factor, ddq * factor)
+        left, all_, slope = np.zeros(len(factor)), np.zeros(len(factor)), np.zeros(len(factor))
+        for j in np.flatnonzero(heard):
+            x, y = (v - others[j] @ (others[j].T @ v) for v in (needed[:, j], tau[:, j]))
+            slope[j] = float(x @ y) / max(float(x @ x), 1e-300)
+            all_[j], left[j] = float(y @ y), float(y @ y) - slope[j] * float(x @ y)
+        return left, all_, slope
+
+    def cost(factor: np.ndarray) -> float:
+        left, all_, _ = fit(factor)
+        return float(np.sum(left[heard] / np.maximum(all_[heard], 1e-300)))
+
+    grid = np.geomspace(LEAST, MOST, STEPS)
+    factor = np.ones(q.shape[1])
+
+    def at(j: int | Sequence[int], value: float) -> np.ndarray:
+        out = factor.copy()
+        out[j] = value
+        return out
+
+    factor = at([*joints], min(grid, key=lambda value: cost(at([*joints], value))))
+    for _ in range(ROUNDS):
+        for j in joints:
+            factor = at(j, min([*grid, factor[j]], key=lambda value: cost(at(j, value))))
+    free = max(len(q) // EACH - 5, 2)
+    floor = LEFT * np.maximum(fit(factor)[1], 1e-300)
+
+    def unlikely(factor: np.ndarray) -> float:
+        """Twice the negative log likelihood, of as many independent readings as there are."""
+        return free * float(np.sum(np.log(fit(factor)[0][heard] + floor[heard])))
+
+    def polished(start: np.ndarray, as_one: bool) -> np.ndarray:
+        """Return the best factors about a start, of each joint or one of all."""
+        shape = (lambda v: at([*joints], float(np.exp(v[0])))) if as_one else lambda v: _with(start, joints, np.exp(v))
+        first = np.log(start[[*joints]])
+        first = first[:1] if as_one else first
+        options = {"xatol": 1e-4, "fatol": 1e-3, "maxfev": 120 * len(first)}
+        return shape(optimize.minimize(lambda v: unlikely(shape(v)), first, method="Nelder-Mead", options=options).x)
+
+    factor = polished(factor, False)
+    middle = at([*joints], float(np.exp(np.median(np.log(factor[[*joints]])))))
+    one = polished(middle, True)
+    alike = len(joints) > 1 and unlikely(one) - unlikely(factor) < stats.chi2.ppf(0.95, len(joints) - 1)
+    factor = one if alike else factor  # gears of one kind are one number, which is known better
+    left, all_, slope = fit(factor)
+    explained = 1 - left / np.maximum(all_, 1e-300)
+    best, most = unlikely(factor), stats.f.ppf(0.95, 1, free)
+    out = {}
+    for j in joints:
+        if not heard[j] or explained[j] < EXPLAINED:
+            continue
+        group = [*joints] if alike else j
+
+        def beyond(log: float, group: int | list[int] = group) -> float:
+            return unlikely(at(group, float(np.exp(log)))) - best - most
+
+        ends = [_end(beyond, float(np.log(factor[j])), way) for way in (-1, 1)]
+        out[j] = Ratio(float(factor[j]), float(np.exp(ends[0])), float(np.exp(ends[1])), float(slope[j]))
+    return out
+
+
+def _with(factor: np.ndarray, joints: Sequence[int], values: np.ndarray) -> np.ndarray:
+    out = factor.copy()
+    out[[*joints]] = values
+    return out
+
+
+def _end(beyond: Callable[[float], float], log: float, way: int) -> float:
+    """Where `beyond` passes 0 on one side of a minimum, looked for in steps that double; far away where it does not."""
+    step = 1e-3
+    while step < 2.0 and beyond(log + way * step) < 0:
+        step *= 2
+    if step >= 2.0:
+        return log + way * 2.0
+    return (
+        float(optimize.brentq(lambda x: beyond(log + way * x), step / 2 if step > 1e-3 else 0.0, step, xtol=1e-4)) * way
+        + log
+    )
