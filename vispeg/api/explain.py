@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
+from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.evaluation import explain as why
-from vispeg.evaluation import runner
+from vispeg.evaluation import runner, senses
 from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
 from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import Job, Setting, make_jobs
@@ -22,6 +23,7 @@ from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.replay import Replays
+from vispeg.evaluation.senses import DRAWS, Look, Parting, Strip
 from vispeg.report.gap import words
 from vispeg.report.gap.explain_page import render
 from vispeg.report.text.summary import Block, Line
@@ -37,9 +39,15 @@ UNTRIED = (
 )
 
 
+@dataclass(frozen=True, repr=False)
 class ExplainResult(Stressed):
-    """Where the trials' starts lead in simulation, and what each named effect explains; see `Played`."""
+    """Where the trials' starts lead in simulation, and what each named effect explains; see `Played`.
 
+    Attributes:
+        strip: pictures of one trial beside simulated ones; None of a policy that sees none.
+    """
+
+    strip: Strip | None = field(default=None, repr=False)
     command = holds = "explain"
     tables = ("causes", "trials")
 
@@ -57,10 +65,13 @@ class ExplainResult(Stressed):
             heads = [Column(head) for head in ("cause", "effect on success", "share of the loss")]
             rows = [[c["effect"], c["words"], words.share(c["share"])] for c in r["causes"]]
             out.append(Sheet(heads, rows))
+        for x in r["senses"]:
+            if x["points_to"]:
+                out.append(Line(f"with simulation's {x['sense']} the action moves by {x['words']}: {x['points_to']}"))
         return [*out, *(Line(note, path=True) for note in r["notes"])]
 
     def _render(self) -> str:
-        return render(self.record)
+        return render(self.record, self.strip)
 
 
 def explain(
@@ -128,18 +139,19 @@ def explain(
             (job,) = make_jobs(who, [setting], [s for some in seeds for s in some], place / "worlds")
             job = replace(job, replays=again)
             jobs[kind] = [job]
-            if kind == OPEN:  # one of each is kept, for its joints are compared with the trial's
-                first = tuple(some[0] for some in seeds)
-                rest = tuple(s for some in seeds for s in some[1:])
+            if kind == OPEN:  # two of each are kept, for what is measured in them is compared with the trial's
+                first = tuple(s for some in seeds for s in some[:DRAWS])
+                rest = tuple(s for some in seeds for s in some[DRAWS:])
                 jobs[kind] = [replace(job, seeds=first, trials=place / "replays"), replace(job, seeds=rest)]
         flat = [job for some in jobs.values() for job in some if job.seeds]
         ends = play(flat, place, workers, playing)
         played = {kind: _of(ends, some[0].configuration, seeds) for kind, some in jobs.items()}
         kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(place / "replays")}
-        replayed = [read_trial(kept[some[0]]) for some in seeds]
-        record = why.summarise(who[0].name, read, played, replayed, causes, notes)
+        replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
+        parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, notes)
+        record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, notes, parted)
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
-        result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources))
+        result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), strip)
         if out is not None:
             result._write(place)
     return result
@@ -172,3 +184,40 @@ def _change(effect: EffectInstance) -> Change:
 def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[int]]) -> list[Episode]:
     by = {e.seed: e for e in ends if e.configuration == configuration}
     return [by[s] for some in seeds for s in some]
+
+
+def _parted(
+    job: Job,
+    policy: str | Path,
+    trials: Sequence[Trial],
+    replayed: Sequence[Sequence[Trial]],
+    workers: int,
+    notes: list[str],
+) -> tuple[list[Parting], Strip | None]:
+    """How the policy's actions move with simulation's senses, and pictures of the trial that shows it best.
+
+    Empty, with a note, where the policy senses nothing that a robot has, or where there is but one replay.
+    """
+    if len(replayed[0]) < DRAWS:
+        notes.append(f"senses are not compared: that takes --replays {DRAWS} or more")
+        return [], None
+    try:
+        acts, meaning, _ = opened(policy, None, None)
+    except UserError as error:
+        notes.append(f"senses are not compared: {error}")
+        return [], None
+    drawn: list[list[Any]] = [[()] * DRAWS for _ in trials]
+    if meaning.images:
+        looks = [
+            Look(**{**vars(job), "seeds": (replay.said.seed,), "replays": None}, number=(i, k), places=senses.places(t))
+            for i, t in enumerate(trials)
+            for k, replay in enumerate(replayed[i])
+        ]
+        for (i, k), pictures in runner.each(looks, workers, senses.look):
+            drawn[i][k] = pictures
+    parted = [senses.part(acts, meaning, *each) for each in zip(trials, replayed, drawn, strict=True)]
+    if not meaning.images:
+        return parted, None
+    shown = senses.moment(trials, parted, senses.PICTURES)
+    i = shown["number"]
+    return parted, senses.strip(senses.seen(trials[i], meaning), drawn[i][0], shown["step"])

@@ -13,22 +13,21 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.evaluation import statistics
+from vispeg.evaluation import senses, statistics
 from vispeg.evaluation.categories import part
 from vispeg.evaluation.jobs import FIRST_SEED
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.schema.estimate import Interval
-from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, TrialRow
+from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, Sense, TrialRow
 from vispeg.evaluation.schema.gap import Measure
+from vispeg.evaluation.senses import before_contact
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, Rows, wilson
-from vispeg.recordings.recording import Recording
 from vispeg.trials.trial import Trial
 
 FORMAT = "vispeg-explain/1"
 CLOSED, OPEN, TOGETHER = "closed loop", "open loop", "all together"
 FEWEST = 10  # trials; of fewer, even none that fails leaves 30 % open
-TOUCH, HELD = 5.0, 3  # N off the start's wrench, for so many samples: more than a moving tool's own weight makes
 TRACKING = 2.0  # deg: the article's rule is 2 to 3 on any joint
 LATE = 0.02  # s: the article's delays are 0 to 20 ms
 DELAYS = np.arange(0, 41)  # samples that are tried
@@ -40,15 +39,6 @@ def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
     return list(range(start, start + replays))
 
 
-def before_contact(recording: Recording) -> int:
-    """Count the samples before the force leaves that of the start by `TOUCH`; all where there is no wrench."""
-    if recording.ft is None:
-        return len(recording.time)
-    force = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
-    held = np.convolve(force, np.ones(HELD), "valid") >= HELD
-    return int(np.argmax(held)) if held.any() else len(recording.time)
-
-
 def summarise(
     policy: str,
     trials: Sequence[Trial],
@@ -56,6 +46,7 @@ def summarise(
     replayed: Sequence[Trial],
     causes: Mapping[str, Sequence[EffectInstance]],
     notes: Sequence[str] = (),
+    parted: Sequence[senses.Parting] = (),
 ) -> ExplainRecord:
     """Gather what explain.json holds.
 
@@ -66,6 +57,7 @@ def summarise(
         replayed: of each trial one replay of its actions, kept as a trial.
         causes: by label the effects that were played besides.
         notes: what else is to be known.
+        parted: of each trial how its actions move with simulation's senses; none where that was not asked.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
     won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
@@ -78,12 +70,15 @@ def summarise(
     tests |= {("failures", name): test for name, test in kinds.tests.items()}
     tests |= {("measure", m.name): Hypothesis(m.p) for m in measures}
     tests |= {("cause", name): _difference(mean[CLOSED], mean[name]) for name in causes}
+    if parted:
+        tests |= {("sense", name): test for name, test in senses.tests(parted).items()}
     if len(y) < FEWEST:
         tests = {key: replace(test, p=None) for key, test in tests.items()}
     decided = statistics.decide(tests)
     compared = [m.decided(decided["measure", m.name]) for m in measures]
     made = [_cause(name, some, mean, y, decided["cause", name]) for name, some in causes.items()]
     made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
+    exchanged = senses.ranked(parted, {name: decided[kind, name] for kind, name in tests if kind == "sense"})
     gap, failed = decided["gap", ""], y == 0
     verdict, words = _verdict(gap, mean, failed, made)
     return {
@@ -101,9 +96,17 @@ def summarise(
         "measures": compared,
         "rules": _rules(trials, replayed, compared),
         "causes": made,
+        "senses": exchanged,
+        "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
         "notes": list(notes),
         "rule": statistics.RULE,
     }
+
+
+def _shown(exchanged: Sequence[Sense]) -> str:
+    """The sense whose moment is shown: the pictures where there are any, for people see them, else the first."""
+    names = [row["sense"] for row in exchanged]
+    return senses.PICTURES if senses.PICTURES in names else names[0]
 
 
 def _episode(policy: str, trial: Trial, number: int) -> Episode:

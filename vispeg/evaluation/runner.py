@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -25,6 +25,7 @@ from vispeg.task.world_file import load_world
 DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
 EPISODES, RUN = "episodes.jsonl", "run.json"
 Arena = Callable[[Job], list[Episode]]
+J, R = TypeVar("J", bound=Job), TypeVar("R")
 Watch = Callable[[list[Episode], int, int], None]
 
 
@@ -57,7 +58,7 @@ def run(
         todo += replace(job, seeds=missing, dump=out / DIVERGED).split(max(job.rows, IMAGE_ROWS)) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
-    for played in _results(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
+    for played in each(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
         write_text_atomic(out / RUN, names, overwrite=True)
         append(path, played)
         have |= {e.key: e for e in played}
@@ -67,7 +68,14 @@ def run(
     return [have[key] for job in jobs for key in job.keys()]
 
 
-def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[Episode]]:
+def each(todo: Sequence[J], workers: int, arena: Callable[[J], R]) -> Iterator[R]:
+    """Do jobs in worker processes; gives what `arena` returns as it comes, in any order.
+
+    Args:
+        todo: jobs.
+        workers: as in `run`.
+        arena: does one job. Sent to workers by name.
+    """
     backends = {str(load_world(world).renderer.get("backend", "auto")) for world in {job.world for job in todo}}
     tasks = min(filter(None, map(jobs_a_process, backends)), default=None)
     if not tasks and (workers < 2 or len(todo) < 2):
@@ -76,7 +84,7 @@ def _results(todo: Sequence[Job], workers: int, arena: Arena) -> Iterator[list[E
     for who in {id(job.entrant.source): job.entrant for job in todo if not job.entrant.stored}.values():
         _sendable(who)
     with pool_of(max(1, min(workers, len(todo))), tasks) as pool:
-        waiting: Iterable[Future[list[Episode]]] = [pool.submit(arena, job) for job in todo]
+        waiting: Iterable[Future[R]] = [pool.submit(arena, job) for job in todo]
         while waiting:
             finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:

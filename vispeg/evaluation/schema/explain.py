@@ -43,6 +43,36 @@ class Cause(TypedDict):
     words: str
 
 
+class Sense(TypedDict):
+    """One of a policy's senses: how far the action moves as simulation's is taken in its place, and what that shows.
+
+    `among_mm` is the same between two draws of the world, `more_mm` how much farther the robot is.
+    """
+
+    sense: str
+    moved_mm: float
+    among_mm: float
+    more_mm: Interval
+    p_holm: float | None
+    points_to: str
+    words: str
+
+
+class Moment(TypedDict):
+    """Where a sense moves the action most: what the policy asks for (mm) by the robot's and by simulation's.
+
+    `number` is the trial's, from 0, in the order of the trials.
+    """
+
+    number: int
+    trial: str
+    sense: str
+    step: int
+    time_s: float
+    robot_mm: list[float]
+    simulated_mm: list[float]
+
+
 class ExplainRecord(TypedDict):
     """explain.json without world and provenance."""
 
@@ -60,5 +90,7 @@ class ExplainRecord(TypedDict):
     measures: list[Measure]
     rules: list[Rule]
     causes: list[Cause]
+    senses: list[Sense]
+    moment: Moment | None
     notes: list[str]
     rule: str

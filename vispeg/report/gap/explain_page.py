@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from vispeg.report.drawings.figures import AFTER, BEFORE, Shape, chart, legend, new_figure, quiet
+from vispeg.report.drawings.figures import AFTER, BEFORE, NARROW, Shape, chart, legend, new_figure, quiet
 from vispeg.report.gap import table_page, words
 from vispeg.report.gap.page import page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from vispeg.evaluation.senses import Strip
 
-def render(values: Mapping[str, Any]) -> str:
-    """The page of a `vispeg-explain/1` record."""
+
+def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
+    """The page of a `vispeg-explain/1` record, with pictures of one trial."""
     lines = [f"{values['policy']}: {values['words']}", *values["notes"]]
     sections = [table_page.title("Why do these trials fail?", lines)]
+    sections += _story(values, strip)
     heads = ("cause", "without", "with it", "change, points", "share of the loss", "Holm", "verdict")
     rows = [
         [
@@ -33,6 +36,25 @@ def render(values: Mapping[str, Any]) -> str:
     note = "Success of the policy in simulation from the trials' starts, on the same draws without and with the effect."
     if rows:
         sections.append(table_page.table("Causes", heads, rows, note=note))
+    if values["senses"]:
+        heads = ("sense", "moves the action by", "between two draws", "more", "Holm", "points to")
+        rows = [
+            [
+                s["sense"],
+                f"{s['moved_mm']:.2f} mm",
+                f"{s['among_mm']:.2f} mm",
+                _more(s["more_mm"]),
+                words.p_value(s["p_holm"]),
+                s["points_to"] or "-",
+            ]
+            for s in values["senses"]
+        ]
+        note = (
+            "The policy on what it saw in the trials, with one sense from simulation: pictures of the same places, or "
+            "readings of the arm or the wrench of a replay. A robot that is like one more draw of the world moves the "
+            "action as far as two draws are apart."
+        )
+        sections.append(table_page.table("What its senses tell the policy", heads, rows, note=note))
     rates = [("robot", values["robot"]), ("simulation, the policy", values["closed"])]
     rates.append(("simulation, the trials' actions", values["open"]))
     if values["failed"] is not None:
@@ -66,6 +88,55 @@ def render(values: Mapping[str, Any]) -> str:
 def _effect(cause: Mapping[str, Any]) -> str:
     numbers = ", ".join(f"{k} {v:.3g}" for k, v in cause["params"].items() if isinstance(v, (int, float)))
     return f"{cause['effect']}: {numbers}" if numbers else cause["effect"]
+
+
+def _more(more: Mapping[str, Any]) -> str:
+    if more["low"] is None:
+        return "-"
+    return f"{more['value']:+.2f} [{more['low']:.2f}, {more['high']:.2f}] mm"
+
+
+def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Section]:
+    """One trial: its pictures beside simulation's, and what the policy asks for on each."""
+    m = values["moment"]
+    if m is None:
+        return []
+    asked = [["robot", _offset(m["robot_mm"])], [f"simulation's {m['sense']}", _offset(m["simulated_mm"])]]
+    text, drawn = "", ""
+    if strip is not None:
+        text = "Above what the robot's camera saw, below simulation at the same joints; framed: the moment."
+        drawn = chart(lambda shape: _strip(strip, shape), "strip", "Pictures of the robot and of simulation")
+    head = f"{m['trial']}, {m['time_s']:.2f} s: the {m['sense']} part here"
+    return [
+        table_page.table(head, ("on", "the policy asks for, mm in the base's axes"), asked, picture=drawn, caption=text)
+    ]
+
+
+def _offset(offset: Sequence[float]) -> str:
+    return ", ".join(f"{x:+.1f}" for x in offset)
+
+
+def _strip(strip: Strip, shape: Shape) -> Figure:
+    keys, shown = list(strip.robot), list(range(len(strip.steps)))
+    if shape is NARROW:  # the moment and what is about it
+        first = max(0, min(strip.moment - 1, len(shown) - 4))
+        shown = shown[first : first + 4]
+    side = shape.width / len(shown)
+    figure = new_figure(0.2 + (2 * side + 0.15) * len(keys), shape.width)
+    grid = figure.subplots(2 * len(keys), len(shown), squeeze=False)
+    for k, key in enumerate(keys):
+        for row, (side_name, pictures) in enumerate((("robot", strip.robot), ("simulation", strip.simulated))):
+            for column, i in enumerate(shown):
+                axes = grid[2 * k + row][column]
+                axes.imshow(pictures[key][i], interpolation="nearest")
+                axes.set(xticks=[], yticks=[])
+                for spine in axes.spines.values():
+                    spine.set(visible=i == strip.moment, color=AFTER, linewidth=2)
+                if column == 0:
+                    axes.set_ylabel(f"{key}\n{side_name}", fontsize="small")
+                if row == 0:
+                    axes.set_title(f"step {strip.steps[i]}", loc="left")
+    return figure
 
 
 def _figure(trials: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:

@@ -1,0 +1,291 @@
+"""Which of a policy's senses tells it something else on the robot: one is exchanged for simulation's, the action moves.
+
+The policy goes through a trial again on what it saw there, with one sense taken from simulation: the pictures of the
+same places (the arm put where the robot's was measured), or the arm's or the wrench's readings of a replay of its
+actions. Two draws of the world are used. A robot that is like a third draw moves the action from either as far as
+these are from each other; what it moves more is what simulation lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import ttest_1samp
+
+from vispeg.evaluation.arena import environment
+from vispeg.evaluation.jobs import Job
+from vispeg.evaluation.schema.explain import Moment, Sense
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference
+from vispeg.interface.builder import Picture, images
+from vispeg.interface.interface import Interface
+from vispeg.interface.terms import POLICY
+from vispeg.recordings.recording import Recording
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.image_kinds import DEPTH, camera_of, kind_of, picture_of
+from vispeg.task.start import Start
+from vispeg.trials.trial import Trial
+
+PICTURES, ARM, WRENCH, CONTACT = "pictures", "arm", "wrench in free air", "wrench in contact"
+FELT = ("force", "torque")
+TERMS = {ARM: ("tip", "velocity", "turn", "spin"), WRENCH: FELT, CONTACT: FELT}  # sense -> terms that tell it
+POINTS_TO = {
+    PICTURES: "camera or looks",
+    ARM: "the arm or its drives",
+    WRENCH: "the wrist's sensor",
+    CONTACT: "contact",
+}
+TOUCH, HELD = 5.0, 3  # N off the start's wrench, for so many samples: more than a moving tool's own weight makes
+LEAST = 0.15  # mm: an arm's own pose repeatability (KUKA LBR iiwa 14 R820, ISO 9283); less moves no robot elsewhere
+DRAWS = 2  # of the world, for each trial
+AT_TIME = 1e-6  # s: a picture is of the reading at which the policy acted
+
+Images = Mapping[str, np.ndarray]  # by key, (1, C, H, W)
+
+
+@dataclass(frozen=True, eq=False)
+class Look(Job):
+    """Simulated pictures of the places where a robot's were taken.
+
+    Attributes:
+        number: of the trial and the draw.
+        places: how the world stands at each step.
+    """
+
+    number: tuple[int, int] = (0, 0)
+    places: tuple[Start, ...] = ()
+
+
+def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
+    """Take the pictures of a job in a worker: its number, and of each place the images (1, C, H, W) by key."""
+    env, (seed,) = environment(job), job.seeds
+    taken: list[Images] = []
+    for first in range(0, len(job.places), env.num_envs):
+        some = job.places[first : first + env.num_envs]
+        starts = [*some, *[some[-1]] * (env.num_envs - len(some))]
+        seen, _ = env.reset(seed=[seed] * env.num_envs, options={"start": starts})
+        pictures = {key: value for key, value in seen.items() if kind_of(key) is not None}
+        taken += [{key: value[[row]].copy() for key, value in pictures.items()} for row in range(len(some))]
+    return job.number, taken
+
+
+def places(trial: Trial) -> tuple[Start, ...]:
+    """Give the robot's joints at each step of a trial, with its goal, in a world that is left to the seed."""
+    rows = np.searchsorted(trial.recording.time, trial.steps.time - AT_TIME)
+    begun = trial.said.begin()
+    return tuple(Start(trial.recording.q[row], begun.goal, begun.believed) for row in rows)
+
+
+def seen(trial: Trial, interface: Interface) -> list[Images]:
+    """Give the pictures of a trial as its policy saw them, a mapping a step.
+
+    Raises:
+        UserError: a step without a picture that the policy sees.
+    """
+    out = []
+    for time in trial.steps.time:
+        pictures = {}
+        for frame in trial.recording.frames or ():
+            if abs(frame.time - time) < AT_TIME:
+                c = frame.camera
+                lens = Camera(c.name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
+                pictures[c.name] = Picture(frame.rgb, frame.depth, lens)
+        out.append(images(interface, pictures))
+    return out
+
+
+def before_contact(recording: Recording) -> int:
+    """Count the samples before the force leaves that of the start by `TOUCH`; all where there is no wrench."""
+    if recording.ft is None:
+        return len(recording.time)
+    force = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
+    held = np.convolve(force, np.ones(HELD), "valid") >= HELD
+    return int(np.argmax(held)) if held.any() else len(recording.time)
+
+
+@dataclass(frozen=True, eq=False)
+class Parting:
+    """How one trial's actions move as a sense is exchanged.
+
+    Attributes:
+        moved: of each sense the action's distance (steps,) m from the robot's with simulation's, the mean of the draws;
+            NaN where it is not compared.
+        among: likewise between the draws.
+        robot: (steps, k) offsets that the policy asks for on what the robot saw, m.
+        simulated: of each sense (steps, k) with simulation's in its place, first draw.
+    """
+
+    moved: Mapping[str, np.ndarray]
+    among: Mapping[str, np.ndarray]
+    robot: np.ndarray
+    simulated: Mapping[str, np.ndarray]
+
+
+def part(
+    policy: Any, interface: Interface, trial: Trial, replays: Sequence[Trial], drawn: Sequence[Sequence[Images]]
+) -> Parting:
+    """Play a trial's observations again, with one sense at a time from simulation.
+
+    Args:
+        policy: see `vispeg.learn.policy.Policy`.
+        interface: what its numbers mean.
+        trial: of the robot.
+        replays: of its actions, one a draw.
+        drawn: pictures of the same places, one list a draw; empty for a policy that sees none.
+    """
+    n = min(len(trial.steps.time), *(len(r.steps.time) for r in replays))
+    free = np.arange(n) < min(_free(t) for t in (trial, *replays))
+    compared = {PICTURES: np.ones(n, bool), ARM: free, WRENCH: free, CONTACT: ~free}
+    drawn = [[_stored(each, trial) for each in some] for some in drawn]
+    pictures = seen(trial, interface) if interface.images else [{}] * n
+    columns = {sense: _columns(interface, names) for sense, names in TERMS.items()}
+    columns = {sense: some for sense, some in columns.items() if len(some)}
+    senses = [*([PICTURES] if interface.images else []), *columns]
+    rows = [(sense, draw) for sense in senses for draw in range(len(replays))]
+    policy.reset(1 + len(rows))
+    actions = []
+    for step in range(n):
+        told = np.repeat(trial.steps.seen[[step]], 1 + len(rows), axis=0).astype(np.float32)
+        shown = [pictures[step]] * (1 + len(rows))
+        for row, (sense, draw) in enumerate(rows, 1):
+            if sense == PICTURES:
+                shown[row] = drawn[draw][step]
+            else:
+                told[row, columns[sense]] = replays[draw].steps.seen[step, columns[sense]]
+        stacked = {key: np.concatenate([each[key] for each in shown]) for key in interface.images}
+        actions.append(policy.act({POLICY: told, **stacked}))
+    moves = [i for i, d in enumerate(interface.dof) if not d.startswith("r")]
+    asked = interface.offset_m * np.stack(actions)[:, :, moves].astype(float)  # (steps, rows, k)
+    of = {key: np.where(compared[key[0]][:, None], asked[:, row], np.nan) for row, key in enumerate(rows, 1)}
+    robot, away = asked[:, 0], {}
+    for sense in senses:
+        each = [np.linalg.norm(of[sense, draw] - robot, axis=1) for draw in range(len(replays))]
+        away[sense] = np.mean(each, axis=0)
+    among = {sense: np.linalg.norm(of[sense, 0] - of[sense, 1], axis=1) for sense in senses}
+    return Parting(away, among, robot, {sense: of[sense, 0] for sense in senses})
+
+
+def _free(trial: Trial) -> int:
+    """Count the steps before the tool touches: after that, arms that parted feel other things."""
+    touch = before_contact(trial.recording)
+    time = trial.recording.time
+    return int((trial.steps.time < (time[touch] if touch < len(time) else np.inf) - AT_TIME).sum())
+
+
+def _stored(pictures: Images, trial: Trial) -> Images:
+    """Round simulated depth as the trial's pictures were stored."""
+    units = {name: c.depth_unit for name, c in trial.recording.frames.cameras.items()} if trial.recording.frames else {}
+
+    def rounded(key: str, image: np.ndarray) -> np.ndarray:
+        unit = units.get(camera_of(key))
+        return np.rint(image / unit).astype(image.dtype) * image.dtype.type(unit) if unit else image
+
+    return {key: rounded(key, image) if kind_of(key) is DEPTH else image for key, image in pictures.items()}
+
+
+def _columns(interface: Interface, names: Sequence[str]) -> np.ndarray:
+    """The places of terms in a policy's vector, in all moments of its stack."""
+    ends = np.cumsum([told.size for told in interface.told])
+    told = [range(end - t.size, end) for t, end in zip(interface.told, ends, strict=True) if t.name in names]
+    one = np.array([i for some in told for i in some], int)
+    return np.concatenate([one + k * ends[-1] for k in range(interface.stack)])
+
+
+def tests(parted: Sequence[Parting]) -> dict[str, Difference]:
+    """Test for each sense whether the robot moves the action farther than the draws do; the trial is the unit."""
+    excess = {sense: _excess(parted, sense) for sense in parted[0].moved}
+    return {sense: _more(each) for sense, each in excess.items() if len(each)}
+
+
+def _excess(parted: Sequence[Parting], sense: str) -> np.ndarray:
+    """(n,) mm, of the trials in which the sense is compared."""
+    each = [p.moved[sense] - p.among[sense] for p in parted]
+    return 1e3 * np.array([np.nanmean(x) for x in each if np.isfinite(x).any()])
+
+
+def _more(excess: np.ndarray) -> Difference:
+    value = float(excess.mean())
+    if len(excess) < 2 or np.ptp(excess) == 0:
+        return Difference(1.0 if value == 0 else None, value, lambda alpha: (value, value), len(excess))
+    found = ttest_1samp(excess, 0.0)
+
+    def interval(alpha: float) -> tuple[float, float]:
+        low, high = found.confidence_interval(1 - alpha)
+        return float(low), float(high)
+
+    return Difference(float(found.pvalue), value, interval, len(excess))
+
+
+def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision]) -> list[Sense]:
+    """Give a row a sense, the one first that moves the action most beyond the world's draws.
+
+    Contact comes behind an arm that parts before it: what it feels then may follow from where it went.
+    """
+    speak = [sense for sense, d in decided.items() if d.certain and d.estimate.value > LEAST]
+    rows: list[Sense] = []
+    for sense, decision in decided.items():
+        moved = 1e3 * float(np.nanmean(np.concatenate([p.moved[sense] for p in parted])))
+        among = 1e3 * float(np.nanmean(np.concatenate([p.among[sense] for p in parted])))
+        points = POINTS_TO[sense] if sense in speak else ""
+        if sense == CONTACT and points and ARM in speak:
+            points = "contact, if not what the arm did before"
+        words = f"{moved:.1f} mm, {among:.1f} mm between two draws of the world"
+        rows.append(
+            {
+                "sense": sense,
+                "moved_mm": moved,
+                "among_mm": among,
+                "more_mm": decision.estimate.to_json(),
+                "p_holm": decision.p_holm,
+                "points_to": points,
+                "words": words if sense in speak or decision.certain else f"{words}: {CANNOT_TELL}",
+            }
+        )
+    return sorted(rows, key=lambda r: (r["sense"] == CONTACT and ARM in speak, -(r["more_mm"]["value"] or 0.0)))
+
+
+def moment(trials: Sequence[Trial], parted: Sequence[Parting], sense: str) -> Moment:
+    """Find where a sense moves the action farthest beyond the draws, in a failed trial if one failed."""
+    failed = [i for i, t in enumerate(trials) if not t.said.outcome.success]
+    excess = {i: p.moved[sense] - p.among[sense] for i, p in enumerate(parted)}
+    best = {i: x for i, x in excess.items() if np.isfinite(x).any()}
+    shown = [i for i in failed if i in best] or list(best)
+    number = max(shown, key=lambda i: float(np.nanmax(best[i])))
+    step, p, trial = int(np.nanargmax(best[number])), parted[number], trials[number]
+    return {
+        "number": number,
+        "trial": "" if trial.path is None else trial.path.name,
+        "sense": sense,
+        "step": step,
+        "time_s": float(trial.steps.time[step] - trial.steps.time[0]),
+        "robot_mm": (1e3 * p.robot[step]).tolist(),
+        "simulated_mm": (1e3 * p.simulated[sense][step]).tolist(),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """One trial's pictures beside the simulated ones of the same places.
+
+    Attributes:
+        steps: (n,) whose pictures they are.
+        moment: which of `steps` is the moment.
+        robot, simulated: of each image key n pictures (H, W, 3) uint8.
+    """
+
+    steps: tuple[int, ...]
+    moment: int
+    robot: Mapping[str, Sequence[np.ndarray]]
+    simulated: Mapping[str, Sequence[np.ndarray]]
+
+
+def strip(robot: Sequence[Images], simulated: Sequence[Images], step: int, most: int = 8) -> Strip:
+    """Choose up to `most` steps spread evenly over a trial, `step` among them, and give their pictures."""
+    n = min(len(robot), len(simulated))
+    steps = sorted({*np.linspace(0, n - 1, min(n, most - 1)).round().astype(int).tolist(), step})
+    sides = [
+        {key: [picture_of(key, side[k][key][0]) for k in steps] for key in robot[0]} for side in (robot, simulated)
+    ]
+    return Strip(tuple(steps), steps.index(step), *sides)
