@@ -89,3 +89,10 @@ def test_joints_are_diagnosed_where_pictures_show_nothing_and_a_note_says_so(tmp
     assert any(said in str(block) for block in found.summary), "in the terminal"
     with pytest.raises(UserError, match="no camera sees the cell"):
         vispeg.diagnose(model, tmp_path / "a", tmp_path / "b", channels=["pictures"])
+
+
+def test_pictures_without_colour_are_refused_for_edges_are_found_in_it():
+    rec = seen_by(HAND)
+    deep = replace(rec.frames, frames=tuple(replace(f, rgb_source=None) for f in rec.frames))
+    with pytest.raises(UserError, match="no colour"):
+        diagnose(CELL, [rec], [replace(rec, frames=deep)])

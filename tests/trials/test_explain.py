@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from vispeg.api.explain import UNTRIED, explain
+from vispeg.api.learning.finetune import _failed
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
-from vispeg.evaluation.explain import HELD, TOUCH, before_contact
+from vispeg.evaluation.senses import HELD, TOUCH, before_contact
 from vispeg.evaluation.statistics import CANNOT_TELL
+from vispeg.robots.scene import build
+from vispeg.task.world_file import load_world
 from vispeg.trials.trial import FILE, folders, read_said, read_trial
 
 HIDDEN = """format: vispeg-world/1
@@ -64,6 +67,26 @@ def test_a_hidden_effect_is_ranked_before_others_and_explains_what_is_lost(cell,
     assert "actuator" in speaks
     page = (tmp_path / "why" / "explain.html").read_text()
     assert "coulomb_friction(joint4): torque 6" in page and all(f.name in page for f in folders(cell / "trials"))
+
+
+def test_apply_writes_the_world_that_the_causes_correct_and_it_draws_within_their_intervals(cell, tmp_path):
+    found = explained(cell, tmp_path / "why", "--model", str(cell / "model.yaml"), "--apply")
+    world = tmp_path / "why" / "world.yaml"
+    assert found["next"]["command"].split()[:2] == ["vispeg", "finetune"] and str(world) in found["next"]["command"]
+    assert found["next"]["command"] in (tmp_path / "why" / "explain.html").read_text()
+    drawn = [{e.label: e.params for e in load_world(world).world.sample(s, build()).effects} for s in range(50)]
+    torque = np.array([d["coulomb_friction(joint4)"]["torque"].value for d in drawn])
+    assert torque.std() == pytest.approx(0.5 / 1.96, rel=0.35) and abs(torque.mean() - 6.0) < 0.2
+    assert {d["viscous_friction(joint7)"]["damping"].value for d in drawn} == {0.5}
+
+
+def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_there(cell, tmp_path):
+    found = explained(cell, tmp_path / "why", "--world", str(cell / "hidden.yaml"), "--apply")
+    assert found["verdict"] == "policy" and not (tmp_path / "why" / "world.yaml").exists()
+    verb, *options = found["next"]["command"].split()[1:]
+    assert verb == "finetune" and options[options.index("--starts") + 1] == str(cell / "trials")
+    starts = _failed(cell / "trials")
+    assert len(starts) == sum(not read_said(f).outcome.success for f in folders(cell / "trials"))
 
 
 def test_in_their_own_world_trials_end_as_they_did_by_policy_and_by_actions(cell, tmp_path):

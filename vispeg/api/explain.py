@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+import yaml
+
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.files import write_text_atomic
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner, senses
 from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
@@ -23,16 +27,18 @@ from vispeg.evaluation.overlay import Change
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.replay import Replays
+from vispeg.evaluation.schema.explain import ExplainRecord, Next
 from vispeg.evaluation.senses import DRAWS, Look, Parting, Strip
 from vispeg.report.gap import words
 from vispeg.report.gap.explain_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.task.world_file import load_world
+from vispeg.task.world_file import BUILT_IN, WorldFile, load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
 from vispeg.trials.trial import folders as trials_in
 from vispeg.worlds.model_file import load_model
 
+CORRECTED, CORRECTED_MODEL = "world.yaml", "model.yaml"  # in OUT
 UNTRIED = (
     "no cause is tried: name effects with --model FILE, as `vispeg diagnose` of a motion in free air finds them"
     " (`vispeg motions` makes one)"
@@ -68,6 +74,8 @@ class ExplainResult(Stressed):
         for x in r["senses"]:
             if x["points_to"]:
                 out.append(Line(f"with simulation's {x['sense']} the action moves by {x['words']}: {x['points_to']}"))
+        if r["next"]:
+            out += [Line(r["next"]["why"]), Line(f"next: {r['next']['command']}", path=True)]
         return [*out, *(Line(note, path=True) for note in r["notes"])]
 
     def _render(self) -> str:
@@ -81,6 +89,7 @@ def explain(
     *,
     model: str | Path | None = None,
     replays: int = 20,
+    apply: bool = False,
     task: Mapping[str, Any] | None = None,
     seed: int = 0,
     workers: int = 1,
@@ -100,6 +109,7 @@ def explain(
         model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: no cause is
             tried, and a note says how to name some.
         replays: of each start.
+        apply: write the world that the named causes correct into `out`, and say which command trains next.
         task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
@@ -109,6 +119,8 @@ def explain(
     check_numbers(1, workers)
     if replays < 1:
         raise UserError("no replays", key="--replays", expected="1 or more", got=replays)
+    if apply and out is None:
+        raise UserError("a corrected world needs a folder", key="--apply", expected="--out FOLDER")
     who, file = ready([policy]), load_world(world)
     notes: list[str] = []
     read = _read(Path(trials), notes)
@@ -150,6 +162,8 @@ def explain(
         replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
         parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, notes)
         record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, notes, parted)
+        if apply:
+            record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))  # type: ignore[arg-type]
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
         result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), strip)
         if out is not None:
@@ -184,6 +198,38 @@ def _change(effect: EffectInstance) -> Change:
 def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[int]]) -> list[Episode]:
     by = {e.seed: e for e in ends if e.configuration == configuration}
     return [by[s] for some in seeds for s in some]
+
+
+def _applied(
+    record: ExplainRecord, place: Path, out: Path, policy: str, world: WorldFile, model: str | Path | None, trials: Path
+) -> Next | None:
+    """What is to be done now: the world that the causes correct, or demonstrations from where the policy fails.
+
+    Args:
+        record: what the trials show.
+        place: where the world is written.
+        out: what the place will be called.
+        policy: as it was named.
+        world: of the replays.
+        model: whose effects were tried.
+        trials: their folder.
+    """
+    base = world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
+    if record["verdict"] == "policy":
+        why = "it fails in simulation from these starts too: demonstrations from there teach it"
+        return {"why": why, "command": _command("finetune", policy, world=base, starts=trials, out="tuned")}
+    if model is None or not any(c["verdict"] == "different" for c in record["causes"]):
+        return None
+    write_text_atomic(place / CORRECTED_MODEL, Path(model).read_text("utf-8"), overwrite=True)
+    values = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base, "model": CORRECTED_MODEL}
+    write_text_atomic(place / CORRECTED, yaml.safe_dump(values, sort_keys=False), overwrite=True)
+    load_world(place / CORRECTED)  # what cannot be trained in is said now
+    why = f"{CORRECTED} has what {Path(model).name} names, each value within its interval, besides all of {world.name}"
+    return {"why": why, "command": _command("finetune", policy, world=out / CORRECTED, out="tuned")}
+
+
+def _command(verb: str, policy: str, **options: str | Path) -> str:
+    return shlex.join(["vispeg", verb, policy, *(w for k, v in options.items() for w in (f"--{k}", str(v)))])
 
 
 def _parted(

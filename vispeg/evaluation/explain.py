@@ -98,6 +98,7 @@ def summarise(
         "causes": made,
         "senses": exchanged,
         "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
+        "next": None,
         "notes": list(notes),
         "rule": statistics.RULE,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from gymnasium.vector import VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
 from vispeg.learn.infos import row_info
+from vispeg.task.start import Start
 
 
 class Sb3Env(VecEnv):
@@ -17,10 +19,14 @@ class Sb3Env(VecEnv):
 
     A row that ends is reset in the same step; its last observation is in its info as `terminal_observation`, and
     `TimeLimit.truncated` says whether it was only cut.
+
+    Args:
+        env: the environment.
+        starts: how episodes begin, in turn, in place of what their seeds draw; none: as drawn.
     """
 
-    def __init__(self, env: VectorEnv):
-        self.env = env
+    def __init__(self, env: VectorEnv, starts: Sequence[Start] = ()):
+        self.env, self._starts = env, cycle(starts) if starts else None
         self.render_mode = getattr(env, "render_mode", None)
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions = np.zeros((env.num_envs, 1))
@@ -28,7 +34,7 @@ class Sb3Env(VecEnv):
     def reset(self) -> dict[str, np.ndarray]:
         """All rows anew, from the seed given by `seed` before, if any."""
         seed = self._seeds[0]
-        obs, info = self.env.reset(seed=seed)
+        obs, info = self.env.reset(seed=seed, options=self._begin(np.ones(self.num_envs, bool)))
         self._reset_seeds()
         self.reset_infos = [row_info(info, row) for row in range(self.num_envs)]
         return obs
@@ -47,10 +53,16 @@ class Sb3Env(VecEnv):
                 infos[row] = row_info(info, row)
                 infos[row]["terminal_observation"] = {key: value[row].copy() for key, value in obs.items()}
                 infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
-            obs, reset = self.env.reset(options={"reset_mask": done})
+            obs, reset = self.env.reset(options=self._begin(done))
             for row in np.flatnonzero(done).tolist():
                 self.reset_infos[row] = row_info(reset, row)
         return obs, np.asarray(reward, np.float32), done, infos
+
+    def _begin(self, rows: np.ndarray) -> dict[str, Any]:
+        """The options with which rows (n,) bool begin anew."""
+        if self._starts is None:
+            return {"reset_mask": rows}
+        return {"reset_mask": rows, "start": [next(self._starts) if row else None for row in rows]}
 
     def close(self) -> None:
         """Closes the environment beneath."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from vispeg.api.policies import load_policy
+from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.formats.json_data import read_json
 from vispeg.report.text.summary import Block, Line, html
+from vispeg.task.start import Start
+from vispeg.trials.trial import read_trials
 
 if TYPE_CHECKING:
     from vispeg.learn.policy import Policy
@@ -58,6 +61,7 @@ def finetune(
     *,
     teacher: str = "expert",
     dataset: str | Path | None = None,
+    starts: str | Path | None = None,
     demos: int = 100,
     updates: int = 2000,
     lr: float | None = None,
@@ -77,6 +81,7 @@ def finetune(
         out: folder of the new policy.
         teacher: who demonstrates: `expert` for the scripted policy, or a state policy's folder or name.
         dataset: demonstrations in LeRobot's layout, in place of the teacher's.
+        starts: a folder of trials: the teacher's episodes begin as those that failed began.
         demos: successful demonstrations in the target world.
         updates: gradient steps.
         lr: learning rate; by default a tenth of the one that the policy was trained at.
@@ -94,6 +99,9 @@ def finetune(
     require("torch", "fine-tuning")
     from vispeg.learn.methods import finetune as tuning
 
+    if starts is not None and dataset is not None:
+        raise UserError("a dataset's demonstrations have begun", key="--starts", expected="--starts or --dataset")
+    begun = () if starts is None else _failed(Path(starts))
     settings = tuning.FinetuneSettings(demos, updates, lr, known=known, episodes=episodes)
     folder = tuning.finetune_in_worlds(
         Path(policy),
@@ -104,8 +112,18 @@ def finetune(
         settings,
         seed,
         dataset=None if dataset is None else Path(dataset),
+        starts=begun,
         device=device,
         overwrite=overwrite,
         say=say,
     )
     return FinetunedPolicy(folder, read_json(folder / "finetune.json"))
+
+
+def _failed(trials: Path) -> tuple[Start, ...]:
+    """How the trials that failed began, in a world that is left to the seed. Raises UserError: none failed."""
+    said = read_trials(trials)
+    starts = tuple(replace(s.begin(), effects=None) for s in said if not s.outcome.success)
+    if not starts:
+        raise UserError("no trial failed", file=trials, key="--starts", got=f"{len(said)} that succeeded")
+    return starts

@@ -1,12 +1,13 @@
 """Explains why trials of a policy fail on a robot.
 
 Every trial's start is played again in simulation, by the policy and by the trial's own actions, over all that the world
-draws. Each effect of a model file is judged as a cause by what it costs the policy from those starts; `vispeg diagnose`
-of a motion in free air names such effects. Writes OUT/explain.json and OUT/explain.html.
+draws. What the policy saw is exchanged for simulation's, one sense at a time, to see which moves its action. Each
+effect of a model file is judged as a cause by what it costs the policy from those starts; `vispeg diagnose` of a motion
+in free air, or with pictures, names such effects. Writes OUT/explain.json and OUT/explain.html.
 
 Example:
     vispeg explain trials --policy runs/{task}-state/best --world randomized --out why
-    vispeg explain trials --policy runs/{task}-state/best --model diagnosis/model.yaml --out why
+    vispeg explain trials --policy runs/{task}-state/best --model diagnosis/model.yaml --apply --out why
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ class Args:
     """A model file whose effects may be the causes. Default: no cause is tried."""
     replays: int = 20
     """Replays of each start."""
+    apply: bool = False
+    """Write OUT/world.yaml, which has the causes, and print the command that trains in it; or the one that collects
+    demonstrations from where the policy fails."""
     tolerance: Room = None
     """Width of the goal less that of the part, mm; default: the world's."""
     trials: Played = Trials()
@@ -54,6 +58,7 @@ class Args:
             self.world,
             model=self.model,
             replays=self.replays,
+            apply=self.apply,
             task=at_tolerance(entrants([self.policy]), load_world(self.world), self.tolerance),
             **self.trials.options(self.out),
         )

@@ -32,6 +32,8 @@ class Args:
     """Demonstrator: expert for the scripted policy, or a state policy's folder or name."""
     dataset: Path | None = None
     """Demonstrations in LeRobot's layout, in place of a teacher."""
+    starts: Path | None = None
+    """A folder of trials: demonstrations begin as those that failed began."""
     demos: int = 100
     """Successful demonstrations in the target world."""
     updates: int = 2000
@@ -62,6 +64,7 @@ class Args:
             self.out,
             teacher=self.teacher,
             dataset=self.dataset,
+            starts=self.starts,
             demos=self.demos,
             updates=self.updates,
             lr=self.lr,

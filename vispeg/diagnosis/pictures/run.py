@@ -60,8 +60,13 @@ def diagnose_pictures(
         progress: keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
 
     Raises:
-        UserError: recordings without frames, with cameras whose pose is not stated, or none that sees anything.
+        UserError: recordings without frames or without colour, with cameras whose pose is not stated, or none that
+            sees anything.
     """
+    for rec in (*fitted, *held_out):
+        if not any(frame.rgb_source is not None for frame in rec.frames or ()):
+            what = "its pictures have no colour, in which the edges of parts are found"
+            raise UserError(what, file=rec.path, key="frames/index.csv", expected="files in the column rgb")
     (mine, theirs), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
     if not mine:
         raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)

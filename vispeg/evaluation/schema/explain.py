@@ -73,6 +73,13 @@ class Moment(TypedDict):
     simulated_mm: list[float]
 
 
+class Next(TypedDict):
+    """What to do now: why, and the command."""
+
+    why: str
+    command: str
+
+
 class ExplainRecord(TypedDict):
     """explain.json without world and provenance."""
 
@@ -92,5 +99,6 @@ class ExplainRecord(TypedDict):
     causes: list[Cause]
     senses: list[Sense]
     moment: Moment | None
+    next: Next | None
     notes: list[str]
     rule: str

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from vispeg.learn.policy import NetPolicy, load, save
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import defaults
 from vispeg.learn.teacher import Teacher, teacher_of
+from vispeg.task.start import Start
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ def finetune(
     seed: int,
     *,
     dataset: Path | None = None,
+    starts: Sequence[Start] = (),
     device: str = "cpu",
     overwrite: bool = False,
     say: Callable[[str], None] = print,
@@ -97,6 +99,7 @@ def finetune(
         settings: numbers.
         seed: of everything random.
         dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`.
+        starts: how the teacher's episodes begin, in turn; none: as the world draws them.
         device: where the network runs: `cpu`, `cuda` or `auto`.
         overwrite: whether `out` may be replaced.
         say: called with the progress.
@@ -111,7 +114,7 @@ def finetune(
     lr = settings.lr or 0.1 * trained_at(policy)
     settings = replace(settings, lr=lr)
     with new_folder(out, overwrite, holds="policy", inputs=(source, dataset)) as folder:
-        env = Sb3Env(target(settings.rows, {}))
+        env = Sb3Env(target(settings.rows, {}), starts)
         teacher(env.env)  # refuses who cannot teach here, before anything is played
         shown = None
         if dataset is not None:  # likewise refuses a folder that cannot
@@ -138,7 +141,14 @@ def finetune(
         loss = clone(actor, rings, settings.updates, numbers, stream(seed, "finetune"), frozen=settings.updates // 2)
         after = _success(policy, env, settings.episodes)
         say(f"after: {after:.0%}, loss {loss:.4f}")
-        record = {"before": before, "after": after, "settings": asdict(settings), "seed": seed, **describe(env.env)}
+        record = {
+            "before": before,
+            "after": after,
+            "settings": asdict(settings),
+            "starts": len(starts),
+            "seed": seed,
+            **describe(env.env),
+        }
         origin = {"command": command_line(sys.argv), "finetuned": record, "parent": str(source)}
         save(folder, actor, policy.modality, {**policy.meta, **origin, **worlds(policy.meta, record, *others)})
         (folder / "finetune.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     """The page of a `vispeg-explain/1` record, with pictures of one trial."""
-    lines = [f"{values['policy']}: {values['words']}", *values["notes"]]
+    lines = [f"{values['policy']}: {values['words']}"]
+    if values["next"]:
+        lines += [values["next"]["why"], f"next: {values['next']['command']}"]
+    lines += values["notes"]
     sections = [table_page.title("Why do these trials fail?", lines)]
     sections += _story(values, strip)
     heads = ("cause", "without", "with it", "change, points", "share of the loss", "Holm", "verdict")
