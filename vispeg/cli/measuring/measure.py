@@ -18,6 +18,7 @@ import tyro
 
 from vispeg.cli.measuring.measure_joint import Joint, Plan
 from vispeg.cli.measuring.measure_object import Com, Friction, Mass, Restitution, Stiffness
+from vispeg.cli.measuring.measure_zeros import Zeros
 from vispeg.cli.options import subcommand
 
 
@@ -28,6 +29,7 @@ class Args:
     command: tyro.conf.OmitSubcommandPrefixes[
         Annotated[Plan, subcommand(Plan)]
         | Annotated[Joint, subcommand(Joint)]
+        | Annotated[Zeros, subcommand(Zeros)]
         | Annotated[Mass, subcommand(Mass)]
         | Annotated[Com, subcommand(Com)]
         | Annotated[Friction, subcommand(Friction)]

@@ -138,7 +138,7 @@ def propose(
         UserError: no column can be the time, or none the angles.
     """
     named = _labels(table, labels or {})
-    meanings = _own([meaning(name, named) for name in table.names], joints, table)
+    meanings = own_names([meaning(name, named) for name in table.names], joints, table)
     out = Proposal(table.file, [], [], {}, dialect)
     there = [m for m in meanings if m.name in table.columns]
     groups = _groups([m for m in there if m.quantity in ("q", "dq", "tau")])
@@ -148,7 +148,7 @@ def propose(
         measured = [group for (_, commanded, _), group in currents.items() if not commanded]
         if measured:
             chosen["tau"], out.current = max(measured, key=len), True
-    placed = {signal: _placed(group, joints, signal, out, order) for signal, group in chosen.items()}
+    placed = {signal: joint_columns(group, joints, signal, out, order) for signal, group in chosen.items()}
     placed = {signal: columns for signal, columns in placed.items() if columns}
     if "q" not in placed:
         expected = "names such as q1, position_0, joint1.pos, actual_q_0; a map of your own says it otherwise"
@@ -211,8 +211,8 @@ def propose(
     return out
 
 
-def _own(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
-    """Columns that are called as the joints are hold angles, or what the file's name says."""
+def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
+    """Return the meanings; columns that are called as the joints are hold angles, or what the file's name says."""
     full = {"_".join(split(joint)): joint for joint in joints}
     short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
     own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
@@ -349,10 +349,10 @@ def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bo
     return said.startswith("[") or " " in said, commanded is None, -len(columns)
 
 
-def _placed(
+def joint_columns(
     group: list[Meaning], joints: Sequence[str], signal: str, out: Proposal, order: Sequence[int] | None = None
 ) -> dict[str, Meaning]:
-    """Joint -> column: by the joint's name, else by number, else in order, or in the one that is given."""
+    """Return joint -> column: by the joint's name, else by number, else in order, or in the one that is given."""
     named = _by_name(group, joints)
     if named:
         out.unused |= {m.name: "of no joint of this robot" for m in group if m not in named.values()}

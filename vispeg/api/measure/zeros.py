@@ -1,0 +1,163 @@
+"""Joint zeros and frames from static poses: what `vispeg measure zeros` does, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.api.measure.result import MeasurementResult, MeasureSettings, check_out, write
+from vispeg.api.recording.convert import placed as placed_robot
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.core.params import Value
+from vispeg.core.rotation import quaternion
+from vispeg.measure.becomes import placed
+from vispeg.measure.pose_table import FORMS, Readings, best, readings
+from vispeg.measure.screws import Screws
+from vispeg.measure.zeros import Confounded, Poses, Zeros, half_width, roughly, solve
+from vispeg.robots.model import load
+from vispeg.sim.compiled import flange_pose
+from vispeg.worlds.measurement_file import Measurement, Quantity
+
+WEAK = 0.02  # rad: a half width from which a zero is hardly told
+Known = Literal["known", "unknown"]
+
+
+def measure_zeros(
+    table: str | Path,
+    out: str | Path,
+    robot: str,
+    *,
+    base: Known = "unknown",
+    tool: Known = "unknown",
+    orientation: str | None = None,
+    settings: MeasureSettings | None = None,
+) -> MeasurementResult:
+    """Finds what each joint's encoder reads too much, and where base and tip are, from poses at rest.
+
+    Args:
+        table: a row a pose: joint angles as read, and the tip's measured position and, if any, orientation.
+        out: file of the measurement, .yaml.
+        robot: a name, or a path to an MJCF or URDF.
+        base: `known` where the poses are in the robot's base frame.
+        tool: `known` where they are the flange's.
+        orientation: what three angles mean: `rotation_vector`, `fixed_xyz` or `moving_xyz`; by default what fits.
+        settings: conditions, overwrite.
+
+    Raises:
+        UserError: no such table, too few poses, units that the data leave open, or `out` exists.
+    """
+    settings = settings or MeasureSettings()
+    path, robot = Path(table), placed_robot(robot)
+    check_out(Path(out).expanduser(), settings.overwrite)
+    if orientation is not None and orientation not in FORMS:
+        raise UserError("unknown orientation", key="--orientation", got=orientation, choices=FORMS)
+    model = load(robot)
+    arm = Screws(lambda q: flange_pose(model, q), len(model.joints))
+    fixed = {"base_known": base == "known", "tool_known": tool == "known"}
+
+    def misfit(way: Readings) -> tuple[float, float]:
+        return roughly(_poses(way), arm, **fixed)
+
+    way = best(readings(path, model.joints, orientation), misfit, path)
+    try:
+        found = solve(_poses(way), arm, **fixed)
+    except UserError as error:
+        raise UserError(f"zeros and frames cannot be told: {error}", file=path) from error
+    results, effects = _numbers(found, model.joints, len(way.position), **fixed)
+    measurement = Measurement(
+        "zeros",
+        model.name,
+        tuple(results),
+        tuple(effects),
+        robot,
+        dict(settings.conditions),
+        notes=tuple(_notes(found, way, model.joints, path)),
+        details=_details(found, **fixed),
+    )
+    return write(measurement, Path(out).expanduser(), [path], settings)
+
+
+def _poses(way: Readings) -> Poses:
+    assert way.angles is not None  # asked for with the robot's joints
+    return Poses(way.angles, way.position, way.turn)
+
+
+def _numbers(
+    found: Zeros, joints: Sequence[str], count: int, base_known: bool, tool_known: bool
+) -> tuple[list[Quantity], list[EffectInstance]]:
+    """Offsets and places of the frames as numbers, and the offsets as effects."""
+    untold = {c.joint for c in found.confounded}
+    results, effects = [], []
+    for j, joint in enumerate(joints):
+        if j in untold:
+            continue
+        quantity = _quantity(f"offset_{joint}", found.offset[j], "rad", found.u["offset"][j], found.dof, count)
+        results.append(quantity)
+        value = Value(quantity.value, quantity.low, quantity.high)
+        if abs(quantity.value) <= effect("encoder_offset").params["offset"].high:
+            effects.append(placed("encoder_offset", joint, {"offset": value}, quantity))
+    for name, pose, known in (("base", found.base, base_known), ("tool", found.tool, tool_known)):
+        if known:
+            continue
+        for axis, value, u in zip("xyz", pose[:3, 3], found.u[name][:3], strict=True):
+            results.append(_quantity(f"{name}_{axis}", float(value), "m", float(u), found.dof, count))
+    return results, effects
+
+
+def _quantity(name: str, value: float, unit: str, u: float, dof: int, count: int) -> Quantity:
+    half = float(half_width(np.array(u), dof))
+    k = half / u if u > 0 else 0.0
+    return Quantity(name, float(value), unit, float(u), dof, k, value - half, value + half, "gum", (), count)
+
+
+def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]:
+    """The frames whole, and what is left."""
+    out: dict[str, Any] = {"error_mm": 1e3 * found.error_m}
+    out |= {} if found.error_rad is None else {"error_deg": float(np.degrees(found.error_rad))}
+    for name, pose, known in (("base", found.base, base_known), ("tool", found.tool, tool_known)):
+        if known:
+            continue
+        half = half_width(found.u[name], found.dof)
+        frame: dict[str, Any] = {"pos_m": pose[:3, 3].tolist()}
+        turned = name == "base" or found.error_rad is not None
+        if turned:
+            frame["quat_wxyz"] = quaternion(pose[:3, :3]).tolist()
+        frame["half_width_95"] = {"pos_m": half[:3].tolist()} | ({"turn_rad": half[3:].tolist()} if turned else {})
+        out[f"world_T_{name}" if name == "base" else "flange_T_tip"] = frame
+    return out
+
+
+def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> list[str]:
+    out = [f"taken as {', '.join(way.said)}: the header leaves it open, and no other reading fits"] if way.said else []
+    left = f"left are {1e3 * found.error_m:.3g} mm an axis"
+    left += "" if found.error_rad is None else f" and {np.degrees(found.error_rad):.2g} degrees"
+    turn = Rotation.from_matrix(found.base[:3, :3]).magnitude()
+    at = ", ".join(f"{x:.4f}" for x in found.base[:3, 3])
+    out.append(f"{left}; the base stands at ({at}) m in the measured frame, turned by {np.degrees(turn):.2f} degrees")
+    out += [_confounded(c, joints) for c in found.confounded]
+    half = half_width(found.u["offset"], found.dof)
+    weak = [joint for joint, h in zip(joints, half, strict=True) if h > WEAK]
+    if weak:
+        out.append(f"hardly told by these poses: {', '.join(weak)}; poses in which they turn farther tell more")
+    most = effect("encoder_offset").params["offset"].high
+    large = [f"{joint} {o:.3g} rad" for joint, o in zip(joints, found.offset, strict=True) if abs(o) > most]
+    if large:
+        out.append(f"beyond what the effect encoder_offset takes ({most:g} rad): {', '.join(large)}; another zero?")
+    for row, size in found.odd.items():
+        out.append(f"row {row + 2} of {path.name} is {size:.1f} standard deviations off: moved, or another pose?")
+    return out
+
+
+def _confounded(c: Confounded, joints: Sequence[str]) -> str:
+    """One line on a zero that cannot be told."""
+    name = joints[c.joint]
+    beside = [*(["the base's frame"] if c.base else []), *(["the tool's frame"] if c.tool else [])]
+    beside += [f"the zero of {joints[j]}" for j in c.others]
+    if not beside:
+        return f"{name}: its zero moves no measured tip, so it is not told"
+    return f"{name}: its zero cannot be told from {' and '.join(beside)}: it is left at 0, and they make up for it"

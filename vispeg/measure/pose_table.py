@@ -1,0 +1,266 @@
+"""A table of static poses, a row each: joint angles and a measured pose, in units and forms that the data may decide.
+
+What the header leaves open (degrees or radians, millimetres or metres, what three angles of a turn mean) are readings
+of the same table; the one that fits the arm is taken, or asked for where two do.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.importers.guess.names import meaning, split
+from vispeg.recordings.importers.guess.propose import Proposal, joint_columns, own_names
+from vispeg.recordings.importers.mapping import FACTORS
+from vispeg.recordings.tables.read import read_table
+from vispeg.recordings.tables.table import Dialect, Table
+
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+ANGLES = {"rad": 1.0, "deg": FACTORS["deg"]}
+TURNS = {  # three angles of a turn: what they may mean
+    "rotation_vector": lambda v: Rotation.from_rotvec(v),
+    "fixed_xyz": lambda v: Rotation.from_euler("xyz", v),
+    "moving_xyz": lambda v: Rotation.from_euler("XYZ", v),
+}
+FORMS = ("quaternion", *TURNS)
+POSITION = {"x": "x", "y": "y", "z": "z", "px": "x", "py": "y", "pz": "z", "tx": "x", "ty": "y", "tz": "z"}
+QUATERNION = {"qw": "w", "qx": "x", "qy": "y", "qz": "z", "ow": "w", "ox": "x", "oy": "y", "oz": "z"}
+THREE = {"rx": 0, "ry": 1, "rz": 2, "roll": 0, "pitch": 1, "yaw": 2, "wx": 0, "wy": 1, "wz": 2}
+MEANS = {"rx": (*TURNS,), "wx": ("rotation_vector",), "roll": ("fixed_xyz", "moving_xyz")}
+OF_TURN = {"quat", "quaternion", "rotation", "orientation", "ori", "rot", "rotvec", "rvec", "euler"}
+BEYOND = 2.2 * np.pi  # rad that an angle of a static pose does not pass, so that it is in degrees
+REACHED = 20.0  # m: beyond what any tracker of an arm measures
+BETTER = 1.5  # times by which another reading of the table must fit worse
+
+
+@dataclass(frozen=True)
+class Readings:
+    """One way to read a table.
+
+    Attributes:
+        angles: joint angles (n, nj) rad; None where there are none.
+        position: (n, 3) m.
+        turn: (n, 3, 3); None where positions stand alone.
+        said: what was taken for what the header leaves open.
+    """
+
+    angles: np.ndarray | None
+    position: np.ndarray
+    turn: np.ndarray | None
+    said: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """The columns of one pose.
+
+    Attributes:
+        position: x, y, z.
+        turn: w, x, y, z of a quaternion, or three angles; empty where there are none.
+        form: `quaternion`, or the key of MEANS that the angles' names are of; empty where there are none.
+    """
+
+    position: tuple[str, ...]
+    turn: tuple[str, ...]
+    form: str
+
+
+def pose_columns(names: Sequence[str], file: Path) -> PoseColumns:
+    """Return the columns of the only pose in a header.
+
+    Raises:
+        UserError: no position, a part of one alone, or two columns of one name.
+    """
+    found: dict[str, dict[str | int, str]] = {"position": {}, "quaternion": {}, "rx": {}, "roll": {}, "wx": {}}
+    with_w = any(_words(name)[-1:] == ["w"] for name in names)
+    for name in names:
+        word = _word(name, with_w)
+        for kind, key in (
+            ("position", POSITION.get(word)),
+            ("quaternion", QUATERNION.get(word)),
+            (word if word in MEANS else _family(word), THREE.get(word)),
+        ):
+            if key is None:
+                continue
+            if key in found[kind]:
+                expected = "one pose a row, its columns called x, y, z and qw .. qz, rx ry rz or roll pitch yaw"
+                raise UserError(
+                    "two columns of one name", file=file, key=f"{found[kind][key]}, {name}", expected=expected
+                )
+            found[kind][key] = name
+    whole = {kind: all_ for kind, all_ in found.items() if len(all_) == (4 if kind == "quaternion" else 3)}
+    if "position" not in whole:
+        raise UserError("no measured position", file=file, expected="columns x, y and z", choices=names)
+    turns = [kind for kind in found if kind != "position" and found[kind]]
+    if len(turns) > 1 or any(kind not in whole for kind in turns):
+        expected = "none, qw qx qy qz, rx ry rz, or roll pitch yaw"
+        got = ", ".join(name for kind in turns for name in found[kind].values())
+        raise UserError("not one orientation", file=file, expected=expected, got=got)
+    order = {"quaternion": ("w", "x", "y", "z")}
+    turn = tuple(whole[turns[0]][key] for key in order.get(turns[0], (0, 1, 2))) if turns else ()
+    return PoseColumns(tuple(whole["position"][k] for k in "xyz"), turn, turns[0] if turns else "")
+
+
+def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list[Readings]:
+    """Return all ways to read a table that its header leaves open.
+
+    Args:
+        file: a .csv, .csv.gz or .parquet table.
+        joints: the robot's; empty where angles are not wanted.
+        form: what the angles of a turn mean, one of FORMS.
+
+    Raises:
+        UserError: no pose, joints without columns, an empty cell, or what no reading of a pose can be.
+    """
+    table = read_table(file)
+    columns = pose_columns(table.names, file)
+    angles = None if not joints else _angles(table, joints, {*columns.position, *columns.turn})
+    values = _block(table, columns.position)
+    lengths = _units(columns.position, LENGTHS, file)
+    lengths = [unit for unit in lengths if float(np.abs(values).max()) * LENGTHS[unit] < REACHED]
+    if not lengths:
+        got = float(np.abs(values).max())
+        raise UserError("a position no arm reaches", file=file, key=columns.position[0], expected="m or mm", got=got)
+    turns = [(None, "")] if not columns.turn else _turns(table, columns, form, file)
+    of_joints = [(None, "")] if angles is None else _as_radians(*angles, file)
+    return [
+        Readings(q, values * LENGTHS[unit], turn, tuple(text for text in (q_said, _open(lengths, unit), said) if text))
+        for (q, q_said), unit, (turn, said) in product(of_joints, lengths, turns)
+    ]
+
+
+def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, float]], file: Path) -> Readings:
+    """Return the reading of least misfit.
+
+    Args:
+        ways: at least one.
+        misfit: RMS of what is left, m and rad, in a reading.
+        file: that the error names.
+
+    Raises:
+        UserError: another one fits about as well.
+    """
+    if len(ways) == 1:
+        return ways[0]
+    spread = [float(np.std(way.position)) for way in ways]  # in mm all is a thousand times as large
+    off = [
+        float(np.hypot(m / max(s, 1e-12), r))
+        for (m, r), s in ((misfit(way), s) for way, s in zip(ways, spread, strict=True))
+    ]
+    order = np.argsort(off)
+    first, second = ways[int(order[0])], ways[int(order[1])]
+    if off[order[1]] < BETTER * off[order[0]] or off[order[1]] < 1e-9:
+        differs = [f"{a} or {b}" for a, b in zip(first.said, second.said, strict=True) if a != b]
+        expected = "units in the header (x_mm, q1_deg), or --orientation"
+        raise UserError("fits in two ways", file=file, expected=expected, got="; ".join(differs))
+    return first
+
+
+def _words(name: str) -> list[str]:
+    """The words of a name without its unit: `tip_x [mm]` -> tip, x."""
+    bare = re.sub(r"[\[(].*?[\])]", "", name).strip()
+    return [word for word in split(bare) if word not in (*LENGTHS, *ANGLES, "degrees", "radians")]
+
+
+def _word(name: str, with_w: bool) -> str:
+    """What a name says of a pose: `tip_x` x, `ee.qw` qw, `orientation.x` qx where there is a w, else rx."""
+    words = _words(name)
+    if not words:
+        return ""
+    if words[-1] in "xyzw" and OF_TURN & set(words[:-1]):
+        return ("q" if with_w else "r") + words[-1]
+    return words[-1]
+
+
+def _family(word: str) -> str:
+    return {"r": "rx", "w": "wx"}.get(word[:1], "roll") if word not in ("roll", "pitch", "yaw") else "roll"
+
+
+def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.ndarray, str, bool]:
+    """Joint angles as they stand, their unit where all names state one, and whether any does."""
+    there = [name for name in table.names if name in table.columns and name not in taken]
+    named = own_names([meaning(name, {}) for name in there], joints, table)
+    out = Proposal(table.file, [], [], {}, Dialect())
+    measured = [m for m in named if m.quantity == "q" and not m.commanded]
+    measured = measured or [m for m in named if re.fullmatch(r"(j|a|joint|axis)_?\d+", m.label or "", re.IGNORECASE)]
+    measured = measured or [m for m in named if re.fullmatch(r"[A-Za-z]+[ _]?\d+.*", m.name)]
+    found = joint_columns(measured, joints, "q", out) if measured else {}
+    lacking = [joint for joint in joints if joint not in found]
+    if lacking:
+        said = f"no angles of {', '.join(lacking)}"
+        raise UserError(
+            said, file=table.file, expected="columns called as the joints, or q1, q2, ..", choices=table.names
+        )
+    stated = {found[joint].unit for joint in joints}
+    unit = stated.pop() if len(stated) == 1 else ""
+    return _block(table, [found[joint].name for joint in joints]), unit if unit in ANGLES else "", bool(unit)
+
+
+def _as_radians(values: np.ndarray, unit: str, stated: bool, file: Path) -> list[tuple[np.ndarray, str]]:
+    if stated and not unit:
+        raise UserError("not angles of joints", file=file, expected="rad or deg")
+    units = [unit] if unit else [u for u in ANGLES if np.abs(values).max() * ANGLES[u] < BEYOND]
+    if not units:
+        raise UserError("angles no joint has", file=file, expected="rad or deg", got=float(np.abs(values).max()))
+    return [(values * ANGLES[u], f"joint angles in {u}" if not unit else "") for u in units]
+
+
+def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> list[tuple[np.ndarray, str]]:
+    values = _block(table, columns.turn)
+    if columns.form == "quaternion":
+        length = np.linalg.norm(values, axis=1)
+        bad = np.flatnonzero(np.abs(length - 1) > 1e-2)
+        if len(bad):
+            got = round(float(length[bad[0]]), 4)
+            raise UserError(
+                "not a unit quaternion", file=file, key=table.row(int(bad[0])), expected="length 1", got=got
+            )
+        return [(Rotation.from_quat(values, scalar_first=True).as_matrix(), "")]
+    forms = MEANS[columns.form]
+    if form is not None:
+        if form not in TURNS:
+            raise UserError("not of three angles", file=file, key="--orientation", got=form, choices=TURNS)
+        forms = (form,)
+    units = [u for u in _units(columns.turn, ANGLES, file) if np.abs(values).max() * ANGLES[u] < BEYOND]
+    if not units:
+        raise UserError("turns no pose has", file=file, key=columns.turn[0], expected="rad or deg")
+    return [
+        (TURNS[name](values * ANGLES[unit]).as_matrix(), f"orientation as {name} in {unit}")
+        for name, unit in product(forms, units)
+    ]
+
+
+def _units(names: Sequence[str], units: Mapping[str, float], file: Path) -> list[str]:
+    """The units that names state, or all of them."""
+    patterns = {"rad": "rad(ians)?", "deg": "deg(rees)?|°"}
+    found = set()
+    for name in names:
+        hits = [
+            u for u in units if re.search(rf"(?<![A-Za-z])({patterns.get(u, u)})(?![A-Za-z])", name.replace("_", " "))
+        ]
+        found.add(hits[0] if hits else "")
+    if len(found) > 1:
+        raise UserError("columns in different units", file=file, key=", ".join(names), expected="one unit")
+    unit = found.pop()
+    return [unit] if unit else list(units)
+
+
+def _open(lengths: Sequence[str], unit: str) -> str:
+    return f"positions in {unit}" if len(lengths) > 1 else ""
+
+
+def _block(table: Table, names: Sequence[str]) -> np.ndarray:
+    """Columns (n, k). Raises UserError: an empty cell."""
+    out = np.stack([table.number(name) for name in names], axis=1)
+    bad = np.argwhere(~np.isfinite(out))
+    if len(bad):
+        key = f"{table.row(int(bad[0][0]))}, column {names[int(bad[0][1])]}"
+        raise UserError("a reading is missing", file=table.file, key=key)
+    return out
