@@ -25,7 +25,8 @@ from vispeg.task.world_file import load_world
 DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
 EPISODES, RUN = "episodes.jsonl", "run.json"
 Arena = Callable[[Job], list[Episode]]
-J, R = TypeVar("J", bound=Job), TypeVar("R")
+J = TypeVar("J", bound=Job)
+R = TypeVar("R")
 Watch = Callable[[list[Episode], int, int], None]
 
 
