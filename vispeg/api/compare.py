@@ -18,6 +18,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.diagnosis import compare as joints
 from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.drift import drifts
 from vispeg.diagnosis.resolve import ChannelName, available, resolve, seen
 from vispeg.diagnosis.schema import ComparisonRecord, Rung
 from vispeg.kernels.threads import one_blas_thread
@@ -153,6 +154,8 @@ def _compared(channel: ChannelName, inputs: Inputs, seconds: float, threads: int
         return result
     arm, some = arm_of(inputs.world), [choose(carrying(rec, inputs.world), seconds) for rec in inputs.fitted]
     result = joints.compare(arm, some, nthread=threads, label=inputs.world.label)
+    if not result.record.get("diverged") and (moved := drifts(arm, some, threads)):
+        result.record["drift"] = moved
     result.arrays.update(arm_arrays(arm, result.arrays["joints"]))
     return result
 

@@ -202,6 +202,7 @@ class ComparisonRecord(TypedDict):
     views: NotRequired[Mapping[str, object]]
     pictures: NotRequired[Mapping[str, object]]
     by_channel: NotRequired[list[ChannelRecord]]
+    drift: NotRequired[Sequence[Mapping[str, object]]]
     provenance: NotRequired[Provenance]
 
 

@@ -21,7 +21,7 @@ DIAGNOSIS = (
     "rendered",
     "provenance",
 )
-COMPARE = ("headline", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
+COMPARE = ("headline", "drift", "explore", "where_it_fails", "measured_vs_model", "maps", "pictures", "provenance")
 FIT = ("headline", "found", "doubts", "measured_vs_model", "provenance")
 OBJECT = ("headline", "found", "restarts", "candidates", "confusions", "next_experiment", "provenance")
 VIEWS = ("headline", "found", "views", "unseen", "candidates", "confusions", "next_experiment", "provenance")

@@ -8,11 +8,11 @@ from typing import Any
 
 from vispeg.core.effect import REGISTRY
 from vispeg.diagnosis.scale import times
-from vispeg.report.record import rows
+from vispeg.report.record import label, rows
 from vispeg.report.text import joint_errors
 from vispeg.report.text.effect_words import named as named_effect
 from vispeg.report.text.effect_words import sized
-from vispeg.report.text.quantities import fold, number, quantity
+from vispeg.report.text.quantities import fold, number, quantity, scaled
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
 MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
@@ -92,6 +92,29 @@ def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
         return f"{joint}below the noise floor: {quantity(floor, unit)} allows for errors that these recordings have not"
     times = against_floor(error, floor)
     return f"{joint}{times}" if times else ""
+
+
+def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Say whether the robot has changed since its effects were identified, and in what, since when."""
+    if not drift:
+        return []
+    outside = [row for row in drift if row["since"]]
+    recordings = len(drift[0]["now"])
+    where = f"{recordings} recordings" if recordings > 1 else "this recording"
+    if not outside:
+        count = "its one value is" if len(drift) == 1 else f"all {len(drift)} values are"
+        return [f"has the robot changed? no: {count} in {where} what the model was identified to"]
+    said = []
+    for row in outside:
+        then, now = (spread(row["parameter"], part, row["unit"]) for part in (row["then"], row["now"][-1]))
+        said.append(f"has the robot changed? {label(row)} {then} then, {now} now: outside since {row['since']}")
+    return said
+
+
+def spread(name: str, ends: Mapping[str, Any], unit: str) -> str:
+    """A value with its interval."""
+    value, around, shown = scaled(ends["value"], ends["low"], ends["high"], unit)
+    return " ".join(part for part in (name, value, shown, f"({around})") if part)
 
 
 def diverged(values: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,148 @@
+"""Whether a robot still is what its model was identified to be: the named effects, fitted anew to each recording.
+
+A value and its interval of then are compared with those of now: z = (now - then) / sqrt(s_now^2 + s_then^2), with s the
+95 % interval's width over 3.92, by Holm's procedure over all values and recordings. What a recording leaves over its
+noise widens its intervals by its root (the mean squared whitened residual, where that is above 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypedDict
+
+import numpy as np
+from scipy.stats import norm
+
+from vispeg.core.effect import effect
+from vispeg.core.params import Value
+from vispeg.identify.calibrate import calibrate
+from vispeg.identify.inverse import evidence_for
+from vispeg.recordings.recording import Recording
+from vispeg.worlds.world import World
+
+WIDTH = 2 * float(norm.ppf(0.975))  # standard deviations in a 95 % interval
+ALPHA = 0.05
+LAPS = 4  # least-squares steps from the model's own values: a robot that has not changed takes one
+
+
+class Ends(TypedDict):
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Now(Ends):
+    """A value in one recording."""
+
+    recording: str
+    p_holm: float
+    outside: bool
+
+
+class Drift(TypedDict):
+    """One value of a named effect: as it was identified, in each recording, and since which recording it is outside."""
+
+    effect: str
+    where: str
+    parameter: str
+    unit: str
+    then: Ends
+    now: list[Now]
+    since: str | None
+
+
+def named(world: World) -> list[int]:
+    """Find the effects of an arm's model that were identified: those with an interval."""
+    return [
+        i for i, e in enumerate(world.effects) if effect(e.effect).smooth and any(_known(v) for v in e.params.values())
+    ]
+
+
+def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> list[Drift]:
+    """Fit the named effects of an arm's model to each recording, and compare the values with the model's.
+
+    Args:
+        world: of the arm, with intervals where effects were identified.
+        recordings: in the order in which they were made.
+        threads: of the simulation.
+    """
+    free = named(world)
+    if not free:
+        return []
+    fitted: list[World] = []
+    for rec in recordings:
+        evidence = evidence_for(world, [rec], threads, 1e-3)
+        fit = calibrate(evidence, world, free, seed=0, method="least-squares", iterations=LAPS).fit
+        fitted.append(_widened(fit.world, free, max(fit.cost, 1.0) ** 0.5))
+    rows: list[Drift] = []
+    for i in free:
+        then = world.effects[i]
+        for name, was in then.params.items():
+            values = [w.effects[i].params[name] for w in fitted]
+            if not _known(was) or not all(map(_known, values)):
+                continue
+            rows.append(
+                {
+                    "effect": then.effect,
+                    "where": then.where,
+                    "parameter": name,
+                    "unit": effect(then.effect).params[name].unit,
+                    "then": _ends(was),
+                    "now": [
+                        {"recording": rec.name, **_ends(v), "p_holm": _p(was, v), "outside": False}
+                        for rec, v in zip(recordings, values, strict=True)
+                    ],
+                    "since": None,
+                }
+            )
+    every = [n for row in rows for n in row["now"]]
+    for n, p in zip(every, _holm([n["p_holm"] for n in every]), strict=True):
+        n["p_holm"], n["outside"] = p, p < ALPHA
+    for row in rows:
+        inside = [k for k, n in enumerate(row["now"]) if not n["outside"]]
+        last = inside[-1] + 1 if inside else 0
+        row["since"] = row["now"][last]["recording"] if last < len(row["now"]) else None
+    return rows
+
+
+def _known(v: Value) -> bool:
+    return v.low is not None and v.high is not None and v.high > v.low
+
+
+def _ends(v: Value) -> Ends:
+    assert v.low is not None and v.high is not None
+    return {"value": v.value, "low": v.low, "high": v.high}
+
+
+def _sd(v: Value) -> float:
+    return (v.high - v.low) / WIDTH  # type: ignore[operator]
+
+
+def _p(then: Value, now: Value) -> float:
+    """Two-sided."""
+    return float(2 * norm.sf(abs(now.value - then.value) / np.hypot(_sd(then), _sd(now))))
+
+
+def _holm(p: Sequence[float]) -> list[float]:
+    order = np.argsort(p)
+    steps = np.asarray(p)[order] * np.arange(len(p), 0, -1)
+    out = np.empty(len(p))
+    out[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    return out.tolist()
+
+
+def _widened(world: World, free: Sequence[int], factor: float) -> World:
+    """The world with the intervals of some effects `factor` times as wide about their values."""
+    effects = list(world.effects)
+    for i in free:
+        params = {
+            k: Value(v.value, v.value + factor * (v.low - v.value), v.value + factor * (v.high - v.value))  # type: ignore[operator]
+            if _known(v)
+            else v
+            for k, v in effects[i].params.items()
+        }
+        effects[i] = replace(effects[i], params=params)
+    return replace(world, effects=tuple(effects))
