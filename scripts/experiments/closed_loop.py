@@ -140,8 +140,8 @@ def cell(out: Path, number: int, seed: int, episodes: int, robot: bool) -> dict[
                 row["cure"] = str(error)
         if (place / "tuned").exists():
             row["after"] = play(place, world, place / "tuned", "again", episodes, robot)
-    row["success"] = {"hidden": success(place, "in-hidden", world), "nominal": success(place, "in-nominal", "nominal")}
-    row["success"]["corrected"] = success(place, "in-corrected", corrected) if corrected.exists() else None
+    worlds = {"hidden": world, "nominal": "nominal", **({"corrected": corrected} if corrected.exists() else {})}
+    row["success"] = {name: success(place, f"in-{name}", where) for name, where in worlds.items()}
     row["cpu_s"] = time.process_time() - begun
     (place / "cell.json").write_text(json.dumps(row, indent=1) + "\n", encoding="utf-8")
     return row

@@ -93,6 +93,7 @@ def test_joints_are_diagnosed_where_pictures_show_nothing_and_a_note_says_so(tmp
 
 def test_pictures_without_colour_are_refused_for_edges_are_found_in_it():
     rec = seen_by(HAND)
+    assert rec.frames is not None
     deep = replace(rec.frames, frames=tuple(replace(f, rgb_source=None) for f in rec.frames))
     with pytest.raises(UserError, match="no colour"):
         diagnose(CELL, [rec], [replace(rec, frames=deep)])
