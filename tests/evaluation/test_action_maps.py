@@ -90,7 +90,8 @@ def test_an_action_of_any_kind_is_the_offset_that_asks_for_the_same_pose(kind, d
     q = reached(chain, home + rng.uniform(-0.1, 0.1, (20, 7)), rng.uniform(-0.05, 0.05, (20, 3)) + [0.6, 0, 0.3], DOWN)
     q += rng.normal(0, 0.01, q.shape)  # as an arm stands: not straight down
     offset = rng.uniform(-1, 1, (20, len(dof)))
-    got = Actions(kind, config, chain, tip, joints).offset(stated(kind, offset, q, config, chain, tip), q)
+    actions = Actions(kind, config, chain, tip, joints)
+    got = actions.offset(stated(kind, offset, q, config, chain, tip), actions.seen(q))
     np.testing.assert_allclose(got, offset, atol=1e-7)
 
 
@@ -247,7 +248,7 @@ def test_names_of_an_action_say_what_it_is():
     q, goal = np.zeros((1, 7)), np.linspace(-0.1, 0.1, 7)[None]
     assert actions.kind == "joint_goal"
     given = np.concatenate([goal[:, ::-1], [[5.0]]], axis=1)
-    np.testing.assert_array_equal(actions.offset(given, q), plain.offset(goal, q))
+    np.testing.assert_array_equal(actions.offset(given, plain.seen(q)), plain.offset(goal, plain.seen(q)))
     assert Actions(None, *arm, names=[f"motor_{i}.pos" for i in range(7)], width=7).kind == "joint_goal"
     assert Actions(None, *arm, names=("tip_x", "tip_y", "tip_z"), width=3).kind == "tip_goal"
     assert Actions(None, *arm, names=("x", "y", "z"), width=3).kind == Actions(None, *arm, width=3).kind == "offset"

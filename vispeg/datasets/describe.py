@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import Formatter
 from typing import Any, TypedDict, cast
@@ -22,6 +22,9 @@ INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
 CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
 CAMERA_FILE = Format("vispeg-cameras/1", "a dataset's cameras", ("cameras", "parts"), ("cameras",), "json")
 RENDER_FILE = Format("vispeg-dataset/1", "how a dataset was made", ("plan", "files", "provenance"), (), "json")
+PLACES = ("chunk_index", "file_index")  # numbers in `data_path`
+EACH = ("episode_chunk", "episode_index")  # in versions with a file an episode
+BEFORE: Mapping[str, tuple[str, str]] = {"v2.0": EACH, "v2.1": EACH}
 PLACE = re.compile(r"(0?[1-9])?d?")  # how a number may be written in the name of a file
 ENTRIES = 10**9  # numbers of a feature in one frame
 MOST_FRAMES = 10**9
@@ -35,8 +38,8 @@ class Made(TypedDict, total=False):
     provenance: Mapping[str, object]
 
 
-def read_info(folder: Path) -> Info:
-    """The content of `meta/info.json`.
+def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
+    """The content of `meta/info.json` of one of these versions.
 
     Raises:
         UserError: no dataset, an unfinished one, another version, or what cannot be; names the key.
@@ -50,9 +53,11 @@ def read_info(folder: Path) -> Info:
         )
         raise UserError(hint, file=folder, expected=f"a folder with {INFO}")
     info = read_json(path)
-    if not isinstance(info, dict) or info.get("codebase_version") != VERSION:
-        got = info.get("codebase_version") if isinstance(info, dict) else info
-        raise UserError("another version", file=path, key="codebase_version", expected=VERSION, got=got)
+    version = info.get("codebase_version") if isinstance(info, dict) else info
+    if version not in versions:
+        raise UserError(
+            "another version", file=path, key="codebase_version", expected=" or ".join(versions), got=version
+        )
     for key in ("features", "total_frames", "fps", "data_path"):
         if key not in info:
             raise UserError("is missing", file=path, key=key)
@@ -62,7 +67,7 @@ def read_info(folder: Path) -> Info:
     if not number(fps) or not 0 < fps <= 1e6:
         raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=fps)
     check_features(info["features"], path)
-    _check_path(info["data_path"], path)
+    _check_path(info["data_path"], path, BEFORE.get(str(version), PLACES))
     return cast("Info", info)
 
 
@@ -99,13 +104,14 @@ def check_features(features: Any, path: Path) -> None:
             )
 
 
-def _check_path(pattern: Any, path: Path) -> None:
-    """Raises UserError for a `data_path` that is no file below the folder, with the numbers of a chunk and a file."""
-    expected = "a file below the folder, such as data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+def _check_path(pattern: Any, path: Path, places: Sequence[str]) -> None:
+    """Raises UserError for a `data_path` that is no file below the folder, with these numbers of a chunk and a file."""
+    chunk, file = places
+    expected = f"a file below the folder, such as data/chunk-{{{chunk}:03d}}/file-{{{file}:03d}}.parquet"
     try:
         fields = [f for f in Formatter().parse(pattern) if f[1] is not None]
-        valid = all(n in ("chunk_index", "file_index") and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
-        name = pattern.format(chunk_index=0, file_index=0) if valid else ""
+        valid = all(n in places and not c and PLACE.fullmatch(s or "") for _, n, s, c in fields)
+        name = pattern.format(**dict.fromkeys(places, 0)) if valid else ""
     except (ValueError, TypeError, IndexError, KeyError, AttributeError):
         name = ""
     if not inside(name):

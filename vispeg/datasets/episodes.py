@@ -9,9 +9,11 @@ from typing import Any, NotRequired, TypedDict, cast
 from vispeg.core.errors import UserError
 from vispeg.datasets.describe import is_integer, number
 from vispeg.datasets.parquet import checked, opened, read, table
+from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
 
-FOLDER = "meta/episodes"
+FOLDER, LINES = "meta/episodes", "meta/episodes.jsonl"
+LARGEST = 1_000_000_000  # bytes of the lines
 OWN = "vispeg/"  # before the names of columns that LeRobot does not have
 PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
 
@@ -95,6 +97,29 @@ def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
         checked(batch, {OWN + key: kind for key, kind in KINDS.items()}, path)
         rows += [cast("EpisodeRow", row) for row in batch]
     rows.sort(key=lambda row: row["episode_index"])
+    _follow(rows, folder, total)
+    return rows
+
+
+def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRow]:
+    """The same of LeRobot's version 2, in which each episode is a file and `meta/episodes.jsonl` has a line for it.
+
+    Args:
+        folder, total: as in `read_episodes`.
+        chunk: episodes of a folder.
+
+    Raises:
+        UserError: no such file, or lines that are not the episodes one after the other.
+    """
+    path, rows, at = folder / LINES, list[EpisodeRow](), 0
+    for i, text in enumerate(read_bytes(path, LARGEST).splitlines()):
+        line = parse_json(text, path, f"line {i + 1}")
+        length: Any = line.get("length") if isinstance(line, dict) else None
+        if not is_integer(length) or line.get("episode_index") != i:
+            raise UserError("not the episodes one after the other", file=path, key=f"line {i + 1}")
+        place = {"episode_index": i, "data/chunk_index": i // chunk, "data/file_index": i}
+        rows.append({"length": length, "dataset_from_index": at, "dataset_to_index": at + length, **place})  # type: ignore[typeddict-item]
+        at += length
     _follow(rows, folder, total)
     return rows
 

@@ -13,15 +13,28 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
-from vispeg.datasets.describe import Made, cameras_of, read_cameras, read_info, read_made, read_stats
-from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes
+from vispeg.datasets.describe import (
+    BEFORE,
+    INFO,
+    PLACES,
+    Made,
+    cameras_of,
+    is_integer,
+    read_cameras,
+    read_info,
+    read_made,
+    read_stats,
+)
+from vispeg.datasets.episodes import FOLDER, OWN, EpisodeRow, read_episodes, read_episodes_before
 from vispeg.datasets.formats.models import Mesh, read_models
-from vispeg.datasets.layout import is_image, is_picture, pixel_shape, pixel_type
+from vispeg.datasets.layout import VERSION, is_image, is_picture, pixel_shape, pixel_type
 from vispeg.datasets.parquet import opened, table, values
+from vispeg.recordings.importers.lerobot_video import decoded, where
 from vispeg.render.cameras.camera import Camera
 
 KEPT = 4  # episodes that stay in memory, pictures encoded
 OPEN = 32  # files
+CHUNK = 1000  # episodes of a folder, where version 2 does not say
 
 
 class Dataset:
@@ -33,6 +46,8 @@ class Dataset:
     Args:
         folder: of the dataset.
         features: the features that are read; default: all.
+        theirs: read what LeRobot writes and this program does not: version 2, and pictures in videos. Of these there
+            are whole episodes alone.
 
     Attributes:
         info: the content of `meta/info.json`.
@@ -42,16 +57,17 @@ class Dataset:
         UserError: no dataset, an unfinished one, a version or kind that is not read here, an unknown feature.
     """
 
-    def __init__(self, folder: str | Path, features: Iterable[str] | None = None):
+    def __init__(self, folder: str | Path, features: Iterable[str] | None = None, theirs: bool = False):
         self.folder = Path(folder).expanduser()
-        self.info = read_info(self.folder)
+        self.info = read_info(self.folder, (VERSION, *BEFORE) if theirs else (VERSION,))
         available = self.info["features"]
         for name in features or ():
             if name not in available:
                 raise UserError("the dataset has no such feature", file=folder, got=name, choices=available)
         self.features = {k: f for k, f in available.items() if features is None or k in set(features)}
-        if video := [k for k, f in self.features.items() if f["dtype"] == "video"]:
-            raise UserError("pictures in video files are not read here", file=folder, key=video[0])
+        self._videos = [k for k, f in self.features.items() if f["dtype"] == "video"]
+        if self._videos and not theirs:
+            raise UserError("pictures in video files are not read here", file=folder, key=self._videos[0])
         self._kept: OrderedDict[int, Any] = OrderedDict()
         self._files: OrderedDict[Path, Any] = OrderedDict()
 
@@ -73,7 +89,7 @@ class Dataset:
         """All frames of an episode: (T, ...) arrays by feature."""
         if not 0 <= number < len(self.episodes):
             raise IndexError(f"episode {number} of {len(self.episodes)}")
-        columns = self._columns(number)
+        columns = {**self._columns(number), **{name: self._video(number, name) for name in self._videos}}
         out = {name: columns[name] for name in self.features}
         for name in [name for name, feature in self.features.items() if is_image(feature)]:
             rows = range(len(columns[name]))
@@ -83,6 +99,8 @@ class Dataset:
     @cached_property
     def episodes(self) -> list[EpisodeRow]:
         """What `meta/episodes` says of each episode, without statistics; drawn worlds and the like are decoded."""
+        if self._before:
+            return read_episodes_before(self.folder, len(self), self._chunk)
         return read_episodes(self.folder, len(self))
 
     @property
@@ -164,9 +182,32 @@ class Dataset:
             counts[file] += 1
         return out, counts
 
+    @property
+    def _chunk(self) -> int:
+        """Episodes of a folder."""
+        size = self.info.get("chunks_size", CHUNK)
+        if not is_integer(size) or size < 1:
+            raise UserError("not a count", file=self.folder / INFO, key="chunks_size", got=size)
+        return size
+
+    @property
+    def _before(self) -> bool:
+        return self.info["codebase_version"] in BEFORE
+
     def _data_file(self, e: EpisodeRow) -> Path:
-        name = self.info["data_path"].format(chunk_index=e["data/chunk_index"], file_index=e["data/file_index"])
-        return self.folder / name
+        names = BEFORE.get(self.info["codebase_version"], PLACES)
+        places = dict(zip(names, (e["data/chunk_index"], e["data/file_index"]), strict=True))
+        return self.folder / self.info["data_path"].format(**places)
+
+    def _video(self, number: int, name: str) -> np.ndarray:
+        """An episode's pictures from its video, (T, H, W, 3) uint8."""
+        file, start = where(self.folder, str(self.info.get("video_path") or ""), name, number, self._chunk)
+        times = np.arange(self.episodes[number]["length"]) / self.info["fps"]
+        frames = [image for _, image in decoded(file, times, start)]
+        if len(frames) != len(times):
+            got = f"{len(frames)} frames"
+            raise UserError(f"shows no whole episode {number}", file=file, expected=f"{len(times)} frames", got=got)
+        return np.stack(frames)
 
     def _columns(self, number: int) -> Mapping[str, Any]:
         """An episode's features: arrays, or encoded pictures."""
@@ -176,7 +217,8 @@ class Dataset:
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        path, columns = self._data_file(self.episodes[number]), list(self.features)
+        path = self._data_file(self.episodes[number])
+        columns = [name for name in self.features if name not in self._videos]
         file, (groups, counts) = self.open(path), self._groups
         if file.num_row_groups == counts[path]:
             rows = table(file, path, columns, groups[number])

@@ -14,7 +14,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.core.provenance import digest
 from vispeg.evaluation import own
-from vispeg.interface.actions import OFFSET
+from vispeg.interface.actions import OFFSET, STATED, split
 from vispeg.learn.meta import interface, tolerance_of, worlds
 from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
@@ -80,10 +80,10 @@ def entrant(text: str) -> Entrant:
     Raises:
         UserError: no such policy, a folder without a readable policy.json, no torch to play it with.
     """
-    stated, kind = own.split(text)
+    stated, kind = split(text)
     name, _, place = stated.rpartition("=")
     if own.is_own(place):
-        return _own(name or own.called(place), place if kind is None else f"{place}{own.ACTION}{kind}")
+        return _own(name or own.called(place), place if kind is None else f"{place}{STATED}{kind}")
     if kind is not None:
         what = "only of a policy of your own, for another one states what its actions mean"
         raise UserError(what, key="action", got=text)
@@ -116,7 +116,7 @@ def _own(name: str, source: Any) -> Entrant:
     mode, task = own.observes(target, name)
     path, action = own.origin(source), own.acts(source, target)
     digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
-    if path is not None and own.split(source)[1] is not None:  # acts otherwise, so it is another policy
+    if path is not None and split(source)[1] is not None:  # acts otherwise, so it is another policy
         digest_of = hashlib.sha256(f"{digest_of} {action}".encode()).hexdigest()
     kept = source if isinstance(source, str) else target
     where, known = Path(name) if path is None else path, own.made_in(target)

@@ -31,7 +31,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.extras import require
 from vispeg.evaluation.lerobot import PREFIX, LeRobot, folder_of, run_of
-from vispeg.interface.actions import OFFSET, Actions, checked
+from vispeg.interface.actions import OFFSET, Actions, checked, split
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface
 from vispeg.learn.meta import INTERFACE, MadeIn, worlds
@@ -44,13 +44,6 @@ EXPECTED = (
     "a function, or an object with act"
 )
 FILES = (".zip", ".onnx")
-ACTION = "?action="  # between what names a policy and the kind of its actions
-
-
-def split(text: str) -> tuple[str, str | None]:
-    """What a text names, and the kind of actions that it states, None where it states none."""
-    place, stated, kind = text.partition(ACTION)
-    return (place, kind) if stated else (text, None)
 
 
 def is_file(text: str) -> bool:
@@ -249,7 +242,7 @@ class Own:
         if self.actions.kind == OFFSET:
             return actions
         nj = len(self.actions.joints)
-        return self.actions.offset(actions, obs[MEASURED][:, :nj]).astype(np.float32)
+        return self.actions.offset(actions, self.actions.seen(obs[MEASURED][:, :nj])).astype(np.float32)
 
     def _fitted(self, key: str, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """The part of an observation as the policy's space has it."""

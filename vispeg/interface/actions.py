@@ -26,9 +26,16 @@ KINDS: Mapping[str, str] = {
     TIP_GOAL: "place of the tip in the base, m; or place and quaternion w x y z of the flange's turn",
     TIP_DELTA: "of the tip from where it is measured, m, base axes; or that and the turn's rotation vector, rad",
 }
+STATED = "?action="  # between what names a policy or demonstrations and the kind of their actions
 MOST = 4 * np.pi  # rad
 POSITION = ".pos"  # behind a motor's name in what LeRobot records
 TIP = ("tip_x", "tip_y", "tip_z")
+
+
+def split(text: str) -> tuple[str, str | None]:
+    """What a text names, and the kind of actions that `?action=KIND` behind it states; None where there is none."""
+    place, stated, kind = text.partition(STATED)
+    return place, kind if stated else None
 
 
 def checked(kind: Any, source: Any = None) -> str:
@@ -117,18 +124,17 @@ class Actions:
             expected = f"{' or '.join(map(str, self.widths))} numbers: {KINDS[self.kind]}"
             raise UserError(f"no {self.kind}", file=source, key="action", expected=expected, got=width)
 
-    def offset(self, action: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """Return the offset (n, len(dof)) that actions (n, k) ask of arms that are measured at q (n, nj) rad.
+    def offset(self, action: np.ndarray, here: Observer) -> np.ndarray:
+        """Return the offset (n, len(dof)) that actions (n, k) ask of arms which an observer has seen; see `seen`.
 
         Raises:
             UserError: a quaternion of length 0, angles that can only be in degrees.
         """
-        action, q = np.asarray(action, float), np.asarray(q, float)
+        action = np.asarray(action, float)
         if self.kind == OFFSET:
             return action
-        here = self._seen(q)
         if self.kind == TIP_DELTA:
-            motion = np.zeros((len(q), 6))
+            motion = np.zeros((here.n, 6))
             motion[:, : action.shape[1]] = action
             motion /= np.repeat([self.settings.offset, self.settings.turn], 3)
         elif self.kind == TIP_GOAL:
@@ -139,14 +145,15 @@ class Actions:
         else:
             goal = action[:, self._columns]
             if np.abs(goal).max() > MOST:
-                raise UserError(
-                    "angles of more than two turns", key="action", expected="rad", got=float(np.abs(goal).max())
-                )
-            there = self._seen(goal if self.kind == JOINT_GOAL else q + goal)
+                got = float(np.abs(goal).max())
+                raise UserError("angles of more than two turns", key="action", expected="rad", got=got)
+            there = self.seen(goal if self.kind == JOINT_GOAL else here.measured[0] + goal)
             motion = here.offset_to(there.tip(), there.turn)
         return motion[:, here.places]
 
-    def _seen(self, q: np.ndarray) -> Observer:
+    def seen(self, q: np.ndarray) -> Observer:
+        """Return an observer of arms that are measured at q (n, nj) rad."""
+        q = np.asarray(q, float)
         observer = Observer(self.settings, self.chain, self.length, np.zeros(3), 0, len(q))
         observer.see(q, np.zeros_like(q))
         return observer

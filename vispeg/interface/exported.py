@@ -98,5 +98,5 @@ class Exported:
         if self.measured:
             self._actions.check(action.shape[-1], self.path)
             q = obs[MEASURED][:, : len(self.interface.arm.joints)]
-            action = self._actions.offset(action, q).astype(np.float32)
+            action = self._actions.offset(action, self._actions.seen(q)).astype(np.float32)
         return action

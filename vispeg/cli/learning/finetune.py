@@ -31,7 +31,7 @@ class Args:
     teacher: str = "expert"
     """Demonstrator: expert for the scripted policy, or a state policy's folder or name."""
     dataset: Path | None = None
-    """Demonstrations in LeRobot's layout, in place of a teacher."""
+    """Demonstrations in LeRobot's layout, in place of a teacher. FOLDER?action=KIND says what its actions are."""
     starts: Path | None = None
     """A folder of trials: demonstrations begin as those that failed began."""
     demos: int = 100

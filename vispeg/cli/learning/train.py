@@ -96,7 +96,7 @@ class Imitation:
     """A policy's folder or name, or expert for the scripted one."""
     dataset: Path | None = None
     """Demonstrations in LeRobot's layout, as of `vispeg render`: in place of a teacher (distill), or half of each batch
-    (sac). Only successful episodes count."""
+    (sac). Only successful episodes count. FOLDER?action=KIND says what its actions are."""
     distill_steps: int = 4000
     """Environment steps of each of the five rounds."""
     distill_updates: int = 2000

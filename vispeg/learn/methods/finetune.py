@@ -20,6 +20,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import command_line
 from vispeg.core.seeds import stream
+from vispeg.interface.actions import split
 from vispeg.learn.device import device_of
 from vispeg.learn.envs import HELD_OUT, MakeEnv, describe, home, of_policy
 from vispeg.learn.evaluation import run_episodes, success_rate
@@ -82,7 +83,7 @@ def finetune(
     settings: FinetuneSettings,
     seed: int,
     *,
-    dataset: Path | None = None,
+    dataset: str | Path | None = None,
     starts: Sequence[Start] = (),
     device: str = "cpu",
     overwrite: bool = False,
@@ -98,7 +99,7 @@ def finetune(
         teacher: gives the teacher for an environment.
         settings: numbers.
         seed: of everything random.
-        dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`.
+        dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`; see `from_folder`.
         starts: how the teacher's episodes begin, in turn; none: as the world draws them.
         device: where the network runs: `cpu`, `cuda` or `auto`.
         overwrite: whether `out` may be replaced.
@@ -113,12 +114,14 @@ def finetune(
     actor = policy.actor.requires_grad_(True)
     lr = settings.lr or 0.1 * trained_at(policy)
     settings = replace(settings, lr=lr)
-    with new_folder(out, overwrite, holds="policy", inputs=(source, dataset)) as folder:
+    read = None if dataset is None else Path(split(str(dataset))[0])
+    with new_folder(out, overwrite, holds="policy", inputs=(source, read)) as folder:
         env = Sb3Env(target(settings.rows, {}), starts)
         teacher(env.env)  # refuses who cannot teach here, before anything is played
         shown = None
         if dataset is not None:  # likewise refuses a folder that cannot
-            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device)
+            told: Any = {"config": getattr(env.env, "config", None), "say": say}
+            shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, **told)
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []

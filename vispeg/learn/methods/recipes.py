@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -52,7 +53,11 @@ def distilled(
     if config.dataset is not None:
         if settings.looks > 1:
             raise UserError("a dataset keeps the looks that it has", key="looks", expected=1, got=settings.looks)
-        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device)
+        told: Any = {
+            "config": getattr(run.env.env, "config", None),
+            "say": lambda text: print(text, file=sys.stderr) if show else None,
+        }
+        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **told)
     else:
         check(run.env.env, settings.looks)
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]

@@ -83,7 +83,8 @@ class SacRun:
         self.model.set_logger(Logger(None, []))
         if config.dataset is not None and config.recipe != "distill":
             student, beside = (self.modality.name, self.model.actor.layout), self.model.replay.observation_space
-            self.model.demos = from_folder(config.dataset, *student, config.seed, self.model.device, beside)
+            told: Any = {"config": getattr(self.env.env, "config", None)}
+            self.model.demos = from_folder(config.dataset, *student, config.seed, self.model.device, beside, **told)
         self.best: tuple[float, float] = (-1.0, 0.0)
         self.reached = 0
         self.recent: deque[tuple[bool, str]] = deque(maxlen=100)  # success and category of the last training episodes

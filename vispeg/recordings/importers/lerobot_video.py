@@ -62,9 +62,9 @@ def import_video(
     episodes = rec.episode if rec.episode is not None else np.zeros(len(rec.time), np.int64)
     for key in keys:
         for episode in dict.fromkeys(episodes.tolist()):
-            file, start = _where(root, pattern, key, int(episode), chunk)
+            file, start = where(root, pattern, key, int(episode), chunk)
             times = rec.time[episodes == episode]
-            for time, image in _decoded(file, times, start):
+            for time, image in decoded(file, times, start):
                 album.add(key.removeprefix(PREFIX), time, image, int(episode))
     return album.frames(rec, cameras)
 
@@ -84,8 +84,8 @@ def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[s
     return out
 
 
-def _where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
-    """The video of an episode, and when in it the episode begins, s."""
+def where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
+    """Return the video of an episode, and when in it the episode begins, s. Raises UserError: there is none."""
     words: dict[str, str | int] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
     start = 0.0
     if "{file_index" in pattern:
@@ -116,8 +116,11 @@ def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
     raise UserError("has no such episode", file=root / "meta" / "episodes", got=episode)
 
 
-def _decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float, np.ndarray]]:
-    """Each time (s, from the episode's beginning) and the picture that the video shows then, (H, W, 3) uint8."""
+def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield each time (s, from the episode's beginning) and the picture that the video shows then, (H, W, 3) uint8.
+
+    A time at which the video has no frame is left out. Raises UserError: no PyAV, or no video.
+    """
     try:
         import av
         from av.error import FFmpegError
