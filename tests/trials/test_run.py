@@ -177,6 +177,8 @@ def test_a_robot_that_says_nothing_new_is_stopped(robot, fault):
     trial = ran(faulty)
     assert trial.said.outcome.category == "watchdog" and faulty.stopped == 1
     assert np.isfinite(trial.recording.time).all() and trial.recording.time[-1] < 0.8
+    why = {"frozen": "no new reading for 0.25 s", "gone": "no route to robot", "nan": None}
+    assert trial.said.outcome.why == why[fault]
 
 
 class Stuck:

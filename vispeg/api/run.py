@@ -63,8 +63,9 @@ class RunResult:
             rows.append([name, o.category, o.by, f"{o.time_s:.1f} s", force, late])
         heads = ("trial", "outcome", "said by", "time", "peak force", "missed deadlines")
         good = sum(said.outcome.success for said in self.trials.values())
+        why = [Line(f"{name}: {s.outcome.why}", warning=True) for name, s in self.trials.items() if s.outcome.why]
         text = f"{self.policy} on {self.robot}: {good} of {len(rows)} succeeded; trials in {self.folder}"
-        lines = [Line(text, path=True)]
+        lines = [*why, Line(text, path=True)]
         if cut := sum(said.timing.clipped for said in self.trials.values()):
             steps = sum(said.timing.steps for said in self.trials.values())
             lines.append(Line(f"{cut} of {steps} actions asked for more than the controller takes"))

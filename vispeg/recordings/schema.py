@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
@@ -21,9 +21,16 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Gain = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Vec3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Turn = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(lambda quat: _unit(quat))]
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
 CellWord = BeforeValidator(lambda value: _named_cell(value) if isinstance(value, str) else value)
 OneOutcome = BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)
+
+
+def _unit(quat: list[float]) -> list[float]:
+    if abs(math.hypot(*quat) - 1) > 0.01:
+        raise ValueError("quaternion w x y z is not of unit length")
+    return quat
 
 
 def _named_cell(word: str) -> Mapping[str, object] | None:
@@ -120,15 +127,7 @@ class WrenchSection(_Section):
     acts_on: Literal["tool", "flange"] = "tool"
     tared: Literal[False, True, "weight"] = False
     pos_m: Vec3 = [0.0, 0.0, 0.0]
-    quat: Annotated[list[Finite], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
-
-    @field_validator("quat")
-    @classmethod
-    def _unit(cls, quat: list[float]) -> list[float]:
-        norm = math.hypot(*quat)
-        if abs(norm - 1) > 0.01:
-            raise ValueError("quaternion w x y z is not of unit length")
-        return quat
+    quat: Turn = [1.0, 0.0, 0.0, 0.0]
 
 
 class OutcomeSection(_Section):

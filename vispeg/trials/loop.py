@@ -172,10 +172,10 @@ def run_episode(
                 ended = loop.run(dog.beat)
     except KeyboardInterrupt:
         ended = WATCHDOG if dog is not None and dog.barked else STOPPED
-    except (OSError, TimeoutError):  # the robot is not there any more
-        ended = WATCHDOG
+    except OSError as error:  # the robot is not there any more, or a part of it is silent
+        ended, loop.why = WATCHDOG, str(error) or None
     finally:
-        with suppress(OSError, TimeoutError):
+        with suppress(OSError):
             told = robot.stop()
     return loop.trial(ended, told, who, seed, name)
 
@@ -208,6 +208,7 @@ class _Loop:
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
         self.first: Reading | None = None
+        self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
         """Until the end; returns the limit that ended it, `success` for the goal reached, None for time."""
@@ -232,6 +233,7 @@ class _Loop:
             else:
                 self.stale += 1
                 if self.clock.now() - fresh > self.how.silence:
+                    self.why = f"no new reading for {self.how.silence:g} s"
                     return WATCHDOG
             self.tape.tick(reading.time, reading.q, reading.dq, wrench, self.target)
             seen = self.builder.observer
@@ -307,10 +309,11 @@ class _Loop:
         if self.first is None:
             raise UserError("the robot gave no reading", key="--robot", got=name)
         if not len(self.tape.late):
-            raise UserError("the arm was stopped before the policy acted", key="--robot", got=ended or name)
+            raise UserError("the arm was stopped before the policy acted", key="--robot", got=self.why or ended or name)
         late, i = self.tape.late, self.interface
         ended = ended or "timeout"
         outcome = {"success": ended == "success", "category": ended, "by": "measured", "peak_force_n": self.peak}
+        outcome |= {"why": self.why}
         if told is not None and ended in ("success", "timeout"):  # a limit of ours is why it ended, whatever it came to
             outcome |= {**told, "by": "robot"}
         start = {"believed_m": self.builder.observer.believed[0].tolist(), **dict(self.connected.start)}

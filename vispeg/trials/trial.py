@@ -66,7 +66,7 @@ class StartPart(_Part):
 
 
 class OutcomePart(_Part):
-    """How it ended, and who says so."""
+    """How it ended, and who says so; `why` a robot that fell silent was stopped, in its driver's words."""
 
     success: Annotated[bool, Field(strict=True)]
     category: Annotated[str, Field(min_length=1)]
@@ -74,6 +74,7 @@ class OutcomePart(_Part):
     time_s: Positive
     peak_force_n: Positive | None = None
     depth_m: Finite | None = None
+    why: str | None = None
 
 
 class TimingPart(_Part):

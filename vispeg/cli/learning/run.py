@@ -4,8 +4,9 @@ POLICY is a folder, a bundled policy's name, or an .onnx by `vispeg export`, whi
 With --world it may be one of your own: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3, with ?action=KIND
 behind it where its actions are joints or metres (joint_goal, joint_delta, tip_goal, tip_delta).
 A robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated one
-in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), or
-`python:MODULE:CALLABLE`, a driver of your own with the calls connect, read, command and stop.
+in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), `ros2`,
+an arm over ROS 2 (`ros2:FILE.yaml` says how its topics are called), or `python:MODULE:CALLABLE`, a driver of your own
+with the calls connect, read, command and stop.
 
 The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when readings stay away, and when
 you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, which is a recording too: `compare`,
@@ -13,7 +14,7 @@ you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NN
 
 Example:
     vispeg run state-3mm --robot sim:VNP --episodes 3 --out trials
-    vispeg run policy.onnx --robot python:my_driver:Robot --shadow --out first-look
+    vispeg run policy.onnx --robot ros2:fr3.yaml --shadow --out first-look
     vispeg run policy.onnx --robot python:my_driver:Robot --slow 0.3 --force 15 --ask --episodes 20 --out trials
 """
 
@@ -42,7 +43,7 @@ class Args:
     policy: tyro.conf.Positional[str]
     """A policy's folder, a bundled policy's name, an .onnx file, or one of your own."""
     robot: str
-    """sim:WORLD, or python:MODULE:CALLABLE."""
+    """sim:WORLD, ros2, ros2:FILE.yaml, or python:MODULE:CALLABLE."""
     out: Path
     """Folder of the trials; those that are there stay, numbers go on."""
     episodes: int = 1

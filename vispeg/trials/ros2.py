@@ -1,0 +1,430 @@
+"""The driver of an arm over ROS 2: `--robot ros2`, or `ros2:FILE.yaml` with the names of its topics (docs/run.md).
+
+A controller on the robot's side, such as CRISP's, holds the pose that comes on `target_pose`; joints, wrench and
+pictures come back. Nothing is sent before the policy's first command.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import os
+import re
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from vispeg.control.laws import rotation_vector
+from vispeg.core.errors import UserError
+from vispeg.core.rotation import quaternion
+from vispeg.formats.typed import typed
+from vispeg.formats.yaml_data import read_yaml
+from vispeg.interface.builder import Picture
+from vispeg.interface.interface import Interface
+from vispeg.recordings.load_cell import wrench
+from vispeg.recordings.schema import Turn, Vec3, WrenchSection
+from vispeg.render.cameras.camera import Camera, rotation
+from vispeg.render.image_kinds import RGB, camera_of, kind_of
+from vispeg.trials.driver import Connected, Reading
+
+PIP = "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-geometry-msgs"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+WAIT = 5.0  # s until every topic has spoken
+LISTENS = 0.5  # s until whoever holds the pose is found, half of what the run loop's watchdog allows
+SILENCE = 0.25  # s without a wrench, as long as the run loop waits for joints
+BLIND = 0.5  # s without a picture: cameras are slower than joints
+APART = 0.005, np.deg2rad(2.0)  # m, rad: more than an arm at rest is off its own model
+COLOURS, DEPTHS = ("rgb8", "bgr8"), {"16UC1": ("u2", 1e-3), "32FC1": ("f4", 1.0)}  # metres of a unit
+LENS = 5  # numbers of Brown's lens, OpenCV's `plumb_bob`
+
+TOPIC = r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
+Name = Annotated[str, Field(min_length=1)]
+Topic = Annotated[str, AfterValidator(lambda name: _topic(name))]
+
+
+def _topic(name: str) -> str:
+    if not re.fullmatch(TOPIC, name, re.ASCII):
+        raise ValueError("is no name of a topic in ROS 2")
+    return name
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class WrenchTopic(WrenchSection):
+    """The wrench and how it is to be read: by default what acts on the flange, in its axes, the tool's weight off."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    topic: Topic = "wrench"
+    acts_on: Literal["tool", "flange"] = "flange"
+    tared: Literal[False, True, "weight"] = "weight"
+
+
+class FramePart(_Part):
+    """The frame that the controller holds, in the flange: m, and w x y z."""
+
+    pos_m: Vec3 = [0.0, 0.0, 0.0]
+    quat: Turn = [1.0, 0.0, 0.0, 0.0]
+
+    @property
+    def pose(self) -> np.ndarray:
+        """(7,) m and w x y z."""
+        return np.array([*self.pos_m, *(np.array(self.quat) / np.linalg.norm(self.quat))])
+
+
+class CameraTopics(_Part):
+    """Topics of a camera; by default NAME/rgb, NAME/depth and NAME/camera_info. `rectified`: the pictures' lens is
+    undone, so that the matrix P of camera_info is theirs.
+    """
+
+    rgb: Topic | None = None
+    depth: Topic | None = None
+    info: Topic | None = None
+    rectified: bool = False
+
+
+class Topics(_Part):
+    """What a `ros2:FILE.yaml` says; without a file all defaults."""
+
+    namespace: Topic | None = None
+    joint_states: Topic = "joint_states"
+    joints: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
+    target_pose: Topic = "target_pose"
+    current_pose: Topic = "current_pose"
+    base_frame: Name = "base"
+    end_effector: FramePart = FramePart()
+    wrench: WrenchTopic = WrenchTopic()
+    cameras: dict[str, CameraTopics] = {}
+
+    def camera(self, name: str) -> CameraTopics:
+        """Topics of a camera, its defaults filled in."""
+        told = self.cameras.get(name, CameraTopics())
+        defaults = {"rgb": f"{name}/rgb", "depth": f"{name}/depth", "info": f"{name}/camera_info"}
+        return told.model_copy(update={key: getattr(told, key) or value for key, value in defaults.items()})
+
+
+def read_topics(file: str | Path) -> Topics:
+    """What a file says of topics. Raises UserError: no such file, not YAML, an unknown key, an impossible value."""
+    return typed(Topics, read_yaml(Path(file).expanduser()) or {}, file)
+
+
+class Link:
+    """A node with a thread that hears.
+
+    Args:
+        name: of the node.
+        topics: whose namespace it is in.
+
+    Attributes:
+        node, context: rclpy's.
+        sensor, geometry: modules of messages.
+
+    Raises:
+        UserError: no ROS 2 for this Python.
+    """
+
+    def __init__(self, name: str, topics: Topics):
+        try:
+            modules = ("rclpy", *(f"rclpy.{m}" for m in ("signals", "qos", "executors", "time")))
+            modules += ("sensor_msgs.msg", "geometry_msgs.msg")
+            rclpy, signals, qos, executors, times, self.sensor, self.geometry = map(importlib.import_module, modules)
+        except ImportError as error:
+            what = f"ROS 2 needs {error.name or 'rclpy'}, which this Python does not have"
+            expected = f"ROS 2's setup.bash sourced, or {PIP} (Python 3.11 or 3.12)"
+            raise UserError(what, key="--robot", expected=expected) from error
+        self._time = times.Time
+        os.environ.setdefault(RANGE, "LOCALHOST")
+        self._newest = qos.QoSProfile(
+            depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT
+        )  # takes what anyone offers
+        self.context = rclpy.Context()
+        quiet = ["vispeg", "--ros-args", "--disable-external-lib-logs"]  # no log in the user's home
+        rclpy.init(args=quiet, context=self.context, signal_handler_options=signals.SignalHandlerOptions.NO)
+        kept = {"start_parameter_services": False, "enable_rosout": False}
+        self.node = rclpy.create_node(name, namespace=topics.namespace, context=self.context, **kept)
+        self._executor = executors.SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._heard: dict[str, tuple[Any, float]] = {}
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+        atexit.register(self.close)  # a thread of ROS 2 that is left behind ends the interpreter with an abort
+
+    def _spin(self) -> None:
+        with suppress(Exception):  # what it says as it is shut down
+            self._executor.spin()
+
+    def listen(self, kind: type, topic: str, wanted: Any = None) -> str:
+        """Keeps the newest message of a topic, of those that are `wanted(message)`; its whole name."""
+        name = self.node.resolve_topic_name(topic)
+
+        def hear(message: Any) -> None:
+            if wanted is None or wanted(message):
+                self._heard[name] = message, time.monotonic()
+
+        self.node.create_subscription(kind, name, hear, self._newest)
+        return name
+
+    def speak(self, kind: type, topic: str) -> Any:
+        """A publisher to which both who wants every message and who wants the newest can listen."""
+        return self.node.create_publisher(kind, topic, 1)
+
+    def stamp(self, moment: float) -> Any:
+        """A moment, s since 1970, as messages state it."""
+        return self._time(nanoseconds=round(1e9 * moment)).to_msg()
+
+    def newest(self, name: str, silence: float = np.inf) -> Any:
+        """The newest message of a topic. Raises TimeoutError: none for `silence` s."""
+        message, at = self._heard.get(name, (None, -np.inf))
+        if message is None or time.monotonic() - at > silence:
+            raise TimeoutError(f"nothing came on {name} for {silence:g} s")
+        return message
+
+    def forget(self) -> None:
+        """Only what comes from here on counts."""
+        self._heard.clear()
+
+    def lacking(self, names: Sequence[str], wait: float) -> list[str]:
+        """Those of these topics on which nothing came within `wait` s."""
+        until = time.monotonic() + wait
+        while (lacking := [n for n in names if n not in self._heard]) and time.monotonic() < until:
+            time.sleep(0.005)
+        return lacking
+
+    def close(self) -> None:
+        """Leaves ROS 2."""
+        atexit.unregister(self.close)
+        self.context.try_shutdown()  # wakes the thread
+        self._thread.join(2.0)
+        self._executor.shutdown(timeout_sec=1.0)
+        self.node.destroy_node()
+
+
+class Ros2Robot:
+    """An arm over ROS 2.
+
+    Args:
+        file: with the names of topics, see Topics; "" for the defaults.
+    """
+
+    def __init__(self, file: str = ""):
+        self.file, self.topics = file or None, read_topics(file) if file else Topics()
+        self._link = Link("vispeg", self.topics)
+        self._interface: Interface | None = None
+        self._target: Any = None  # where poses go; made by the first command, for a shadow must not be heard of
+        self._orders: dict[tuple[str, ...], np.ndarray | None] = {}
+
+    def connect(self, interface: Interface, seed: int) -> Connected:
+        """See Driver. Raises UserError: what the robot should say is not there, or is another arm's."""
+        if self._interface is None:
+            self._listen(interface)
+        self._link.forget()
+        if lacking := self._link.lacking(list(self._kinds), WAIT):
+            raise self._missing(lacking[0])
+        try:
+            self._agrees(self.read().q)
+        except TimeoutError as error:
+            raise UserError(str(error), key="--robot") from error
+        sensor = wrench(self.topics.wrench)
+        assert sensor is not None
+        return Connected(wrench=sensor)
+
+    def _listen(self, interface: Interface) -> None:
+        link, t = self._link, self.topics
+        self._names = t.joints or interface.arm.joints
+        if len(self._names) != len(interface.arm.joints):
+            expected = f"{len(interface.arm.joints)} names, in the order {', '.join(interface.arm.joints)}"
+            raise UserError(
+                "names of another arm", file=self.file, key="joints", expected=expected, got=len(self._names)
+            )
+        self._joints = link.listen(link.sensor.JointState, t.joint_states, self._ours)
+        self._force = link.listen(link.geometry.WrenchStamped, t.wrench.topic)
+        self._pose = link.listen(link.geometry.PoseStamped, t.current_pose)
+        self._kinds = {self._joints: "sensor_msgs/msg/JointState", self._force: "geometry_msgs/msg/WrenchStamped"}
+        self._eyes: dict[str, Camera] = {}
+        self._views: dict[str, dict[str, str]] = {}
+        for key, seen in interface.images.items():
+            name = camera_of(key)
+            topics, view = t.camera(name), self._views.setdefault(name, {})
+            self._eyes[name] = seen.eye
+            part = "rgb" if kind_of(key) is RGB else "depth"
+            view[part] = link.listen(link.sensor.Image, getattr(topics, part))
+            view["info"] = link.listen(link.sensor.CameraInfo, topics.info or "")
+            self._kinds |= {view[part]: "sensor_msgs/msg/Image", view["info"]: "sensor_msgs/msg/CameraInfo"}
+        self._interface = interface
+
+    def _ours(self, message: Any) -> bool:
+        """Whether all joints of the arm are in a message, in whatever order: a gripper may speak on the same topic."""
+        names = tuple(message.name)
+        if names not in self._orders:
+            ours = set(self._names) <= set(names)
+            self._orders[names] = np.array([names.index(n) for n in self._names]) if ours else None
+        return self._orders[names] is not None
+
+    def _missing(self, name: str) -> UserError:
+        """Why nothing of use came on a topic."""
+        kind = self._kinds[name]
+        if name == self._joints and self._orders:
+            expected = f"{', '.join(self._names)}; the key `joints` of ros2:FILE.yaml says how they are called"
+            return UserError("does not name the arm's joints", key=name, expected=expected, got=[*self._orders][0])
+        there = self._link.node.get_publishers_info_by_topic(name)
+        if not there:
+            expected = f"{kind}, looked for with {RANGE}={os.environ[RANGE]}"
+            return UserError("nobody publishes it", key=name, expected=expected)
+        return UserError(f"is silent for {WAIT:g} s", key=name, expected=kind, got=there[0].topic_type)
+
+    def _agrees(self, q: np.ndarray) -> None:
+        """Raises UserError where the controller says that it holds another frame than it would be asked for."""
+        if not self._link.node.count_publishers(self._pose) or self._link.lacking([self._pose], 1.0):
+            return
+        p = self._link.newest(self._pose).pose
+        o = p.orientation
+        held = np.array([p.position.x, p.position.y, p.position.z, o.w, o.x, o.y, o.z])
+        asked = composed(self._flange(q), self.topics.end_effector.pose)
+        off = np.linalg.norm(held[:3] - asked[:3]), np.linalg.norm(rotation_vector(held[None, 3:], asked[None, 3:]))
+        if off[0] <= APART[0] and off[1] <= APART[1]:
+            return
+        pos, turn = self._flange(q)[:3], rotation(self._flange(q)[3:])
+        place, quat = (
+            (np.round(x, 4) + 0.0).tolist()
+            for x in (turn.T @ (held[:3] - pos), quaternion(turn.T @ rotation(held[3:])))
+        )
+        apart = f"{1e3 * off[0]:.1f} mm and {np.rad2deg(off[1]):.1f} degrees"
+        expected = f"another base_frame there, or in ros2:FILE.yaml end_effector: {{pos_m: {place}, quat: {quat}}}"
+        what = f"the controller holds a frame {apart} from the one that it would be asked for"
+        raise UserError(what, key=self._pose, expected=expected)
+
+    def _flange(self, q: np.ndarray) -> np.ndarray:
+        assert self._interface is not None
+        pos, turn, _, _ = self._interface.chain.pose(q[None], 0 * q[None])
+        return np.concatenate([pos[0], turn[0]])
+
+    def read(self, cameras: Sequence[str] = ()) -> Reading:
+        """See Driver. Raises TimeoutError: no wrench for a while, or no picture."""
+        message = self._link.newest(self._joints)  # the run loop sees itself that its time stands still
+        order = self._orders[tuple(message.name)]
+        q, dq = (np.array(values, float) for values in (message.position, message.velocity))
+        if min(len(q), len(dq)) < len(message.name):
+            got = f"{len(q)} angles, {len(dq)} velocities"
+            raise UserError("not a velocity for each joint", key=self._joints, expected=len(message.name), got=got)
+        stamp = message.header.stamp
+        if not (stamp.sec or stamp.nanosec):
+            raise UserError("does not say when it was measured", key=self._joints, expected="header.stamp")
+        w = self._link.newest(self._force, SILENCE).wrench
+        felt = np.array([w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z])
+        pictures = {name: self._picture(name) for name in cameras}
+        return Reading(stamp.sec + 1e-9 * stamp.nanosec, q[order], dq[order], felt, pictures)
+
+    def _picture(self, name: str) -> Picture:
+        view = self._views[name]
+        camera = camera_from(self._link.newest(view["info"]), self._eyes[name], view["info"], self._rectified(name))
+        images = {part: image_from(self._link.newest(view[part], BLIND), view[part]) for part in view if part != "info"}
+        for part, image in images.items():
+            size = camera.height, camera.width
+            if image.shape[:2] != size:
+                raise UserError("not of its camera_info's size", key=view[part], expected=size, got=image.shape[:2])
+            if (part == "rgb") != (image.ndim == 3):
+                what = "a depth picture" if image.ndim == 2 else "a colour picture"
+                raise UserError(f"is {what}", key=view[part], expected=part)
+        return Picture(images.get("rgb"), images.get("depth"), camera)
+
+    def _rectified(self, name: str) -> bool:
+        return self.topics.camera(name).rectified
+
+    def command(self, pose: np.ndarray) -> None:
+        """See Driver. Raises UserError: nobody listens, or somebody else commands the arm."""
+        link = self._link
+        if self._target is None:
+            self._target = link.speak(link.geometry.PoseStamped, self.topics.target_pose)
+            until = time.monotonic() + LISTENS
+            while not self._target.get_subscription_count() and time.monotonic() < until:
+                time.sleep(0.001)
+            name = self._target.topic_name
+            if not self._target.get_subscription_count():
+                raise UserError(
+                    "nobody listens", key=name, expected="a controller that holds geometry_msgs/PoseStamped"
+                )
+            if (others := link.node.count_publishers(name)) > 1:
+                raise UserError("somebody else publishes it too", key=name, expected=1, got=others)
+        self._send(pose)
+
+    def _send(self, pose: np.ndarray) -> None:
+        message = self._link.geometry.PoseStamped()
+        message.header.frame_id, message.header.stamp = self.topics.base_frame, self._link.stamp(time.time())
+        p, o = message.pose.position, message.pose.orientation
+        p.x, p.y, p.z, o.w, o.x, o.y, o.z = map(float, composed(np.asarray(pose), self.topics.end_effector.pose))
+        self._target.publish(message)
+
+    def stop(self) -> None:
+        """See Driver: holds the pose that the arm is in, where it was commanded at all."""
+        if self._target is not None:
+            message = self._link.newest(self._joints)
+            self._send(self._flange(np.array(message.position, float)[self._orders[tuple(message.name)]]))
+
+    def close(self) -> None:
+        """Leaves ROS 2."""
+        self._link.close()
+
+
+def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """The pose (7,), m and w x y z, of a frame at `offset` (7,) in the frame at `pose`; to the bit where it is none."""
+    if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
+        return pose
+    turn = rotation(pose[3:])
+    return np.concatenate([pose[:3] + turn @ offset[:3], quaternion(turn @ rotation(offset[3:]))])
+
+
+def image_from(message: Any, name: str) -> np.ndarray:
+    """A sensor_msgs/Image as (H, W, 3) uint8 sRGB, or as (H, W) depth in m, 0 or NaN for no reading.
+
+    Raises:
+        UserError: another encoding, fewer bytes than the size says.
+    """
+    m, colour = message, message.encoding in COLOURS
+    if not colour and m.encoding not in DEPTHS:
+        raise UserError("an encoding that is not read", key=name, got=m.encoding, choices=(*COLOURS, *DEPTHS))
+    code, unit = ("u1", 1.0) if colour else DEPTHS[m.encoding]
+    kind = np.dtype((">" if m.is_bigendian else "<") + code)
+    across = m.width * (3 if colour else 1) * kind.itemsize
+    data = np.frombuffer(m.data, np.uint8)
+    if m.step < across or len(data) < m.height * m.step:
+        raise UserError(
+            "fewer bytes than its size says",
+            key=name,
+            expected=f"{m.height} rows of {across}",
+            got=f"{len(data)}, in rows of {m.step}",
+        )
+    rows = data[: m.height * m.step].reshape(m.height, m.step)[:, :across]
+    values = np.ascontiguousarray(rows).view(kind)
+    if not colour:
+        return values.astype(np.float32) * np.float32(unit)
+    image = values.reshape(m.height, m.width, 3)
+    return np.ascontiguousarray(image[..., ::-1] if m.encoding == "bgr8" else image)
+
+
+def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> Camera:
+    """The camera that a sensor_msgs/CameraInfo states, where the policy's own camera `eye` sits.
+
+    Raises:
+        UserError: not calibrated, a lens that is not Brown's, a part of the picture alone.
+    """
+    if max(info.binning_x, info.binning_y) > 1 or (info.roi.width and info.roi.width != info.width):
+        raise UserError("binning or a region of interest", key=name, expected="the whole picture")
+    lens = [] if rectified else list(info.d)
+    if any(lens[LENS:]) or (any(lens) and info.distortion_model not in ("plumb_bob", "rational_polynomial")):
+        got = f"{info.distortion_model}, {len(lens)} numbers"
+        raise UserError("a lens that is not read", key=name, expected="plumb_bob", got=got)
+    k = (info.p[0], info.p[5], info.p[2], info.p[6]) if rectified else (info.k[0], info.k[4], info.k[2], info.k[5])
+    if not k[0] > 0:
+        raise UserError("a camera that is not calibrated", key=name, expected="focal lengths above 0", got=k[0])
+    fx, fy, cx, cy = map(float, k)
+    distortion = tuple(map(float, (lens + [0.0] * LENS)[:LENS]))
+    size = {"width": int(info.width), "height": int(info.height)}
+    return eye.moved(**size, fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)

@@ -1,0 +1,213 @@
+"""A simulated arm as a node of ROS 2, for trying `vispeg run --robot ros2` without an arm.
+
+    python -m vispeg.trials.ros2_robot --world nominal
+    vispeg run state-3mm --robot ros2 --out trials
+
+It publishes joints, wrench and pose at 200 Hz, and pictures, under the names of `ros2:FILE.yaml`, and holds the pose
+that comes on `target_pose`. Like a real arm it knows nothing of episodes: return on its input begins with the next
+start, a number and return with that one's, q and return ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import select
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.load_cell import wrench
+from vispeg.render.cameras.camera import Camera, rotation
+from vispeg.render.image_kinds import MODES, RGB, camera_of, kind_of
+from vispeg.task.interface import interface_in
+from vispeg.trials.ros2 import Link, Topics, composed, read_topics
+from vispeg.trials.simulated import BEHIND, SimulatedRobot
+
+FRAMES = 15.0  # pictures a second
+FINGER = "finger_joint"  # no joint of the arm: a gripper's may stand in the same message
+
+
+class Ros2Node:
+    """A simulated robot that speaks ROS 2.
+
+    Args:
+        robot: that is simulated.
+        mode: of observation, which says whose pictures there are.
+        topics: under which names.
+    """
+
+    def __init__(self, robot: SimulatedRobot, mode: str, topics: Topics):
+        self.robot, self.topics, self.sensor = robot, topics, wrench(topics.wrench) or WrenchSensor()
+        self.interface = interface_in(robot.config, robot.env.file, mode, modality=mode)
+        self.eyes = {camera_of(key): seen.eye for key, seen in self.interface.images.items()}
+        self.link = link = Link("simulated_arm", topics)
+        self.time = time.time()  # its clock goes on evenly, and stands still where the machine is too slow
+        self.names = list(topics.joints or self.interface.arm.joints)
+        self.joints = link.speak(link.sensor.JointState, topics.joint_states)
+        self.pose = link.speak(link.geometry.PoseStamped, topics.current_pose)
+        self.force = link.speak(link.geometry.WrenchStamped, topics.wrench.topic)
+        self.target = link.listen(link.geometry.PoseStamped, topics.target_pose)
+        self.images, self.infos = {}, {}
+        for key in self.interface.images:
+            camera = topics.camera(camera_of(key))
+            name = camera.rgb if kind_of(key) is RGB else camera.depth
+            self.images[key] = link.speak(link.sensor.Image, name or "")
+        for name in self.eyes:
+            self.infos[name] = link.speak(link.sensor.CameraInfo, topics.camera(name).info or "")
+
+    def begin(self, seed: int) -> None:
+        """The start of this number, at rest."""
+        start = self.robot.begin(seed)
+        self.link.forget()
+        self.held, self.ended = None, False
+        print(f"start {seed}, the goal believed at", *(f"{x:.4f}" for x in start["believed_m"]), flush=True)
+
+    def tick(self) -> None:
+        """One control period, and what is measured after it."""
+        self._hold()
+        self.robot.tick()
+        self.time += self.robot.config.control_period
+        stamp = self.link.stamp(self.time)
+        self._say(stamp)
+        if self.robot.ticks % max(1, round(1 / (FRAMES * self.robot.config.control_period))) == 0:
+            self._show(stamp)
+        if self.held is not None and self.robot.ended is not None and not self.ended:
+            self.ended, told = True, self.robot.outcome()
+            print(f"{told['category']}, {told['peak_force_n']:.1f} N at most", flush=True)
+
+    def _hold(self) -> None:
+        try:
+            message = self.link.newest(self.target)
+        except TimeoutError:
+            return
+        if message is self.held:
+            return
+        if self.held is None:  # an episode is as long as its policy acts
+            self.robot.ended, self.robot.sim.count[:] = None, 0
+            print(f"commanded on {self.target}", flush=True)
+        self.held = message
+        p, o = message.pose.position, message.pose.orientation
+        pose = np.array([p.x, p.y, p.z, o.w, o.x, o.y, o.z])
+        self.robot.hold(composed(pose, _inverse(self.topics.end_effector.pose)))
+
+    def _say(self, stamp: Any) -> None:
+        link, read = self.link, self.robot.reading()
+        joints = link.sensor.JointState()
+        joints.header.stamp = stamp
+        joints.name = [FINGER, *reversed(self.names)]  # in no order that anybody may rely on
+        joints.position, joints.velocity = ([0.0, *x[::-1].tolist()] for x in (read["q"], read["dq"]))
+        self.joints.publish(joints)
+        pos, turn, _, _ = self.interface.chain.pose(read["q"][None], read["dq"][None])
+        self.pose.publish(
+            _posed(link, composed(np.concatenate([pos[0], turn[0]]), self.topics.end_effector.pose), stamp)
+        )
+        force = link.geometry.WrenchStamped()
+        force.header.stamp = stamp
+        f, t = force.wrench.force, force.wrench.torque
+        weight = np.array(self.interface.tool.weight_n)
+        f.x, f.y, f.z, t.x, t.y, t.z = as_read(read["wrench"], self.sensor, rotation(turn[0]), weight).tolist()
+        self.force.publish(force)
+
+    def _show(self, stamp: Any) -> None:
+        for key, image in self.robot.pictures([*self.eyes]).items():
+            message = self.link.sensor.Image()
+            message.header.stamp, message.height, message.width = stamp, image.shape[0], image.shape[1]
+            data = np.ascontiguousarray(image if image.ndim == 3 else image.astype("<f4"))
+            message.encoding = "rgb8" if image.ndim == 3 else "32FC1"
+            message.step, message.data = data.strides[0], data.tobytes()
+            self.images[key].publish(message)
+        for name, publisher in self.infos.items():
+            publisher.publish(_info(self.link, self.eyes[name], stamp))
+
+
+def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """A wrench as a sensor says it; `vispeg.recordings.cell.canonical` is the way back.
+
+    Args:
+        wrench: (6,) N and N m that the tool puts on the flange, in its axes, its weight included.
+        sensor: how it is read.
+        turn: (3, 3) flange to base.
+        weight: (3,) N in the base.
+    """
+    force, torque = wrench[:3].copy(), wrench[3:]
+    if sensor.tared:
+        force -= turn.T @ weight
+    torque = torque - np.cross(sensor.pos, force)
+    axes = turn if sensor.frame == "base" else rotation(sensor.quat).T
+    return (-1.0 if sensor.acts_on == "tool" else 1.0) * np.concatenate([axes @ force, axes @ torque])
+
+
+def _inverse(pose: np.ndarray) -> np.ndarray:
+    quat = pose[3:] * [1, -1, -1, -1]
+    return np.concatenate([-rotation(quat) @ pose[:3], quat])
+
+
+def _posed(link: Link, pose: np.ndarray, stamp: Any) -> Any:
+    message = link.geometry.PoseStamped()
+    message.header.stamp = stamp
+    p, o = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z, o.w, o.x, o.y, o.z = pose.tolist()
+    return message
+
+
+def _info(link: Link, eye: Camera, stamp: Any) -> Any:
+    message = link.sensor.CameraInfo()
+    message.header.stamp, message.height, message.width = stamp, eye.height, eye.width
+    message.distortion_model, message.d = "plumb_bob", list(eye.distortion)
+    message.k = eye.K.reshape(-1)
+    message.p = np.pad(eye.K, ((0, 0), (0, 1))).reshape(-1)
+    return message
+
+
+def live(node: Ros2Node, seed: int) -> None:
+    """Goes on in its own time, until q or the end of its input where that is a terminal or a pipe."""
+    period = node.robot.config.control_period
+    node.begin(seed)
+    due = time.monotonic()
+    while True:
+        due += period
+        if select.select([sys.stdin], [], [], max(0.0, due - time.monotonic()))[0]:
+            line = sys.stdin.readline()
+            if not line or line.strip() == "q":
+                return
+            seed = int(line) if line.strip().isdigit() else seed + 1
+            node.begin(seed)
+            due = time.monotonic()
+        elif (behind := time.monotonic() - due) > BEHIND:
+            due += behind
+        node.tick()
+
+
+def main() -> int:
+    """Reads what to be, and is it."""
+    parser = argparse.ArgumentParser(
+        prog="python -m vispeg.trials.ros2_robot",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--world", default="nominal", help="a built-in world, or a world file")
+    parser.add_argument("--topics", help="FILE.yaml with the names of the topics")
+    parser.add_argument("--see", default="state", choices=sorted(MODES), help="whose pictures are published")
+    parser.add_argument("--seed", type=int, default=1, help="of the first start")
+    args = parser.parse_args()
+    try:
+        topics = read_topics(args.topics) if args.topics else Topics()
+        node = Ros2Node(SimulatedRobot(args.world, args.see, {}), args.see, topics)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    try:
+        live(node, args.seed)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        node.link.close()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
