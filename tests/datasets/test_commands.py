@@ -65,11 +65,11 @@ def test_a_local_render_listens_on_loopback_unless_an_address_is_given(monkeypat
     import sys
     from types import SimpleNamespace
 
-    from vispeg.datasets.shards import engine_ray
+    from vispeg.core import cluster
 
     monkeypatch.setenv("RAY_ADDRESS", address)
-    monkeypatch.setenv(engine_ray.CLUSTER, "")
-    monkeypatch.delenv(engine_ray.CLUSTER)
+    monkeypatch.setenv(cluster.CLUSTER, "")
+    monkeypatch.delenv(cluster.CLUSTER)
     monkeypatch.setitem(sys.modules, "ray", SimpleNamespace())
-    engine_ray._ray()
-    assert os.environ.get(engine_ray.CLUSTER) == told
+    cluster._ray()
+    assert os.environ.get(cluster.CLUSTER) == told

@@ -46,7 +46,7 @@ def test_a_cluster_that_is_not_there_is_one_line(tmp_path, monkeypatch):
 
 def test_a_cluster_of_ones_own_is_not_seen_from_outside():
     pytest.importorskip("ray")
-    code = "from vispeg.datasets.shards.engine_ray import _connect, _ray\nray = _ray()\n_connect(ray, 1)\n"
+    code = "from vispeg.core.cluster import _connect, _ray\nray = _ray()\n_connect(ray, 1)\n"
     code += "print(ray.util.get_node_ip_address())\nray.shutdown()"
     environment = {k: v for k, v in os.environ.items() if k != "RAY_ADDRESS"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.marker import apart
 from vispeg.evaluation import gap as gaps
@@ -52,6 +53,7 @@ def evaluate(
     videos: int = 0,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     trials: str | Path | None = None,
     overwrite: bool = False,
@@ -70,6 +72,7 @@ def evaluate(
         videos: failures of each policy to film; needs `out`.
         seed: of the episodes.
         workers: processes.
+        engine: where they are: on this machine, or on the Ray cluster at RAY_ADDRESS, whose nodes see `out`.
         out: a folder for episodes, as they end, and the result; a stopped evaluation goes on there. None: no files.
         trials: a folder in which each episode that is played becomes a trial, see docs/formats.md.
         overwrite: replace the result in `out`.
@@ -87,7 +90,7 @@ def evaluate(
         settings = [Setting(str(world), file.name, task=dict(task or {}), control=c) for c in ("", *controls)]
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds", profile=True)
         jobs = [replace(job, trials=kept) for job in jobs]
-        ends = play(jobs, place, workers, playing)
+        ends = play(jobs, place, workers, playing, engine)
         values = gaps.gap(ends, file.name, seed=seed, scripted=[e.name for e in who if e.scripted])
         values["notes"] += [words.conclusion(r) for r in values["success"] if r["needed"]]
         filmed = out is not None and videos > 0

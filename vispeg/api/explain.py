@@ -15,6 +15,7 @@ import yaml
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
+from vispeg.core.cluster import Engine
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
@@ -93,6 +94,7 @@ def explain(
     task: Mapping[str, Any] | None = None,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
@@ -110,7 +112,7 @@ def explain(
             tried, and a note says how to name some.
         replays: of each start.
         apply: write the world that the named causes correct into `out`, and say which command trains next.
-        task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
         UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have,
@@ -156,11 +158,11 @@ def explain(
                 rest = tuple(s for some in seeds for s in some[DRAWS:])
                 jobs[kind] = [replace(job, seeds=first, trials=place / "replays"), replace(job, seeds=rest)]
         flat = [job for some in jobs.values() for job in some if job.seeds]
-        ends = play(flat, place, workers, playing)
+        ends = play(flat, place, workers, playing, engine)
         played = {kind: _of(ends, some[0].configuration, seeds) for kind, some in jobs.items()}
         kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(place / "replays")}
         replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
-        parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, notes)
+        parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, engine, notes)
         record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, notes, parted)
         if apply:
             record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))  # type: ignore[arg-type]
@@ -238,6 +240,7 @@ def _parted(
     trials: Sequence[Trial],
     replayed: Sequence[Sequence[Trial]],
     workers: int,
+    engine: Engine,
     notes: list[str],
 ) -> tuple[list[Parting], Strip | None]:
     """How the policy's actions move with simulation's senses, and pictures of the trial that shows it best.
@@ -259,7 +262,7 @@ def _parted(
             for i, t in enumerate(trials)
             for k, replay in enumerate(replayed[i])
         ]
-        for (i, k), pictures in runner.each(looks, workers, senses.look):
+        for (i, k), pictures in runner.each(looks, workers, senses.look, engine):
             drawn[i][k] = pictures
     parted = [senses.part(acts, meaning, *each) for each in zip(trials, replayed, drawn, strict=True)]
     if not meaning.images:

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from vispeg.api.playing import Played, Playing, check_controls, check_numbers, folders, play, silent, stamped
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.several import several, single
 from vispeg.evaluation import gap as gaps
@@ -80,6 +81,7 @@ def gap(
     fine_tuned: bool = False,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
@@ -99,7 +101,7 @@ def gap(
         robot: the name of that target.
         videos: seeds of each policy to film in the first and the last world; needs `out`.
         fine_tuned: allow policies that were trained with a part of a target.
-        seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
         UserError: nothing to evaluate; no such policy, world, control or record, or an unfit one; a policy that
@@ -132,7 +134,7 @@ def gap(
             if stored_before:
                 stored.take_in(stored_before, place)
             jobs = make_jobs(who, chosen.settings(), seeds_of(episodes, seed), place / "worlds")
-            played = play(jobs, place, workers, playing)
+            played = play(jobs, place, workers, playing, engine)
         ends = {e.key: e for e in [*stored_before, *played]}
         every = [*ends.values(), *trials.episodes]
         targets = [*names, *([robot] if trials.episodes else [])]

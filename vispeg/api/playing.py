@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vispeg.api.result import Result
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.provenance import digest, here
@@ -88,10 +89,10 @@ class Played(Result):
         write(folder, self.command, overwrite=True)
 
 
-def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing) -> list[Episode]:
+def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing, engine: Engine = "local") -> list[Episode]:
     """All episodes of the jobs; those that `folder` has are not played again."""
     with playing(jobs, folder) as watch:
-        return runner.run(jobs, folder, workers, watch=watch)
+        return runner.run(jobs, folder, workers, watch=watch, engine=engine)
 
 
 def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Mapping[str, Any]:

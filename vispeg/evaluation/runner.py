@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from vispeg.core.cluster import Engine, on_ray
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.core.workers import pool_of
@@ -36,6 +37,7 @@ def run(
     workers: int = 1,
     arena: Arena = play,
     watch: Watch = lambda new, done, total: None,
+    engine: Engine = "local",
 ) -> list[Episode]:
     """Plays what is not in OUT/episodes.jsonl yet; returns all episodes of the jobs, in the order of the jobs.
 
@@ -45,6 +47,7 @@ def run(
         workers: processes; 0 or 1: in this one, except for worlds that Filament draws.
         arena: plays one job. Sent to workers by name.
         watch: called with the new episodes, the number done, and the total.
+        engine: where the processes are: on this machine, or on a Ray cluster whose nodes see `out` at the same path.
 
     Raises:
         UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.
@@ -59,7 +62,7 @@ def run(
         todo += replace(job, seeds=missing, dump=out / DIVERGED).split(max(job.rows, IMAGE_ROWS)) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
-    for played in each(todo, workers, arena):  # a policy that cannot be played has left nothing to go on with
+    for played in each(todo, workers, arena, engine):  # a policy that cannot be played has left nothing to go on with
         write_text_atomic(out / RUN, names, overwrite=True)
         append(path, played)
         have |= {e.key: e for e in played}
@@ -69,21 +72,24 @@ def run(
     return [have[key] for job in jobs for key in job.keys()]
 
 
-def each(todo: Sequence[J], workers: int, arena: Callable[[J], R]) -> Iterator[R]:
+def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engine = "local") -> Iterator[R]:
     """Do jobs in worker processes; gives what `arena` returns as it comes, in any order.
 
     Args:
         todo: jobs.
-        workers: as in `run`.
+        workers, engine: as in `run`.
         arena: does one job. Sent to workers by name.
     """
     backends = {str(load_world(world).renderer.get("backend", "auto")) for world in {job.world for job in todo}}
     tasks = min(filter(None, map(jobs_a_process, backends)), default=None)
-    if not tasks and (workers < 2 or len(todo) < 2):
+    if engine == "local" and not tasks and (workers < 2 or len(todo) < 2):
         yield from (arena(job) for job in todo)
         return
     for who in {id(job.entrant.source): job.entrant for job in todo if not job.entrant.stored}.values():
         _sendable(who)
+    if engine == "ray":
+        yield from (result for _, result in on_ray(arena, todo, workers, what="part", tasks=tasks))
+        return
     with pool_of(max(1, min(workers, len(todo))), tasks) as pool:
         waiting: Iterable[Future[R]] = [pool.submit(arena, job) for job in todo]
         while waiting:

@@ -9,6 +9,7 @@ from typing import Any
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import Policies
 from vispeg.evaluation.folder import workplace
@@ -50,6 +51,7 @@ def perturb(
     task: Mapping[str, Any] | None = None,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
@@ -57,7 +59,7 @@ def perturb(
     """Plays policies at the hard positions of the world's task, or at those of a file.
 
     Args:
-        policies, task, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        policies, task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         world: a built-in world's name or a world file.
         episodes: trials a position, still and pushed each.
         force: N, range of the pushes.
@@ -80,7 +82,9 @@ def perturb(
     with workplace(out, "perturb.json", overwrite, read) as place:
         settings = pushed.settings(str(world), file.name, hard, Pushes(force, duration))
         settings = [replace(s, task={**s.task, **(task or {})}) for s in settings]
-        ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)
+        ends = play(
+            make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing, engine
+        )
         about = {"world": {"name": file.name, "hash": file.hash}, "force": force, "duration": duration}
         record = stamped({**pushed.summarise(ends), **about}, seed, folders(who))
         result = PerturbResult(record, tuple(ends), (), tuple(read))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.several import several
 from vispeg.evaluation.entrants import Policies
@@ -45,6 +46,7 @@ def sensitivity(
     episodes: int = 100,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
@@ -52,7 +54,7 @@ def sensitivity(
     """Plays policies in a world with one parameter of one effect at each of several values, on the same seeds.
 
     Args:
-        policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...,
             or a model file, such as a diagnosis writes: success without and with each of its effects, or a measurement:
             success over the interval of each of its effects.
@@ -73,7 +75,9 @@ def sensitivity(
     read = [file.path, *folders(who)]
     with workplace(out, "sensitivity.json", overwrite, read) as place:
         settings = [s for what in asked for s in swept.settings(str(world), file.name, what)]
-        ends = play(make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing)
+        ends = play(
+            make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds"), place, workers, playing, engine
+        )
         about = {
             "format": swept.FORMAT,
             "world": {"name": file.name, "hash": file.hash},

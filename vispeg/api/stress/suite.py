@@ -7,6 +7,7 @@ from pathlib import Path
 
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.stress.result import Stressed
+from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.evaluation import suite as suites
 from vispeg.evaluation.entrants import Entrant, Policies, refuse_trained_on
@@ -61,6 +62,7 @@ def suite(
     episodes: int = 20,
     seed: int = 0,
     workers: int = 1,
+    engine: Engine = "local",
     out: str | Path | None = None,
     overwrite: bool = False,
     playing: Playing = silent,
@@ -68,7 +70,7 @@ def suite(
     """Plays one version of policies in every configuration, in the training world and in the target.
 
     Args:
-        policies, seed, workers, out, overwrite, playing: as in `vispeg.evaluate`.
+        policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         train, target: built-in worlds' names or world files.
         measured: CSV of a real robot's trials in place of a target.
         configurations: a file `format: vispeg-suite/1`; by default the package's list.
@@ -98,7 +100,7 @@ def suite(
     with workplace(out, "suite.json", overwrite, read) as place:
         settings = suites.settings(chosen, {file.name: w for w, file in files.items()})
         jobs = make_jobs(who, settings, seeds_of(episodes, seed), place / "worlds")
-        ends = [*play(jobs, place, workers, playing), *trials.episodes]
+        ends = [*play(jobs, place, workers, playing, engine), *trials.episodes]
         called = version or ("" if out is None else Path(out).expanduser().resolve().name)
         about = {**suites.summarise(ends, names[0], names[1], called, hashes), "notes": [*trials.notes]}
         result = SuiteResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(read))

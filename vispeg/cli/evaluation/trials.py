@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol, TypedDict
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypedDict
 
 import tyro
 
@@ -13,6 +13,7 @@ from vispeg.cli.output import Output, OutputOptions
 
 if TYPE_CHECKING:
     from vispeg.api.playing import Playing
+    from vispeg.core.cluster import Engine
     from vispeg.report.text.summary import Block
 
 
@@ -21,6 +22,7 @@ class Options(TypedDict):
 
     seed: int
     workers: int
+    engine: Engine
     out: Path
     overwrite: bool
     playing: Playing
@@ -43,6 +45,8 @@ class Trials:
     """Seed of the episodes. The same seed gives the same starts and draws of the world."""
     workers: int = 1
     """Processes."""
+    engine: Literal["local", "ray"] = "local"
+    """Where they are: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set)."""
     overwrite: bool = False
     """Replace the result in OUT."""
     output: OutputOptions = Output()
@@ -54,6 +58,7 @@ class Trials:
         return {
             "seed": self.seed,
             "workers": self.workers,
+            "engine": self.engine,
             "out": out,
             "overwrite": self.overwrite,
             "playing": lambda jobs, folder: playing(jobs, folder, self.output.quiet),

@@ -8,6 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+from vispeg.core.cluster import TRIES
 from vispeg.core.errors import UserError
 from vispeg.core.workers import pool_of
 from vispeg.datasets.layout import Layout
@@ -15,7 +16,6 @@ from vispeg.datasets.shards.plan import Plan, Shard
 from vispeg.datasets.shards.shard import Source, shard_bytes
 from vispeg.render.backends.backend import jobs_a_process
 
-TRIES = 3  # deaths of a worker over one shard before it is given up
 POLL = 0.3  # s
 Made = Iterator[tuple[Shard, bytes]]
 Engine = Callable[[Sequence[Shard], Source, Plan, Layout, int, Callable[[int], None]], Made]

@@ -1,0 +1,118 @@
+"""Does jobs on a Ray cluster: the one at RAY_ADDRESS, or one of its own on this machine, which listens on loopback.
+
+Every node needs vispeg installed, and the files that a job names at the same path. Results come back through Ray's
+object store. A worker that is killed costs its job, which is done again.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal, TypeVar
+
+from vispeg.core.errors import UserError
+from vispeg.core.extras import missing
+from vispeg.core.workers import THREADS
+
+Engine = Literal["local", "ray"]
+J = TypeVar("J")
+R = TypeVar("R")
+TRIES = 3  # deaths of a worker over one job before it is given up
+CONNECT = 10  # s
+CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # Ray's, of every system: whether others may join; read at its import
+
+
+def on_ray(
+    work: Callable[[J], R], jobs: Sequence[J], workers: int, *, what: str, tasks: int | None = None
+) -> Iterator[tuple[J, R]]:
+    """Do jobs on a cluster, `workers` at a time, each on one core; gives each with its result, in any order.
+
+    Args:
+        work: does one; sent by value.
+        jobs: in the order in which they begin.
+        workers: at a time.
+        what: the jobs are, for errors: "shard".
+        tasks: jobs after which a process is replaced; None: it stays.
+
+    Raises:
+        UserError: Ray is not installed, its cluster cannot be reached, a job killed its worker again and again; and
+            what a job raises.
+    """
+    ray = _ray()
+    started_here = not ray.is_initialized()
+    if started_here:
+        _connect(ray, workers)
+    try:
+        yield from _tasks(ray, work, jobs, workers, what, tasks)
+    finally:
+        if started_here:
+            ray.shutdown()
+
+
+def _tasks(
+    ray: Any, work: Callable[[J], R], jobs: Sequence[J], workers: int, what: str, tasks: int | None
+) -> Iterator[tuple[J, R]]:
+    do = ray.remote(num_cpus=1, max_retries=0, max_calls=tasks or 0)(_call)
+    remaining, waiting, deaths = list(range(len(jobs))), {}, [0] * len(jobs)
+    while remaining or waiting:
+        while remaining and len(waiting) < max(1, workers):
+            number = remaining.pop(0)
+            waiting[do.remote(work, jobs[number])] = number
+        ready, _ = ray.wait(list(waiting), num_returns=1)
+        for reference in ready:
+            number = waiting.pop(reference)
+            try:
+                result = ray.get(reference)
+            except ray.exceptions.RayTaskError as error:
+                if isinstance(error.cause, UserError):
+                    raise UserError(str(error.cause)) from None
+                raise
+            except ray.exceptions.RayError as error:  # the worker or its node died
+                deaths[number] += 1
+                if deaths[number] >= TRIES:
+                    lost = f"{what} {number + 1} of {len(jobs)} lost its worker {TRIES} times"
+                    raise UserError(lost, got=type(error).__name__) from None
+                remaining.insert(0, number)
+                continue
+            yield jobs[number], result
+
+
+def _call(work: Callable[[J], R], job: J) -> R:
+    return work(job)
+
+
+def _ray() -> Any:
+    if not os.environ.get("RAY_ADDRESS"):
+        os.environ.setdefault(CLUSTER, "0")
+    try:
+        import ray
+    except ImportError:
+        raise missing("ray", "work on a cluster", key="engine") from None
+    return ray
+
+
+def _connect(ray: Any, workers: int) -> None:
+    address = os.environ.get("RAY_ADDRESS")
+    environment = {"env_vars": dict.fromkeys(THREADS, "1") | _kept("MUJOCO_GL")}
+    quiet = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
+    try:
+        if address:
+            _knock(address)
+            ray.init(address=address, **quiet)
+        else:
+            ray.init(num_cpus=max(1, workers), include_dashboard=False, **quiet)
+    except (ConnectionError, ValueError, RuntimeError, OSError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"the Ray cluster cannot be reached ({reason})", key="RAY_ADDRESS", got=address) from None
+
+
+def _knock(address: str) -> None:
+    """Raises OSError where nobody listens at HOST:PORT; Ray itself tries for ten minutes before it says so."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT).close()
+
+
+def _kept(*names: str) -> dict[str, str]:
+    return {name: os.environ[name] for name in names if name in os.environ}
