@@ -21,6 +21,7 @@ from vispeg.recordings.importers.guess.propose import Proposal, joint_columns, o
 from vispeg.recordings.importers.mapping import FACTORS
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Dialect, Table
+from vispeg.render.calibration.rigid import inverse
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": FACTORS["deg"]}
@@ -34,7 +35,9 @@ POSITION = {"x": "x", "y": "y", "z": "z", "px": "x", "py": "y", "pz": "z", "tx":
 QUATERNION = {"qw": "w", "qx": "x", "qy": "y", "qz": "z", "ow": "w", "ox": "x", "oy": "y", "oz": "z"}
 THREE = {"rx": 0, "ry": 1, "rz": 2, "roll": 0, "pitch": 1, "yaw": 2, "wx": 0, "wy": 1, "wz": 2}
 MEANS = {"rx": (*TURNS,), "wx": ("rotation_vector",), "roll": ("fixed_xyz", "moving_xyz")}
+OF_TAG = {"tag", "marker", "board", "target", "april", "apriltag", "aruco", "cam", "camera", "optical", "object"}
 OF_TURN = {"quat", "quaternion", "rotation", "orientation", "ori", "rot", "rotvec", "rvec", "euler"}
+OF_POSE = {"pose", "position", "pos", "translation", "trans", "tvec"} | OF_TURN
 BEYOND = 2.2 * np.pi  # rad that an angle of a static pose does not pass, so that it is in degrees
 REACHED = 20.0  # m: beyond what any tracker of an arm measures
 BETTER = 1.5  # times by which another reading of the table must fit worse
@@ -122,6 +125,19 @@ def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list
     table = read_table(file)
     columns = pose_columns(table.names, file)
     angles = None if not joints else _angles(table, joints, {*columns.position, *columns.turn})
+    of_joints = [(None, "")] if angles is None else _as_radians(*angles, file)
+    ways = poses_of(table, columns, form)
+    return [
+        Readings(q, position, turn, tuple(text for text in (q_said, said) if text))
+        for (q, q_said), (position, turn, said) in product(of_joints, ways)
+    ]
+
+
+def poses_of(
+    table: Table, columns: PoseColumns, form: str | None = None
+) -> list[tuple[np.ndarray, np.ndarray | None, str]]:
+    """Return all ways to read a pose: positions (n, 3) m, turns (n, 3, 3) or None, and what was taken."""
+    file = table.file
     values = _block(table, columns.position)
     lengths = _units(columns.position, LENGTHS, file)
     lengths = [unit for unit in lengths if float(np.abs(values).max()) * LENGTHS[unit] < REACHED]
@@ -129,11 +145,77 @@ def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list
         got = float(np.abs(values).max())
         raise UserError("a position no arm reaches", file=file, key=columns.position[0], expected="m or mm", got=got)
     turns = [(None, "")] if not columns.turn else _turns(table, columns, form, file)
-    of_joints = [(None, "")] if angles is None else _as_radians(*angles, file)
     return [
-        Readings(q, values * LENGTHS[unit], turn, tuple(text for text in (q_said, _open(lengths, unit), said) if text))
-        for (q, q_said), unit, (turn, said) in product(of_joints, lengths, turns)
+        (values * LENGTHS[unit], turn, ", ".join(text for text in (_open(lengths, unit), said) if text))
+        for unit, (turn, said) in product(lengths, turns)
     ]
+
+
+def two_poses(table: Table) -> tuple[PoseColumns, PoseColumns]:
+    """Return the columns of the robot's pose and of the tag's, in a table that has both.
+
+    Raises:
+        UserError: not two poses, or nothing in their names says which is which.
+    """
+    groups: dict[str, list[str]] = {}
+    with_w = any(_words(name)[-1:] == ["w"] for name in table.names)
+    for name in table.names:
+        if name in table.columns and _word(name, with_w) in {*POSITION, *QUATERNION, *THREE}:
+            groups.setdefault("_".join(word for word in _words(name)[:-1] if word not in OF_POSE), []).append(name)
+    tags = [prefix for prefix in groups if set(prefix.split("_")) & OF_TAG]
+    robots = [prefix for prefix in groups if prefix not in tags]
+    if len(tags) != 1 or len(robots) != 1:
+        expected = "flange_x .. flange_qz and tag_x .. tag_qz, or joint angles (with --robot) and one pose"
+        raise UserError("not the robot's pose and a tag's", file=table.file, expected=expected, choices=table.names)
+    robot, tag = (pose_columns(groups[prefix], table.file) for prefix in (robots[0], tags[0]))
+    for columns in (robot, tag):
+        if not columns.turn:
+            expected = "qw qx qy qz, rx ry rz, or roll pitch yaw"
+            raise UserError("a pose without orientation", file=table.file, key=columns.position[0], expected=expected)
+    return robot, tag
+
+
+def motions(poses: np.ndarray) -> np.ndarray:
+    """Return angle (rad) and path along the axis (m) of the motions between poses (n, 4, 4), (m, 2).
+
+    Both are the same in whatever frame a motion is seen from: of a flange, and of a tag as the flange's camera has it.
+    """
+    out = []
+    for step in range(1, min(4, len(poses))):
+        between = poses[:-step] @ inverse(poses[step:])
+        turn = Rotation.from_matrix(between[:, :3, :3]).as_rotvec()
+        angle = np.linalg.norm(turn, axis=1)
+        along = np.einsum("ni,ni->n", turn / np.maximum(angle, 1e-9)[:, None], between[:, :3, 3])
+        out.append(np.stack([angle, along], axis=1))
+    return np.concatenate(out)
+
+
+def together(
+    robots: Sequence[tuple[np.ndarray, str]], tags: Sequence[tuple[np.ndarray, str]], file: Path
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return the readings of robot poses and tag poses, (n, 4, 4) each, whose motions are the same.
+
+    Args:
+        robots, tags: ways to read them, and what was taken in each.
+        file: that the error names.
+
+    Raises:
+        UserError: two readings fit about as well.
+    """
+    pairs = list(product(robots, tags))
+    off = []
+    for (robot, _), (tag, _) in pairs:
+        a, b = motions(robot), motions(tag)
+        size = np.sqrt(np.mean(a[:, 1] ** 2))
+        off.append(float(np.hypot(*np.sqrt(np.mean((np.abs(a) - np.abs(b)) ** 2, axis=0)) / [1.0, max(size, 1e-12)])))
+    order = np.argsort(off)
+    (robot, said), (tag, tag_said) = pairs[int(order[0])]
+    if len(pairs) > 1 and off[order[1]] < BETTER * off[order[0]]:
+        other = pairs[int(order[1])]
+        expected = "units in the header (tag_x_mm), or --orientation"
+        got = "; ".join(f"{a} or {b}" for a, b in ((said, other[0][1]), (tag_said, other[1][1])) if a != b)
+        raise UserError("fits in two ways", file=file, expected=expected, got=got)
+    return robot, tag, ", ".join(text for text in (said, tag_said) if text)
 
 
 def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, float]], file: Path) -> Readings:

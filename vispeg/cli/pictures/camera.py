@@ -1,7 +1,8 @@
-"""Calibrates a camera from images of a board; shows camera files.
+"""Calibrates a camera from images of a board, or its place from transforms; shows camera files.
 
 Example:
     vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
+    vispeg camera place tags.csv --robot iiwa14 --out wrist
     vispeg camera show wrist/camera.yaml
 """
 
@@ -14,6 +15,7 @@ import tyro
 
 from vispeg.cli.options import subcommand
 from vispeg.cli.pictures.camera_calibrate import Calibrate
+from vispeg.cli.pictures.camera_place import Place
 from vispeg.cli.pictures.camera_show import Show
 
 
@@ -22,7 +24,9 @@ class Args:
     """Arguments of `vispeg camera`."""
 
     command: tyro.conf.OmitSubcommandPrefixes[
-        Annotated[Calibrate, subcommand(Calibrate)] | Annotated[Show, subcommand(Show)]
+        Annotated[Calibrate, subcommand(Calibrate)]
+        | Annotated[Place, subcommand(Place)]
+        | Annotated[Show, subcommand(Show)]
     ]
 
     def run(self) -> int:

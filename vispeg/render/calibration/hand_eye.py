@@ -8,7 +8,7 @@ the whole chain, robustly, with the robot's errors estimated along the way (`cha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -99,10 +99,28 @@ def solve(
     Raises:
         UserError: degenerate motion, an unknown mount, or poses and views that do not belong together.
     """
+    board_poses = np.stack([board_pose(view, board, camera) for view in views])
+    noise = pose_noise(views, board, camera, board_poses)
+    found = solve_poses(board_poses, noise, flange, mount, start)
+    outer = flange if mount == "flange" else inverse(flange)
+    path = inverse(found.camera) @ inverse(outer) @ found.board  # (n, 4, 4) camera_T_board through the robot
+    pixels = [view_error(view, board, camera, pose) for view, pose in zip(views, path, strict=True)]
+    return replace(found, pixels=np.array(pixels))
+
+
+def solve_poses(
+    board_poses: np.ndarray, noise: np.ndarray, flange: np.ndarray, mount: Mount, start: HandEye | None = None
+) -> HandEye:
+    """Find the same from poses alone, whoever measured them; `pixels` is empty.
+
+    Args:
+        board_poses: camera_T_board, (n, 4, 4) m.
+        noise: their covariances as `Chain` takes them, (n, 6, 6); 0 where nothing is known of them.
+        flange, mount, start: as for `solve`.
+    """
     if mount not in MOUNTS:
         raise UserError("unknown mount", key="--mount", got=mount, choices=MOUNTS)
     in_hand = mount == "flange"
-    board_poses = np.stack([board_pose(view, board, camera) for view in views])
     outer = flange if in_hand else inverse(flange)  # of the body that carries the camera
     if start is None:
         check_motion(flange)
@@ -111,16 +129,15 @@ def solve(
         starts = [(x, _mean(outer @ x @ board_poses)) for x in methods.values()]
     else:
         methods, starts = start.methods, [(start.camera, start.board)]
-    chain = Chain(board_poses, pose_noise(views, board, camera, board_poses), flange, in_hand)
+    chain = Chain(board_poses, noise, flange, in_hand)
     x, z, std = refine(chain, starts, ROUNDS if start is None else 2)
-    path = inverse(x) @ inverse(outer) @ z  # (n, 4, 4) camera_T_board through the robot
     origins = (outer @ x @ board_poses)[:, :3, 3]
     return HandEye(
         camera=x,
         board=z,
         std=std,
         robot=chain.robot,
-        pixels=np.array([view_error(view, board, camera, pose) for view, pose in zip(views, path, strict=True)]),
+        pixels=np.zeros(0),
         misfit=np.sqrt(np.mean(chain.standard(x, z) ** 2, axis=1)),
         scatter=float(np.sqrt(np.mean(np.sum((origins - origins.mean(axis=0)) ** 2, axis=1)))),
         scale=chain.board_scale(x, z),

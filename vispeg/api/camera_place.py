@@ -1,0 +1,188 @@
+"""`vispeg camera place`, from Python: where a camera is, from robot poses and a tag's poses in the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.api.recording.convert import placed
+from vispeg.api.result import Result
+from vispeg.core.errors import UserError
+from vispeg.core.provenance import digest, here
+from vispeg.core.rotation import quaternion
+from vispeg.measure.pose_table import Readings, poses_of, readings, together, two_poses
+from vispeg.recordings.tables.read import read_table
+from vispeg.render.calibration.from_poses import Placed, place
+from vispeg.render.calibration.hand_eye import Mount
+from vispeg.render.calibration.known import read_intrinsics
+from vispeg.render.calibration.rigid import from_quaternion
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.cameras.camera_files import save_cameras
+from vispeg.report.text.summary import Block, Line
+from vispeg.report.text.tables import Column, Sheet
+from vispeg.report.write import write_json
+from vispeg.robots.model import load
+from vispeg.sim.compiled import flange_pose
+
+FORMAT = "vispeg-camera-place/1"
+Ways = list[tuple[np.ndarray, str]]  # ways to read poses (n, 4, 4), and what each takes
+NEAR, FAR = 0.08, 3.0  # m from an arm's base between which its flange works
+ODD = 3.0  # standard deviations from which a row is named
+
+
+@dataclass(frozen=True, repr=False)
+class CameraPlace(Result):
+    """Where a camera is; intervals are of 95 %.
+
+    Attributes:
+        record: what results.json holds, see docs/cameras.md.
+        camera: with its lens; None where no intrinsics were given.
+        sources: what was read.
+    """
+
+    record: Mapping[str, Any]
+    camera: Camera | None
+    sources: tuple[str | Path, ...] = ()
+    holds = "calibration"
+    tables = ("rows",)
+
+    @property
+    def summary(self) -> list[Block]:
+        """The place with its intervals, and what to know before using it."""
+        eye = self.record["hand_eye"]
+        rows = []
+        for axis, value, half in zip("xyz", eye["pos_m"], eye["half_width_95"]["pos_m"], strict=True):
+            rows.append([f"{axis} on {eye['parent']}", f"{1e3 * value:.2f}", f"+- {1e3 * half:.2g}", "mm"])
+        for axis, half in zip("xyz", eye["half_width_95"]["turn_rad"], strict=True):
+            rows.append([f"turn about its {axis}", "", f"+- {np.degrees(half):.2g}", "deg"])
+        rows.append(["quaternion wxyz", " ".join(f"{value:.4f}" for value in eye["quat_wxyz"]), "", ""])
+        error = eye["robot_error"]
+        left = (
+            f"{len(self.record['rows'])} poses; left are about {error['mm']:.2g} mm and {error['deg']:.2g} deg an axis"
+        )
+        out: list[Block] = [Sheet([Column(head) for head in ("what", "value", "95 %", "unit")], rows), Line(left)]
+        return out + [Line(note, warning=True) for note in self.record["notes"]]
+
+    def _write(self, folder: Path) -> None:
+        write_json(folder / "results.json", dict(self.record))
+        if self.camera is not None:
+            save_cameras(folder / "camera.yaml", self.camera)
+
+
+def place_camera(
+    table: str | Path,
+    *,
+    robot: str | None = None,
+    mount: Mount = "flange",
+    orientation: str | None = None,
+    intrinsics: str | Path | None = None,
+    name: str = "camera",
+) -> CameraPlace:
+    """Finds where a camera is on the flange (a tag at rest), or on the base (a tag on the flange).
+
+    Args:
+        table: a row a picture: the flange's pose on the base or the joint angles, and the tag's pose in the camera
+            (OpenCV's axes).
+        robot: whose joint angles they are; None where the table has the flange's poses.
+        mount: what the camera is fixed to.
+        orientation: what three angles mean, as for `measure_zeros`; by default what fits.
+        intrinsics: the camera's, for a camera file.
+        name: the camera's.
+
+    Raises:
+        UserError: no such table, motion that does not determine the pose, or units that the data leave open.
+    """
+    path = Path(table)
+    robots, tags = _both(path, robot, orientation)
+    flange, tag, said = together(robots, tags, path)
+    try:
+        found = place(tag, flange, mount)
+    except UserError as error:
+        raise UserError(f"the camera's place cannot be told: {error}", file=path) from error
+    files = [p for p in (path, None if intrinsics is None else Path(intrinsics)) if p is not None]
+    record = _record(found, mount, said, path)
+    record["provenance"] = here(None, {str(p): f"sha256:{digest(p)}" for p in files if p.exists()})
+    return CameraPlace(
+        record, None if intrinsics is None else _camera(Path(intrinsics), name, found, mount), tuple(files)
+    )
+
+
+def _both(
+    path: Path, robot: str | None, form: str | None
+) -> tuple[list[tuple[np.ndarray, str]], list[tuple[np.ndarray, str]]]:
+    """All ways to read the flange's poses and the tag's, (n, 4, 4)."""
+    if robot is None:
+        table = read_table(path)
+        both = [poses_of(table, columns, form) for columns in two_poses(table)]
+        flange, tag = ([(_matrix(p, t), f"{who} {said}" if said else "") for p, t, said in ways]
+                       for who, ways in zip(("the robot's", "the tag's"), both, strict=True))  # fmt: skip
+        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm have to be stated
+        return usual or flange, tag
+    model = load(placed(robot))
+    ways: list[Readings] = readings(path, model.joints, form)
+    if ways[0].turn is None:
+        raise UserError(
+            "a tag's pose without orientation", file=path, expected="qw qx qy qz, rx ry rz or roll pitch yaw"
+        )
+    angles = {way.said[0] if len(way.said) and way.said[0].startswith("joint") else "": way.angles for way in ways}
+    flange = []
+    for said, q in angles.items():
+        pose = flange_pose(model, np.asarray(q))
+        flange.append((from_quaternion(pose[:, :3], pose[:, 3:]), said))
+    rest = {tuple(text for text in way.said if not text.startswith("joint")): way for way in ways}
+    return flange, [(_matrix(way.position, way.turn), ", ".join(said)) for said, way in rest.items()]
+
+
+def _reached(flange: np.ndarray) -> bool:
+    """Whether an arm's flange may stand there: motions alone do not tell metres of both poses from millimetres."""
+    return NEAR < float(np.median(np.linalg.norm(flange[:, :3, 3], axis=1))) < FAR
+
+
+def _matrix(position: np.ndarray, turn: np.ndarray | None) -> np.ndarray:
+    out = np.tile(np.eye(4), (len(position), 1, 1))
+    out[:, :3, 3] = position
+    out[:, :3, :3] = np.eye(3) if turn is None else turn
+    return out
+
+
+def _record(found: Placed, mount: Mount, said: str, path: Path) -> dict[str, Any]:
+    eye, half = found.found, found.half
+    notes = [f"taken as {said}: the header leaves it open, and no other reading fits"] if said else []
+    for number, misfit in enumerate(eye.misfit):
+        if misfit > ODD:
+            notes.append(
+                f"row {number + 2} of {path.name} is {misfit:.1f} standard deviations off; moving, or swapped?"
+            )
+    spread = np.ptp(np.stack([x[:3, 3] for x in eye.methods.values()]), axis=0).max()
+    if spread > 3 * half[:3].max():
+        notes.append(f"closed-form methods differ by {1e3 * spread:.1f} mm: turn the flange farther")
+    other = "base" if mount == "flange" else "flange"
+    return {
+        "format": FORMAT,
+        "hand_eye": {
+            "parent": mount,
+            "pos_m": eye.camera[:3, 3].tolist(),
+            "quat_wxyz": quaternion(eye.camera[:3, :3]).tolist(),
+            "half_width_95": {"pos_m": half[:3].tolist(), "turn_rad": half[3:].tolist()},
+            "tag": {
+                "parent": other,
+                "pos_m": eye.board[:3, 3].tolist(),
+                "quat_wxyz": quaternion(eye.board[:3, :3]).tolist(),
+            },
+            "tag_scatter_mm": 1e3 * eye.scatter,
+            "robot_error": {"mm": 1e3 * float(eye.robot[0]), "deg": float(np.degrees(eye.robot[1]))},
+        },
+        "rows": [{"row": number + 2, "misfit": float(misfit)} for number, misfit in enumerate(eye.misfit)],
+        "notes": notes,
+    }
+
+
+def _camera(intrinsics: Path, name: str, found: Placed, mount: Mount) -> Camera:
+    lens = read_intrinsics(intrinsics)
+    pose = found.found.camera
+    camera = Camera(name, *lens.size, *lens.focal, *lens.centre, lens.distortion)
+    return camera.moved(parent=mount, pos=tuple(pose[:3, 3]), quat=tuple(quaternion(pose[:3, :3]).tolist()))

@@ -1,0 +1,60 @@
+"""Where a camera sits from poses alone: the flange's and a tag's, whoever measured them, with 95 % intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vispeg.core.errors import UserError
+from vispeg.render.calibration.hand_eye import HandEye, Mount, solve_poses
+from vispeg.render.calibration.intervals import half_widths, leave_out
+from vispeg.render.calibration.rigid import difference
+
+OTHER_WAY = 5.0  # times by which the other mount has the tag rest better, from which this one is wrong
+MIN_POSES = 5  # four fix the answer, and leaving one out must leave four
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A camera's place.
+
+    Attributes:
+        found: the solution; its `pixels` are empty.
+        half: half widths of the 95 % intervals of the camera's pose, (6,): m along the mount's axes, rad about its own.
+    """
+
+    found: HandEye
+    half: np.ndarray
+
+
+def place(tags: np.ndarray, flange: np.ndarray, mount: Mount) -> Placed:
+    """Find the camera's pose on the flange (tag at rest) or on the base (tag on the flange).
+
+    Args:
+        tags: camera_T_tag, (n, 4, 4) m.
+        flange: base_T_flange, (n, 4, 4) m.
+        mount: what the camera is fixed to.
+
+    Raises:
+        UserError: too few poses, turns about one axis alone, or poses that fit the other way round.
+    """
+    if len(tags) < MIN_POSES:
+        raise UserError("too few poses", expected=f"{MIN_POSES} or more", got=len(tags))
+    nothing = np.zeros((len(tags), 6, 6))
+    found = solve_poses(tags, nothing, flange, mount)
+    other: Mount = "base" if mount == "flange" else "flange"
+    try:
+        turned = solve_poses(tags, nothing, flange, other)
+    except UserError:
+        turned = None
+    if turned is not None and OTHER_WAY * turned.robot[0] < found.robot[0]:
+        said = "the poses fit the other way round: --mount is wrong, or they are the base's in the flange's frame"
+        got = f"{1e3 * found.robot[0]:.3g} mm off, {1e3 * turned.robot[0]:.3g} mm the other way"
+        raise UserError(said, expected="base_T_flange and camera_T_tag", got=got)
+
+    def shift(rows: np.ndarray) -> np.ndarray:
+        return difference(solve_poses(tags[rows], nothing[rows], flange[rows], mount, start=found).camera, found.camera)
+
+    half = np.maximum(half_widths(leave_out(len(tags), shift)), 1.96 * found.std)
+    return Placed(found, half)
