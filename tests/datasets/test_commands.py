@@ -46,6 +46,33 @@ def test_render_check_show_and_mistakes(tmp_path, monkeypatch, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["d", "d-page"]
 
 
+def test_colour_alone_is_the_same_colour_and_every_command_reads_it(tmp_path, monkeypatch, capsys):
+    """What LeRobot's loader would read slowly is not there; the rest is as it is beside depth."""
+    monkeypatch.chdir(tmp_path)
+    small = ["render", "--world", "nominal", "--frames", "4", "--size", "16", "--workers", "0"]
+    assert main([*small, "--out", "both"]) == 0
+    assert main([*small, "--modality", "rgb", "--no-labels", "--out", "rgb"]) == 0
+    both, rgb = Dataset("both"), Dataset("rgb")
+    left = {name for name in both.features if name not in rgb.features}
+    assert left == {f"{kind}.{c}" for kind in ("observation.depth", "label.parts") for c in both.cameras}
+    for name in rgb.features:
+        assert np.array_equal(rgb.episode(0)[name], both.episode(0)[name]), name
+    assert rgb.cameras == both.cameras
+    assert main(["dataset", "check", "rgb"]) == 0 and main(["dataset", "show", "rgb", "--out", "page"]) == 0
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert "colour of wrist_wide" in page and "depth of" not in page and "Depth is coloured" not in page
+    assert main(["dataset", "export", "rgb", "--format", "folder", "--out", "plain"]) == 0
+    assert main(["dataset", "check", "plain"]) == 0
+    capsys.readouterr()
+    for args, said in (
+        (["dataset", "export", "rgb", "--format", "bop", "--out", "bop"], "has no depth, which BOP has"),
+        ([*small, "--modality", "rgb", "--format", "bop", "--out", "bop"], "BOP has depth"),
+    ):
+        assert main(args) == 2
+        err = capsys.readouterr().err.strip()
+        assert said in err and "\n" not in err and not (tmp_path / "bop").exists()
+
+
 def test_ray_that_is_missing_is_one_line(monkeypatch):
     import sys
 

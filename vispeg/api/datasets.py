@@ -134,6 +134,7 @@ def render_dataset(
     seed: int = 0,
     noise: float = 0.2,
     labels: bool = True,
+    modality: Literal["rgbd", "rgb"] = "rgbd",
     workers: int = 2,
     engine: Literal["local", "ray"] = "local",
     format: Literal["lerobot", "bop", "folder"] = "lerobot",
@@ -156,6 +157,7 @@ def render_dataset(
         seed: of everything random.
         noise: standard deviation on the expert's actions, as a share of the greatest action.
         labels: draw segmentation images; poses are always written.
+        modality: `rgbd`, or `rgb` for pictures without depth, of which LeRobot's loader reads every number.
         workers: processes of one thread each; 0 for this process alone.
         engine: where workers run: on this machine, or on the Ray cluster at RAY_ADDRESS.
         format: of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
@@ -172,6 +174,8 @@ def render_dataset(
 
     if workers < 0:
         raise UserError("must not be negative", key="workers", got=workers)
+    if modality == "rgb" and format == "bop":
+        raise UserError("BOP has depth", key="modality", expected="rgbd", got=modality)
     if engine == "ray":
         require("ray", "--engine ray")
     shape = {"looks": looks, "cameras": several(cameras), "size": size, "seed": seed, "noise": noise}
@@ -185,7 +189,7 @@ def render_dataset(
             watch(drawn)
 
     with reserved(out, overwrite, holds="dataset", inputs=(world,)):
-        plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, **shape)
+        plan, layout = plan_of(str(world), frames, labels=labels, backend=backend, modality=modality, **shape)
         render(
             plan,
             layout,

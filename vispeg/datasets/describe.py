@@ -148,9 +148,10 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
     for i, camera in enumerate(cameras):
         if camera.name in [other.name for other in cameras[:i]]:
             raise UserError("two cameras of one name", file=path, key=key, got=camera.name)
-        for name in (colour_of(camera.name), depth_of(camera.name, features)):
-            if name not in features:
-                raise UserError("a camera without its pictures", file=path, key=key, expected=name, got=camera.name)
+        colour, deep = colour_of(camera.name), depth_of(camera.name, features)
+        if colour not in features:
+            raise UserError("a camera without its pictures", file=path, key=key, expected=colour, got=camera.name)
+        for name in (colour, deep) if deep in features else (colour,):
             size = pixel_shape(features[name])[:2]
             if size != (camera.height, camera.width):
                 expected, got = f"{size[1]} x {size[0]} px as {name}", f"{camera.width} x {camera.height}"

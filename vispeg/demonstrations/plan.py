@@ -19,7 +19,7 @@ from vispeg.datasets.layout import (
     picture,
     truth_of,
 )
-from vispeg.datasets.shards.plan import Plan, shard_frames
+from vispeg.datasets.shards.plan import RGB, RGBD, Plan, shard_frames
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.part_mesh import part_mesh
 from vispeg.robots.scene import Scene
@@ -48,6 +48,7 @@ def plan_of(
     noise: float = 0.2,
     labels: bool = True,
     backend: str = "auto",
+    modality: str = RGBD,
 ) -> tuple[Plan, Layout]:
     """The plan of a rendering of a world's task, and what its frames hold; see Plan for the arguments.
 
@@ -75,8 +76,9 @@ def plan_of(
         labels,
         str(file.renderer.get("backend", backend)),
         shard_frames=per,
+        modality=modality,
     )
-    return plan, layout_of(file, task, through, labels)
+    return plan, layout_of(file, task, through, labels, modality != RGB)
 
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
@@ -90,8 +92,10 @@ def scene_of(task: TaskConfig) -> Scene:
     return replace(registry.task_of(task).cell(task), cameras=task.cameras)
 
 
-def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool) -> Layout:
-    """What every frame of a rendering holds."""
+def layout_of(
+    file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool = True
+) -> Layout:
+    """What every frame of a rendering holds, with part numbers and depth or without."""
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Feature] = {
         "observation.state": numbers((*scene.joints, *TASK_STATE)),
@@ -108,7 +112,8 @@ def layout_of(file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], la
         features[f"label.{scene.held}.{c.name}"] = numbers(POSE)
         features[f"label.camera.{c.name}"] = numbers(POSE)
         features[colour_of(c.name)] = picture(c)
-        features[depth_of(c.name, ())] = depth(c)
+        if deep:
+            features[depth_of(c.name, ())] = depth(c)
         if labels:
             features[f"label.parts.{c.name}"] = parts(c)
     sites = {scene.held: scene.tip_site, scene.fixture: scene.goal}

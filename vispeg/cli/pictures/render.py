@@ -43,6 +43,8 @@ class Args:
     """Noise on the expert's actions: standard deviation, as a share of the greatest action."""
     no_labels: bool = False
     """Draw no segmentation images (faster); poses are still written."""
+    modality: Literal["rgbd", "rgb"] = "rgbd"
+    """rgb: write no depth, which policies of LeRobot do not see and its loader reads slowly."""
     workers: int = 2
     """Processes of one thread each; 0 for this process alone."""
     engine: Literal["local", "ray"] = "local"
@@ -73,6 +75,7 @@ class Args:
                 seed=self.seed,
                 noise=self.noise,
                 labels=not self.no_labels,
+                modality=self.modality,
                 workers=self.workers,
                 engine=self.engine,
                 format=self.format,

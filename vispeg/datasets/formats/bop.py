@@ -48,6 +48,8 @@ def write_bop(source: Path, out: Path) -> None:
     poses = [f"label.camera.{name}" for name in data.cameras]
     if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
         raise UserError("has no such pose, which BOP is about", file=source, key=missing[0])
+    if missing := [name for name in (depth_of(c, data.features) for c in data.cameras) if name not in data.features]:
+        raise UserError("has no depth, which BOP has", file=source, key=missing[0])
     if not data.cameras:
         raise UserError("does not say what its cameras are", file=source)
     scene = 0

@@ -12,6 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
+RGBD, RGB = "rgbd", "rgb"
 SHARD_FRAMES, SHARD_BYTES = 500, 48_000_000  # at most, for one shard; of smaller ones physics wastes more at the end
 
 
@@ -31,6 +32,7 @@ class Plan:
         labels: whether pictures of parts are made too.
         backend: of the renderer; the world's own where it names one.
         shard_frames: frames of the largest shard.
+        modality: `rgbd`, or `rgb` for pictures without depth.
     """
 
     world: str
@@ -44,6 +46,7 @@ class Plan:
     labels: bool = True
     backend: str = "auto"
     shard_frames: int = SHARD_FRAMES
+    modality: str = RGBD
 
     def __post_init__(self) -> None:
         for key in ("frames", "looks", "shard_frames"):
@@ -53,6 +56,8 @@ class Plan:
             raise UserError("not a picture's size", key="size", expected="8 to 4096 px", got=self.size)
         if not 0 <= self.noise <= 1:
             raise UserError("not a share of the greatest action", key="noise", expected="0 to 1", got=self.noise)
+        if self.modality not in (RGBD, RGB):
+            raise UserError("no such pictures", key="modality", got=self.modality, choices=(RGBD, RGB))
         if self.seed < 0:
             raise UserError("not a seed", key="seed", expected="0 or more", got=self.seed)
 

@@ -92,29 +92,36 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
     limits = depth_range(data, frames)
     out = []
     for name, camera in data.cameras.items():
-        depths = np.stack([f[depth_of(name, f)] for f in frames])
-        missing = (depths == 0).mean(axis=(1, 2))
-        pictures = views(data, frames[len(frames) // 2], name, limits[name], LARGE)
+        pictures = views(data, frames[len(frames) // 2], name, limits.get(name), LARGE)
+        shown = ("colour", *(("depth",) if name in limits else ()), "parts")
         out.append(
             {
                 "camera": camera,
-                "views": [embedded(picture) for picture in pictures],
-                "low": f"{limits[name][0]:.3f}",
-                "high": f"{limits[name][1]:.3f}",
-                "missing": f"{100 * np.median(missing):.1f}",
-                "most": f"{100 * missing.max():.1f}",
+                "views": [(what, embedded(picture)) for what, picture in zip(shown, pictures, strict=False)],
                 "focal": f"{camera.fx:.1f}, {camera.fy:.1f}",
-                "depths": histogram(depths[(depths > 0) & (depths < 2 * limits[name][1])].tolist(), 48)
-                if (depths > 0).any()
-                else "",
-                "near": f"{depths[depths > 0].min():.3f}" if (depths > 0).any() else "",
-                "far": f"{min(depths.max(), 2 * limits[name][1]):.3f}",
+                "depth": _depth(np.stack([f[depth_of(name, f)] for f in frames]), *limits[name])
+                if name in limits
+                else None,
             }
         )
     key = [(part, "rgb({},{},{})".format(*part_picture(np.array([i]))[0])) for i, part in enumerate(data.parts, 1)]
     all_frames = len(frames) == len(data)
     counted = "of all frames" if all_frames else f"of {len(frames)} frames looked at, spread over all {len(data)}"
     return {"cameras": out, "parts": key, "counted": counted}
+
+
+def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
+    """What is said of a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
+    missing, read = (depths == 0).mean(axis=(1, 2)), depths[depths > 0]
+    return {
+        "low": f"{low:.3f}",
+        "high": f"{high:.3f}",
+        "missing": f"{100 * np.median(missing):.1f}",
+        "most": f"{100 * missing.max():.1f}",
+        "bars": histogram(read[read < 2 * high].tolist(), 48) if len(read) else "",
+        "near": f"{read.min():.3f}" if len(read) else "",
+        "far": f"{min(depths.max(), 2 * high):.3f}",
+    }
 
 
 def guard(data: Dataset | Stored) -> Mapping[str, object]:

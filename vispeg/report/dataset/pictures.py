@@ -32,9 +32,9 @@ PALETTE = np.array(
 
 
 def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
-    """For each camera, depths in m that most readings lie between, so that near depths differ visibly."""
+    """For each camera with depth, depths in m that most readings lie between, so that near depths differ visibly."""
     out = {}
-    for name in data.cameras:
+    for name in [name for name in data.cameras if depth_of(name, frames[0]) in frames[0]]:
         every = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])
         every = every[every > 0]
         low, high = np.percentile(every, [2, 85]) if len(every) else (0.0, 1.0)
@@ -48,10 +48,12 @@ def part_picture(parts: np.ndarray) -> np.ndarray:
 
 
 def views(
-    data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float], side: int
+    data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float] | None, side: int
 ) -> list[np.ndarray]:
-    """What a camera delivers, each `side` px high: colour, depth, parts (where there are any)."""
-    pictures = [frame[colour_of(name)], depth_picture(frame[depth_of(name, frame)], *limits)]
+    """What a camera delivers, each `side` px high: colour, depth (`limits`: its range), parts (where there are any)."""
+    pictures = [frame[colour_of(name)]]
+    if limits is not None:
+        pictures.append(depth_picture(frame[depth_of(name, frame)], *limits))
     if (labels := frame.get(f"label.parts.{name}")) is not None:
         pictures.append(part_picture(labels))
     return [enlarged(picture, side) for picture in pictures]
@@ -93,7 +95,7 @@ def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800)
     limits = depth_range(data, frames)
     tiles = []
     for frame in frames:
-        row = [picture for name in data.cameras for picture in views(data, frame, name, limits[name], side)]
+        row = [picture for name in data.cameras for picture in views(data, frame, name, limits.get(name), side)]
         tile = np.concatenate([_edged(picture) for picture in row], axis=1)
         tiles.append(np.pad(tile, ((GAP, GAP), (2 * GAP, 2 * GAP), (0, 0)), constant_values=GREY))
     columns = max(1, width // tiles[0].shape[1])
