@@ -126,8 +126,13 @@ def test_what_the_simulated_arm_publishes_is_read_back(frame, acts_on):
 def test_a_frame_of_the_controller_is_put_on_and_taken_off_again():
     quat = Rotation.random(2, rng=4).as_quat(scalar_first=True)
     pose, offset = np.array([0.5, 0.1, 0.3, *quat[0]]), np.array([0, 0, 0.1034, *quat[1]])
-    back = composed(composed(pose, offset), _inverse(offset))
-    np.testing.assert_allclose(back * np.sign(back[3] * pose[3]) ** np.array([0, 0, 0, 1, 1, 1, 1]), pose, atol=1e-12)
+    both = composed(pose, offset)
+    turn, other = (Rotation.from_quat(p[3:], scalar_first=True) for p in (pose, offset))
+    np.testing.assert_allclose(both[:3], pose[:3] + turn.apply(offset[:3]), atol=1e-12)
+    np.testing.assert_allclose(
+        (Rotation.from_quat(both[3:], scalar_first=True) * (turn * other).inv()).magnitude(), 0, atol=1e-7
+    )
+    np.testing.assert_allclose(composed(both, _inverse(offset)), pose, atol=1e-12)
     none = np.array([0, 0, 0, 1.0, 0, 0, 0])
     np.testing.assert_array_equal(composed(pose, none), pose)
 

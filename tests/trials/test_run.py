@@ -155,6 +155,22 @@ def test_late_commands_are_counted(robot):
     assert timing.missed == timing.steps and timing.late_median_s == pytest.approx(0.03) and timing.deadline_s == 0.02
 
 
+def test_the_rest_before_the_policy_acts_is_as_long_on_the_robots_own_clock(robot):
+    """A simulated robot on a busy machine is slower than the host, and a recording is read by its clock."""
+
+    class Slow(Lockstep):
+        def read(self, cameras=()):
+            reading = super().read(cameras)
+            return replace(reading, time=0.8 * reading.time)
+
+    for clock in (robot, Slow.__new__(Slow)):
+        clock.__dict__.update(robot.__dict__)
+        policy, how = Scripted(robot.robot.config), How(rest=0.6)
+        interface = meaning(robot.robot, steps=3)
+        trial = run_episode(policy, interface, clock, WHO, SEED, how, clock=clock, watch=False)
+        assert trial.steps.time[0] == pytest.approx(0.6, abs=0.005)
+
+
 class Faulty(Lockstep):
     """Whose sensors freeze, or who goes away, after half a second."""
 

@@ -60,7 +60,7 @@ class How:
         slow: share of an action's offset that is asked for; an episode gets as many steps more.
         goal: (3,) m, where the goal is believed to be, base; None for what the robot says, else the nominal place.
         silence: s without a new reading after which the arm stops.
-        rest: s for which the arm is recorded at rest before the policy acts.
+        rest: s, on the robot's clock too, for which the arm is recorded at rest before the policy acts.
     """
 
     limits: Limits = Limits()
@@ -219,6 +219,8 @@ class _Loop:
         while True:
             due = begin + tick * period
             self.clock.wait(due)
+            if not steps and tick >= rest and self.tape.length < self.how.rest - 1.5 * period:
+                rest = tick + 1  # a second of ours is less than one of its clock's
             acts = tick >= rest + steps * i.ticks
             reading = self.robot.read(self.cameras if acts else ())
             beat()

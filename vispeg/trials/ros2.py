@@ -36,7 +36,7 @@ from vispeg.trials.driver import Connected, Reading
 PIP = "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-geometry-msgs"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 WAIT = 5.0  # s until every topic has spoken
-LISTENS = 0.5  # s until whoever holds the pose is found, half of what the run loop's watchdog allows
+LISTENS = 0.5  # s until who holds the pose is found, and has said where; half of what the run loop's watchdog allows
 SILENCE = 0.25  # s without a wrench, as long as the run loop waits for joints
 BLIND = 0.5  # s without a picture: cameras are slower than joints
 APART = 0.005, np.deg2rad(2.0)  # m, rad: more than an arm at rest is off its own model
@@ -142,9 +142,7 @@ class Link:
             raise UserError(what, key="--robot", expected=expected) from error
         self._time = times.Time
         os.environ.setdefault(RANGE, "LOCALHOST")
-        self._newest = qos.QoSProfile(
-            depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT
-        )  # takes what anyone offers
+        self._newest = qos.QoSProfile(depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT)  # fits what anyone offers
         self.context = rclpy.Context()
         quiet = ["vispeg", "--ros-args", "--disable-external-lib-logs"]  # no log in the user's home
         rclpy.init(args=quiet, context=self.context, signal_handler_options=signals.SignalHandlerOptions.NO)
@@ -256,7 +254,8 @@ class Ros2Robot:
             self._eyes[name] = seen.eye
             part = "rgb" if kind_of(key) is RGB else "depth"
             view[part] = link.listen(link.sensor.Image, getattr(topics, part))
-            view["info"] = link.listen(link.sensor.CameraInfo, topics.info or "")
+            if "info" not in view:
+                view["info"] = link.listen(link.sensor.CameraInfo, topics.info or "")
             self._kinds |= {view[part]: "sensor_msgs/msg/Image", view["info"]: "sensor_msgs/msg/CameraInfo"}
         self._interface = interface
 
@@ -282,7 +281,7 @@ class Ros2Robot:
 
     def _agrees(self, q: np.ndarray) -> None:
         """Raises UserError where the controller says that it holds another frame than it would be asked for."""
-        if not self._link.node.count_publishers(self._pose) or self._link.lacking([self._pose], 1.0):
+        if self._link.lacking([self._pose], LISTENS):  # a controller need not say it
             return
         p = self._link.newest(self._pose).pose
         o = p.orientation
@@ -377,8 +376,12 @@ def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """The pose (7,), m and w x y z, of a frame at `offset` (7,) in the frame at `pose`; to the bit where it is none."""
     if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
         return pose
-    turn = rotation(pose[3:])
-    return np.concatenate([pose[:3] + turn @ offset[:3], quaternion(turn @ rotation(offset[3:]))])
+    (w, *v), (a, *b) = (
+        pose[3:],
+        offset[3:],
+    )  # their product keeps its sign from pose to pose, which a filter may rely on
+    turn = w * np.array(b) + a * np.array(v) + np.cross(v, b)
+    return np.concatenate([pose[:3] + rotation(pose[3:]) @ offset[:3], [w * a - np.dot(v, b)], turn])
 
 
 def image_from(message: Any, name: str) -> np.ndarray:

@@ -11,7 +11,9 @@ start, a number and return with that one's, q and return ends it.
 from __future__ import annotations
 
 import argparse
+import os
 import select
+import stat
 import sys
 import time
 from typing import Any
@@ -164,13 +166,15 @@ def _info(link: Link, eye: Camera, stamp: Any) -> Any:
 
 
 def live(node: Ros2Node, seed: int) -> None:
-    """Goes on in its own time, until q or the end of its input where that is a terminal or a pipe."""
+    """Goes on in its own time, until q or the end of its input, unless that is /dev/null."""
     period = node.robot.config.control_period
+    silent = stat.S_ISCHR(os.fstat(sys.stdin.fileno()).st_mode) and not sys.stdin.isatty()
+    inputs = [] if silent else [sys.stdin]
     node.begin(seed)
     due = time.monotonic()
     while True:
         due += period
-        if select.select([sys.stdin], [], [], max(0.0, due - time.monotonic()))[0]:
+        if select.select(inputs, [], [], max(0.0, due - time.monotonic()))[0]:
             line = sys.stdin.readline()
             if not line or line.strip() == "q":
                 return
