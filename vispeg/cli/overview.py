@@ -45,6 +45,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "run": "vispeg.cli.learning.run",
     },
     "evaluation of policies": {
+        "plan": "vispeg.cli.evaluation.plan",
         "evaluate": "vispeg.cli.evaluation.evaluate",
         "gap": "vispeg.cli.evaluation.gap",
         "suite": "vispeg.cli.evaluation.suite",

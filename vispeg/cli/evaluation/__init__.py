@@ -1,1 +1,1 @@
-"""Commands that judge policies: evaluate, gap, suite, sensitivity, exploit, perturb."""
+"""Commands that judge policies: plan, evaluate, gap, suite, sensitivity, exploit, explain, perturb."""

@@ -1,0 +1,103 @@
+"""`vispeg plan`: what can be expected of a world's task on a real robot, before anything is built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vispeg.core.errors import UserError
+from vispeg.evaluation.outlook import Outlook, outlook
+from vispeg.report.text.summary import Block, Line, html
+from vispeg.report.text.tables import Column, Sheet
+from vispeg.task.registry import config_of
+from vispeg.task.world_file import load_world
+
+REPEATABILITY = {"iiwa14": 0.15, "iiwa7": 0.1, "panda": 0.1, "fr3": 0.1, "ur5e": 0.03, "ur10e": 0.05}  # mm, ISO 9283,
+# by the makers' data sheets: KUKA LBR iiwa, Franka Emika Panda and Research 3, Universal Robots e-Series
+MM = {"mm": 1.0, "m": 1e3}
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What can be expected.
+
+    Attributes:
+        world: its name.
+        outlook: verdict, the article's rates for such tasks, its signs with their numbers here, and advice.
+    """
+
+    world: str
+    outlook: Outlook
+
+    @property
+    def record(self) -> dict[str, object]:
+        """What `vispeg plan --json` prints."""
+        return {"world": self.world, **self.outlook}
+
+    @property
+    def summary(self) -> list[Block]:
+        """The verdict, the article's rates, its signs."""
+        o = self.outlook
+        out: list[Block] = [Line(f"{self.world}: {o['verdict']}: {o['why']}")]
+        if o["expected"]:
+            heads = [
+                Column(h) for h in ("such tasks, by the article", "in simulation", "naive", "with randomization, sysid")
+            ]
+            rows = [
+                [str(e["task"]), f"{e['simulated']} %", *(_range(e[k]) for k in ("naive", "techniques"))]
+                for e in o["expected"]
+            ]
+            out.append(Sheet(heads, rows))
+        heads = [Column(h) for h in ("sign", "here", "speaks from", "speaks")]
+        out.append(
+            Sheet(heads, [[s["sign"], s["here"], s["speaks_from"], "yes" if s["speaks"] else "-"] for s in o["signs"]])
+        )
+        return [*out, *(Line(f"advice: {text}") for text in o["advice"])]
+
+    def _repr_html_(self) -> str:
+        return html(self.summary)
+
+
+def plan(
+    world: str | Path = "nominal",
+    *,
+    repeatability: float | None = None,
+    soft: bool = False,
+    varies: bool = False,
+    demonstrations: int | None = None,
+    a_day: int | None = None,
+    build_days: float | None = None,
+) -> Planned:
+    """Say what can be expected of a world's task on a real robot, by the article's table and signs.
+
+    Args:
+        world: a built-in world's name or a world file, whose task states the tolerance.
+        repeatability: of the robot, mm, ISO 9283; by default that of the arm, where its data sheet is known here.
+        soft, varies, demonstrations, a_day, build_days: as in `vispeg.evaluation.outlook.outlook`.
+
+    Raises:
+        UserError: no such world, a number that cannot be, an arm of which no repeatability is known.
+    """
+    for key, number in (
+        ("repeatability", repeatability),
+        ("demonstrations", demonstrations),
+        ("a-day", a_day),
+        ("build-days", build_days),
+    ):
+        if number is not None and number <= 0:
+            raise UserError("must be above 0", key=f"--{key}", got=number)
+    file = load_world(world)
+    config = config_of(file.task)
+    robot = config.robot.model
+    if repeatability is None and robot not in REPEATABILITY:
+        raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=robot)
+    about = config.tolerance
+    width = None if about is None else getattr(config, about.setting) * MM[about.unit]
+    known = REPEATABILITY[robot] if repeatability is None else repeatability
+    more = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
+    return Planned(file.name, outlook(width, known, **more))  # type: ignore[arg-type]
+
+
+def _range(ends: object) -> str:
+    low, high = ends  # type: ignore[misc]
+    return f"{low} to {high} %"

@@ -1,0 +1,124 @@
+"""What can be expected of a transfer before anything is built: the article's table and signs, with a task's numbers.
+
+The rates are the article's ("Sim-to-Real Transfer Success Rate by Task Type": published results and its author's own
+data), no measurement of this project; the signs are its tips 6 and 15, and its section on skipping simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypedDict
+
+WELL, EFFORT, NOT = "transfers well", "transfers with effort", "does not transfer well"
+SUBMILLIMETRE = 1.0  # mm: "sub-millimeter tolerances" do not transfer well yet
+FEWEST_DEMONSTRATIONS, A_DAY = 1_000, 500  # of fewer that are needed, or more that a day gives: skip simulation
+COARSE = "simulation for the approach, 50 to 200 real demonstrations for the contact (`combine`, `finetune`)"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the article's table: rates in %, of the task as it was trained, and with randomization and sysid."""
+
+    task: str
+    simulated: int
+    naive: tuple[int, int]
+    techniques: tuple[int, int]
+
+
+INSERTION = Row("peg insertion (> 1 mm tolerance)", 90, (15, 25), (55, 70))
+PRECISION = Row("precision assembly (< 0.5 mm)", 88, (5, 15), (30, 50))
+
+
+class Sign(TypedDict):
+    """One of the article's signs: what it looks at, the number here, from where on it speaks, what follows."""
+
+    sign: str
+    here: str
+    speaks_from: str
+    speaks: bool
+    follows: str
+
+
+class Outlook(TypedDict):
+    """What `vispeg plan --json` prints."""
+
+    verdict: str
+    why: str
+    expected: list[Mapping[str, object]]
+    signs: list[Sign]
+    advice: list[str]
+
+
+def outlook(
+    tolerance_mm: float | None,
+    repeatability_mm: float,
+    *,
+    soft: bool = False,
+    varies: bool = False,
+    demonstrations: int | None = None,
+    a_day: int | None = None,
+    build_days: float | None = None,
+) -> Outlook:
+    """Say what can be expected of a task, and which of the article's signs speak.
+
+    Args:
+        tolerance_mm: width of the goal less that of the part; None of a task without one.
+        repeatability_mm: pose repeatability of the robot, ISO 9283.
+        soft: whether a part deforms, flows or is granular.
+        varies: whether success hangs on a property that varies from object to object, such as surface friction.
+        demonstrations: that would teach the task on the robot alone; None: not known.
+        a_day: demonstrations that can be recorded in a day; None: not known.
+        build_days: to build and calibrate the simulation; None: not known.
+    """
+    fine = tolerance_mm is not None and tolerance_mm < SUBMILLIMETRE
+    coarse_arm = fine and repeatability_mm > SUBMILLIMETRE
+    signs: list[Sign] = [
+        _sign("a part deforms, flows or is granular", "yes" if soft else "no", "yes", soft, "skip simulation"),
+        _sign("success hangs on what varies from object to object", "yes" if varies else "no", "yes", varies, COARSE),
+    ]
+    if tolerance_mm is not None:
+        here = f"{tolerance_mm:g} mm, {repeatability_mm:g} mm"
+        limit = "tolerance under 1 mm and repeatability over 1 mm"
+        signs.append(_sign("precision against repeatability", here, limit, coarse_arm, COARSE))
+        play, room = repeatability_mm > tolerance_mm / 2, f"{tolerance_mm / 2:g} mm a side"
+        signs.append(_sign("repeatability against the room on a side", here, f"more than {room}", play, COARSE))
+    if demonstrations is not None:
+        few = demonstrations < FEWEST_DEMONSTRATIONS
+        signs.append(_sign("demonstrations needed", f"{demonstrations}", "under 1,000", few, "record on the robot"))
+    if a_day is not None:
+        signs.append(_sign("demonstrations a day", f"{a_day}", "500 or more", a_day >= A_DAY, "record on the robot"))
+    if demonstrations is not None and a_day and build_days is not None:
+        days = demonstrations / a_day
+        dear = build_days > days
+        said = f"{build_days:g} days to build, {days:.1f} to record"
+        signs.append(_sign("effort", said, "building takes longer", dear, "record on the robot"))
+    if soft or varies or coarse_arm:
+        verdict, why = NOT, "by the article's signs of a gap that cannot be bridged here"
+    elif tolerance_mm is None:
+        verdict, why = WELL, "a motion without tight contact, as reaching in free space or grasping"
+    elif fine:
+        verdict, why = (
+            EFFORT,
+            f"a tolerance of {tolerance_mm:g} mm is under a millimetre: the contact part does not transfer well",
+        )
+    else:
+        verdict, why = EFFORT, "assembly of rigid parts with a generous tolerance"
+    rows = [] if tolerance_mm is None or soft else [r for r in (INSERTION, PRECISION) if _near(r, tolerance_mm)]
+    expected = [
+        {"task": r.task, "simulated": r.simulated, "naive": list(r.naive), "techniques": list(r.techniques)}
+        for r in rows
+    ]
+    advice = list(dict.fromkeys(s["follows"] for s in signs if s["speaks"]))
+    if fine and COARSE not in advice:
+        advice.append(COARSE)
+    return {"verdict": verdict, "why": why, "expected": expected, "signs": signs, "advice": advice}
+
+
+def _sign(sign: str, here: str, speaks_from: str, speaks: bool, follows: str) -> Sign:
+    return {"sign": sign, "here": here, "speaks_from": speaks_from, "speaks": speaks, "follows": follows}
+
+
+def _near(row: Row, tolerance_mm: float) -> bool:
+    """Tell whether a tolerance is a row's; one between 0.5 and 1 mm lies between the two."""
+    return tolerance_mm >= 0.5 if row is INSERTION else tolerance_mm < SUBMILLIMETRE
