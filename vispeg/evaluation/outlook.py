@@ -6,7 +6,7 @@ data), no measurement of this project; the signs are its tips 6 and 15, and its 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
@@ -45,7 +45,7 @@ class Outlook(TypedDict):
 
     verdict: str
     why: str
-    expected: list[Mapping[str, object]]
+    expected: Sequence[Mapping[str, object]]
     signs: list[Sign]
     advice: list[str]
 

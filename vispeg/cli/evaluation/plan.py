@@ -1,4 +1,4 @@
-"""Says what to expect of a task on a robot before anything is built.
+"""Says what transfer to expect of a task, before anything is built.
 
 By an article of practitioners: success rates of such tasks, and its signs of a gap that cannot be bridged, each with
 its number here. It measures nothing; `vispeg gap` and `vispeg run` do.
