@@ -15,6 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
 from vispeg.render import calibration as rooms
 from vispeg.render.calibration.board import parse_pattern
+from vispeg.render.calibration.detect import the_tag
 from vispeg.render.calibration.hand_eye import Mount
 from vispeg.render.calibration.intrinsics import Distortion
 from vispeg.render.calibration.known import read_intrinsics
@@ -67,13 +68,14 @@ class CalibrationResult(Result):
 
 def calibrate(
     images: str | Path,
-    pattern: str,
-    square: float,
+    pattern: str = "",
+    square: float = 0.0,
     *,
-    board: Literal["chessboard", "charuco"] = "chessboard",
+    board: Literal["chessboard", "charuco", "tag"] = "chessboard",
     marker: float = 0.0,
-    dictionary: str = "DICT_4X4_50",
+    dictionary: str | None = None,
     legacy: bool = False,
+    tag: int | None = None,
     poses: str | Path | None = None,
     mount: Mount = "flange",
     intrinsics: str | Path | None = None,
@@ -84,11 +86,12 @@ def calibrate(
 
     Args:
         images: folder of images of one size, or a recording with frames: its joints then say where the flange was.
-        pattern: COLUMNSxROWS: inner corners of a chessboard (`9x6`), squares of a ChArUco board.
-        square: side of a square, m.
-        board: what the images show, `chessboard` or `charuco`.
-        marker, dictionary, legacy: of a ChArUco board: side of a marker in m, OpenCV's name of its dictionary, and
-            whether OpenCV before 4.6 printed it.
+        pattern: COLUMNSxROWS: inner corners of a chessboard (`9x6`), squares of a ChArUco board; none for a tag.
+        square: side of a square, or of a tag's black frame, m.
+        board: what the images show, `chessboard`, `charuco` or `tag` (one AprilTag or ArUco marker).
+        marker, legacy: of a ChArUco board: side of a marker in m, and whether OpenCV before 4.6 printed it.
+        dictionary: OpenCV's name of the markers' dictionary; by default `DICT_4X4_50`, of a tag `DICT_APRILTAG_36h11`.
+        tag: number of the tag; by default the only one in the images.
         poses: the flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz) or ViSP's YAML files.
         mount: what the camera is fixed to.
         intrinsics: known ones instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
@@ -101,8 +104,17 @@ def calibrate(
     taken = photographs(images, poses, name)
     if intrinsics is not None and taken.flange is None:
         raise UserError("nothing is left to find", expected="--poses, or no --intrinsics")
-    marks = (marker, dictionary, legacy) if board == "charuco" else (0.0, "", False)
-    printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
+    if board == "tag":
+        if pattern or marker:
+            given = "--pattern" if pattern else "--marker"
+            raise UserError("is not of a tag", key=given, expected="--square, the side of its black frame, m")
+        printed = rooms.Board("tag", 1, 1, square, 0.0, dictionary or "DICT_APRILTAG_36h11", tag=tag)
+        printed = the_tag(taken.files, printed)
+    else:
+        if tag is not None:
+            raise UserError("is of --board tag", key="--tag", got=tag)
+        marks = (marker, dictionary or "DICT_4X4_50", legacy) if board == "charuco" else (0.0, "", False)
+        printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
     lens = None if intrinsics is None else read_intrinsics(Path(intrinsics))
     sources = [Path(p) for p in (images, poses, intrinsics) if p is not None and Path(p).exists()]
     stamp = here(None, {str(path): f"sha256:{digest(path)}" for path in sources})

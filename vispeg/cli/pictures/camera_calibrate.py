@@ -13,7 +13,7 @@ from vispeg.cli.output import Output, OutputOptions
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Calibrates a camera from images of a chessboard or a ChArUco board.
+    """Calibrates a camera from images of a chessboard, a ChArUco board or a tag.
 
     With --poses also its pose on the flange (board at rest) or on the base (board on the flange).
     Writes OUT/camera.yaml, OUT/results.json and a picture of each image's corners. Intervals are 95 %.
@@ -24,18 +24,20 @@ class Calibrate:
 
     images: tyro.conf.Positional[Path]
     """Folder of images of one size, or a recording with frames, whose joints say where the flange was."""
-    pattern: str
-    """COLUMNSxROWS: inner corners of a chessboard (9x6), squares of a ChArUco board."""
     square: float
-    """Side of a square, m."""
+    """Side of a square, or of a tag's black frame, m."""
     out: Path
     """Folder for the results."""
-    board: Literal["chessboard", "charuco"] = "chessboard"
-    """What the images show."""
+    pattern: str = ""
+    """COLUMNSxROWS: inner corners of a chessboard (9x6), squares of a ChArUco board; none for a tag."""
+    board: Literal["chessboard", "charuco", "tag"] = "chessboard"
+    """What the images show; tag: one AprilTag or ArUco marker."""
     marker: float = 0.0
     """ChArUco: side of a marker, m."""
-    dictionary: str = "DICT_4X4_50"
-    """ChArUco: OpenCV's name of the dictionary."""
+    dictionary: str | None = None
+    """OpenCV's name of the markers' dictionary; default: DICT_4X4_50, of a tag DICT_APRILTAG_36h11."""
+    tag: int | None = None
+    """Tag: its number; default: the only one in the images."""
     legacy: bool = False
     """ChArUco: a board of OpenCV before 4.6 (begins with a marker if the number of rows is even)."""
     poses: Path | None = None
@@ -67,6 +69,7 @@ class Calibrate:
                 marker=self.marker,
                 dictionary=self.dictionary,
                 legacy=self.legacy,
+                tag=self.tag,
                 poses=self.poses,
                 mount=self.mount,
                 intrinsics=self.intrinsics,

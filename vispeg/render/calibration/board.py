@@ -1,4 +1,4 @@
-"""The flat board that a camera is calibrated with: a chessboard or a ChArUco board."""
+"""The flat board that a camera is calibrated with: a chessboard, a ChArUco board, or one tag (AprilTag, ArUco)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 
-KINDS = ("chessboard", "charuco")
+KINDS = ("chessboard", "charuco", "tag")
 
 
 @dataclass(frozen=True)
@@ -18,31 +18,35 @@ class Board:
     """A board's pattern and size. Its frame: origin at the first corner, x along a row, y along a column, z into it.
 
     Args:
-        kind: `chessboard`, or `charuco` (a chessboard with an ArUco marker in every light square).
+        kind: `chessboard`, `charuco` (a chessboard with an ArUco marker in every light square), or `tag`.
         columns, rows: for a chessboard the *inner corners* in a row and in a column, for ChArUco the *squares*: the
-            field's habit in both cases, and OpenCV's.
-        square: side of a square, m.
+            field's habit in both cases, and OpenCV's. 1 and 1 for a tag.
+        square: side of a square, or of a tag's black frame, m.
         marker: side of a marker, m; ChArUco only.
-        dictionary: OpenCV's name of the markers' dictionary, as in `DICT_4X4_50`; ChArUco only.
+        dictionary: OpenCV's name of the markers' dictionary, as in `DICT_4X4_50`; none for a chessboard.
         legacy: ChArUco as printed by OpenCV before 4.6, which began boards of an even number of rows with a marker.
+        tag: number of the tag; None where any single one is meant.
 
     Raises:
         UserError: sizes or counts of no real board, or a dictionary that OpenCV does not have.
     """
 
-    kind: Literal["chessboard", "charuco"]
+    kind: Literal["chessboard", "charuco", "tag"]
     columns: int
     rows: int
     square: float
     marker: float = 0.0
     dictionary: str = ""
     legacy: bool = False
+    tag: int | None = None
 
     def __post_init__(self) -> None:
         """Refuses what no real board has."""
         if self.kind not in KINDS:
             raise UserError("unknown board", key="--board", got=self.kind, choices=KINDS)
-        if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
+        if self.kind == "tag":
+            self._check_tag()
+        elif min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
             raise UserError("no such pattern", key="--pattern", expected="3x3 to 100x100", got=self.pattern)
         if not 1e-4 <= self.square <= 1.0:
             raise UserError("no size of a square", key="--square", expected="0.0001 to 1 m", got=self.square)
@@ -60,6 +64,12 @@ class Board:
                 )
             self.opencv()
 
+    def _check_tag(self) -> None:
+        words = self.words()
+        if self.tag is not None and not 0 <= self.tag < len(words.bytesList):
+            expected = f"0 to {len(words.bytesList) - 1} of {self.dictionary}"
+            raise UserError("no such tag", key="--tag", expected=expected, got=self.tag)
+
     @property
     def pattern(self) -> str:
         """As in `9x6`."""
@@ -73,24 +83,30 @@ class Board:
     @property
     def grid(self) -> tuple[int, int]:
         """Inner corners (a row, a column)."""
-        less = 1 if self.kind == "charuco" else 0
-        return self.columns - less, self.rows - less
+        more = {"charuco": -1, "chessboard": 0, "tag": 1}[self.kind]
+        return self.columns + more, self.rows + more
 
     @property
     def points(self) -> np.ndarray:
-        """The inner corners in the board's frame, row after row, shape (n, 3), m."""
+        """The inner corners, or a tag's four outer ones, in the board's frame, row after row, shape (n, 3), m."""
         columns, rows = self.grid
         y, x = np.mgrid[:rows, :columns]
         return self.square * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
 
-    def opencv(self) -> Any:
-        """The `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
+    def words(self) -> Any:
+        """Return OpenCV's dictionary of markers. Raises UserError for an unknown one."""
         import cv2
 
         names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
         if self.dictionary not in names:
             raise UserError("unknown dictionary", key="--dictionary", got=self.dictionary, choices=names)
-        words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+
+    def opencv(self) -> Any:
+        """The `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
+        import cv2
+
+        words = self.words()
         if len(words.bytesList) < self.columns * self.rows // 2:
             raise UserError(
                 "has fewer markers than the board shows",

@@ -16,6 +16,14 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", "
 LARGEST = 200 * MB  # a picture file
 MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
 
+USUAL = (
+    "DICT_APRILTAG_36h11",
+    "DICT_APRILTAG_25h9",
+    "DICT_APRILTAG_16h5",
+    "DICT_4X4_50",
+    "DICT_5X5_100",
+    "DICT_6X6_250",
+)
 ALIKE = 1.0  # px
 SEARCH = 1600  # px: the longer side of the image in which a chessboard is looked for before its corners are refined
 
@@ -89,9 +97,10 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
             views.append(view)
     if not views:
         many = "the image" if len(files) == 1 else f"any of {len(files)} images"
-        tried = files if board.kind == "charuco" else files[:1]  # a chessboard that is not there takes a second each
+        tried = files[:1] if board.kind == "chessboard" else files  # a chessboard that is not there takes a second each
         hint = next(filter(None, (_other_pattern(read_grey(path), board) for path in tried)), "")
-        raise UserError(f"no {board.pattern} {board.kind} found in {many}{hint}", file=files[0].parent)
+        what = f"{board.pattern} {board.kind}" if board.kind != "tag" else f"tag of {board.dictionary}"
+        raise UserError(f"no {what} found in {many}{hint}", file=files[0].parent)
     return views, missed
 
 
@@ -105,7 +114,8 @@ def _alike(a: View, b: View) -> bool:
 
 def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:
     """The board in one grey picture, uint8 (height, width), or None where it is not found."""
-    corners = _chessboard(image, board) if board.kind == "chessboard" else _charuco(image, board)
+    finders = {"chessboard": _chessboard, "charuco": _charuco, "tag": _tag}
+    corners = finders[board.kind](image, board)
     if corners is None:
         return None
     ids, pixels = corners
@@ -160,8 +170,42 @@ def _charuco(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] |
     return ids, corners.reshape(-1, 2)
 
 
+def the_tag(files: Sequence[Path], board: Board) -> Board:
+    """Return the board with the number of the only tag in some pictures, where none is stated.
+
+    Raises:
+        UserError: several tags, of which one has to be named.
+    """
+    if board.tag is not None:
+        return board
+    seen = sorted({number for path in files for number in _tags(read_grey(path), board)})
+    if len(seen) > 1:
+        raise UserError("several tags are in sight", file=files[0].parent, key="--tag", choices=map(str, seen))
+    return replace(board, tag=seen[0]) if seen else board
+
+
+def _tags(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
+    """The corners (4, 2) of each tag in a picture: top left, top right, bottom right, bottom left."""
+    import cv2
+
+    how = cv2.aruco.DetectorParameters()
+    how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    corners, ids, _ = cv2.aruco.ArucoDetector(board.words(), how).detectMarkers(image)
+    return {} if ids is None else {int(n): c.reshape(4, 2) for n, c in zip(np.ravel(ids), corners, strict=True)}
+
+
+def _tag(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    found = _tags(image, board)
+    number = next(iter(found), None) if board.tag is None else board.tag
+    return (np.arange(4), found[number][[0, 1, 3, 2]]) if number in found else None
+
+
 def _other_pattern(image: np.ndarray, board: Board) -> str:
     """A hint where the board is there but was described in another usual way."""
+    if board.kind == "tag":
+        there = {name: _tags(image, replace(board, dictionary=name, tag=None)) for name in USUAL}
+        found = [f"{', '.join(map(str, tags))} of {name}" for name, tags in there.items() if tags]
+        return f" (there are {'; '.join(found)})" if found else ""
     if board.kind == "charuco":
         other = replace(board, legacy=not board.legacy)
         if _charuco(image, other) is not None:

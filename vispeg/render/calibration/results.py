@@ -53,6 +53,8 @@ def record(calibration: Calibration, board: Board, missed: dict[str, str]) -> Ca
     described: dict[str, object] = {"kind": board.kind, "pattern": board.pattern, "square_m": board.square}
     if board.kind == "charuco":
         described |= {"marker_m": board.marker, "dictionary": board.dictionary, "legacy": board.legacy}
+    if board.kind == "tag":
+        described = {"kind": "tag", "square_m": board.square, "dictionary": board.dictionary, "tag": board.tag}
     return {
         "format": FORMAT,
         "board": described,
