@@ -1,4 +1,4 @@
-"""Calibrates a camera from images of a board, or its place from transforms; shows camera files.
+"""Calibrates a camera from pictures or transforms; shows camera files.
 
 Example:
     vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
