@@ -1,4 +1,4 @@
-"""Calibrates a camera from pictures or transforms; shows camera files.
+"""Calibrates a camera, or finds its place; shows camera files.
 
 Example:
     vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
