@@ -48,7 +48,7 @@ class Film:
         self.page.screenshot(path=self.out / f"{len(self.times):02d}.jpg", type="jpeg", quality=72)
 
     def press(self, what: Locator) -> None:
-        """Moves the mouse there and presses, as a hand does."""
+        """Move the mouse there and presses, as a hand does."""
         what.wait_for(timeout=WAIT)
         what.scroll_into_view_if_needed()
         box = what.bounding_box()
@@ -58,7 +58,7 @@ class Film:
         self.page.mouse.click(x, y)
 
     def choose(self, label: str, option: str) -> None:
-        """An option of a drop-down."""
+        """Give an option of a drop-down."""
         self.press(self.page.get_by_role("combobox", name=label, exact=True).locator("visible=true"))
         self.press(self.page.get_by_role("option", name=option, exact=True).locator("visible=true"))
 
@@ -80,12 +80,12 @@ def effects(film: Film, most: int) -> None:
 
 
 def error(page: Page) -> str:
-    """What the page says of the error, in a line."""
+    """Give what the page says of the error, in a line."""
     return " ".join(page.locator("[data-ladder] [role=status]").inner_text().split())
 
 
 def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
-    """A policy in two worlds, the same seed."""
+    """Give a policy in two worlds, the same seed."""
     page = film.page
     film.press(page.get_by_text("Policies", exact=True))
     film.choose("Policy", name)
@@ -101,7 +101,7 @@ def policy(film: Film, name: str, worlds: tuple[str, str]) -> None:
 
 
 def with_ffmpeg(folder: Path) -> None:
-    """Gives Playwright the project's ffmpeg where it was not installed with a browser of its own."""
+    """Give Playwright the project's ffmpeg where it was not installed with a browser of its own."""
     import playwright
 
     from vispeg.evaluation.films.video import ffmpeg
@@ -118,7 +118,7 @@ def with_ffmpeg(folder: Path) -> None:
 
 
 def main() -> int:
-    """Runs the journeys; writes film, stills and times."""
+    """Run the journeys; write film, stills and times."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("film"))
     parser.add_argument("--recordings", default="assets/recordings")

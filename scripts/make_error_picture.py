@@ -14,7 +14,7 @@ from vispeg.report.record import load_record
 
 
 def main(found: Path, picture: Path) -> None:
-    """The ladder of the diagnosis in `found`, on white."""
+    """Give the ladder of the diagnosis in `found`, on white."""
     with styled():
         figure = ladder_figure(load_record(found))
         if figure is None:

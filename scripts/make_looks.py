@@ -31,7 +31,7 @@ COLUMNS, TILES, SIZE = 4, 36, 80
 
 
 def world_of(source: str) -> RandomizedWorld:
-    """A world by name or file, or the one of the YAML block in a page of the documentation."""
+    """Give a world by name or file, or the one of the YAML block in a page of the documentation."""
     if not source.endswith(".md"):
         return load_world(source).world
     block = re.search(r"```yaml\n(.*?)```", Path(source).read_text(encoding="utf-8"), re.S)

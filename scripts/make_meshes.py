@@ -28,7 +28,7 @@ TUBES = {
 
 
 def loft(centres: np.ndarray, normals: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A closed surface through ellipses.
+    """Give a closed surface through ellipses.
 
     Args:
         centres: (n, 3) m.
@@ -60,7 +60,7 @@ def loft(centres: np.ndarray, normals: np.ndarray, radii: np.ndarray) -> tuple[n
 
 
 def tube(kind: str, length: float, bulge: float, r0: float, r1: float) -> tuple[np.ndarray, np.ndarray]:
-    """An elbow: leaves the first joint's plane, swings sideways and meets the next joint's plane square."""
+    """Draw an elbow that leaves the first joint's plane, swings sideways and meets the next joint's plane square."""
     if kind == "up":  # starts along z at the origin, ends along y at (0, 0, length)
         points = np.array([[0, 0, 0], [0, 0, 0.52 * length], [0, bulge, length], [0, 0, length]])
     else:  # starts along z at the origin, ends along y at (0, length, 0)
@@ -74,14 +74,14 @@ def tube(kind: str, length: float, bulge: float, r0: float, r1: float) -> tuple[
 
 
 def lathe(profile: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """A body of revolution about z from (radius, z) in m, bottom to top."""
+    """Give a body of revolution about z from (radius, z) in m, bottom to top."""
     r, z = np.array(profile).T
     zero = np.zeros_like(z)
     return loft(np.column_stack([zero, zero, z]), np.tile([0.0, 0, 1], (len(z), 1)), np.column_stack([r, r]))
 
 
 def band(radius: float, height: float = 0.014) -> tuple[np.ndarray, np.ndarray]:
-    """The ring at a joint, proud of the tube."""
+    """Give the ring at a joint, proud of the tube."""
     h = height / 2
     return lathe([(radius, -h), (radius + 0.003, -0.7 * h), (radius + 0.003, 0.7 * h), (radius, h)])
 
@@ -116,7 +116,7 @@ def joined(*shapes: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 
 
 def main() -> None:
-    """Writes the STL files and says how large they are."""
+    """Write the STL files and say how large they are."""
     import trimesh
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

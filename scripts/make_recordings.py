@@ -47,7 +47,7 @@ RIGS = {"rig-a": ("fourier", 0.75), "rig-b": ("mix", 0.4), "rig-c": ("fourier", 
 
 
 def main() -> int:
-    """Makes the three folders and truth.json."""
+    """Make the three folders and truth.json."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "assets" / "recordings")
     out = parser.parse_args().out
@@ -71,12 +71,12 @@ def main() -> int:
 
 
 def _paced(pace: float) -> Any:
-    """The arm for planning, as if its joints were that much slower."""
+    """Give the arm for planning, as if its joints were that much slower."""
     return type("Paced", (Arm,), {"velocity_limit": pace * Arm.velocity_limit})
 
 
 def refuse_broken_limits(rec: Recording) -> None:
-    """Raises RuntimeError where the robot went beyond what its limits allow: no controller would have let it."""
+    """Raise RuntimeError where the robot went beyond what its limits allow: no controller would have let it."""
     broken = [
         j.name
         for j in check(rec, limits_of(rec)).joints

@@ -55,7 +55,7 @@ def tile(depth: np.ndarray, like: np.ndarray, title: str) -> np.ndarray:
 
 
 def labelled(image: np.ndarray, title: str) -> np.ndarray:
-    """The image (BGR) enlarged, with its title above."""
+    """Give the image (BGR) enlarged, with its title above."""
     big = cv2.resize(image, None, fx=ZOOM, fy=ZOOM, interpolation=cv2.INTER_NEAREST)
     head = np.full((16, big.shape[1], 3), 255, np.uint8)
     cv2.putText(head, title, (2, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)
@@ -63,7 +63,7 @@ def labelled(image: np.ndarray, title: str) -> np.ndarray:
 
 
 def main() -> None:
-    """Writes the sheet: a row a camera."""
+    """Write the sheet: a row a camera."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", default="docs/img/sensor.png")
     parser.add_argument("--overwrite", action="store_true")

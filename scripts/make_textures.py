@@ -41,7 +41,7 @@ def steel(rng: RNG) -> np.ndarray:
 
 
 def cutting_mat(rng: RNG) -> np.ndarray:
-    """A green mat with a grid, every fourth line bolder."""
+    """Give a green mat with a grid, every fourth line bolder."""
     line = np.zeros(SIZE)
     line[::8], line[::32] = 0.35, 0.8
     grid = np.maximum(line[:, None], line[None, :]) + 0.1 * rng.random((SIZE, SIZE))
@@ -49,7 +49,7 @@ def cutting_mat(rng: RNG) -> np.ndarray:
 
 
 def fabric(rng: RNG) -> np.ndarray:
-    """A plain weave of two blues."""
+    """Give a plain weave of two blues."""
     y, x = np.mgrid[:SIZE, :SIZE]
     over = ((x // 4 + y // 4) % 2).astype(float)
     thread = np.where(over > 0, np.sin(np.pi * (x % 4 + 0.5) / 4), np.sin(np.pi * (y % 4 + 0.5) / 4))
@@ -100,7 +100,8 @@ TRAINING, ROWS = 20, 64  # panoramas that training worlds cycle through, and row
 
 
 def room(rng: RNG, rows: int = ROWS) -> np.ndarray:
-    """A room that never was, (rows, 2 rows, 3) linear light: walls, rows of windows or none, rows of lamps, benches.
+    """Give a room that never was, (rows, 2 rows, 3) linear light: walls, rows of windows or none, rows of lamps,
+    benches.
 
     Light of windows is 5 to 40 times that of walls, of lamps 10 to 60 times.
     """
@@ -138,7 +139,7 @@ def ramp(t: np.ndarray, dark: tuple[float, ...], light: tuple[float, ...]) -> np
 
 
 def encoded(image: np.ndarray, ending: str) -> bytes:
-    """An RGB image as the bytes of a file with that ending."""
+    """Give an RGB image as the bytes of a file with that ending."""
     ok, data = cv2.imencode(ending, np.ascontiguousarray(image[..., ::-1]))
     if not ok:
         raise RuntimeError(f"OpenCV cannot write {ending}")
@@ -146,7 +147,7 @@ def encoded(image: np.ndarray, ending: str) -> bytes:
 
 
 def main() -> None:
-    """Writes every image."""
+    """Write every image."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("textures"))
     parser.add_argument("--overwrite", action="store_true")

@@ -61,7 +61,7 @@ SMALL = {"chunk_size": 8, "n_action_steps": 8, "dim_model": 64, "n_heads": 2, "d
 
 
 def call(*command: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
-    """Runs a command without a hub of models; exits where it fails."""
+    """Run a command without a hub of models; exits where it fails."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"HF_HUB_OFFLINE": "1"} | more
     done = subprocess.run([*map(str, command)], env=environment, text=True, capture_output=True)
     if done.returncode:
@@ -70,7 +70,7 @@ def call(*command: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
 
 
 def make(env: Path, version: str) -> Path:
-    """An environment with LeRobot in it; its interpreter."""
+    """Give an environment with LeRobot in it; its interpreter."""
     python = env / "bin/python"
     stamp = env / f".lerobot-{version}"
     if stamp.exists():

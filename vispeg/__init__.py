@@ -82,7 +82,7 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> object:
-    """A name of the public face, on its first use."""
+    """Give a name of the public face, on its first use."""
     if name == "effects":
         return import_module("vispeg.effects")
     if name not in _PLACES:

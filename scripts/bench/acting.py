@@ -24,7 +24,7 @@ POLICIES, ROWS, REPEATS = ("state-3mm", "depth-S", "rgbd-S"), (1, 16, 50), 5
 
 
 def main() -> None:
-    """Prints the table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--block", type=int, default=8, help="rows in a block")
     block = parser.parse_args().block

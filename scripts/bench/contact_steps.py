@@ -42,7 +42,7 @@ def play(config: PegConfig, phase: str) -> tuple[np.ndarray, np.ndarray, float, 
 
 
 def place(sim: TaskSimulation, tip: np.ndarray) -> None:
-    """Moves the arm so that the peg's tip stands there in the hole's frame, at rest."""
+    """Move the arm so that the peg's tip stands there in the hole's frame, at rest."""
     from vispeg.sim.reach import reach
     from vispeg.task.start import DOWN
 
@@ -55,7 +55,7 @@ def place(sim: TaskSimulation, tip: np.ndarray) -> None:
 
 
 def main() -> None:
-    """Prints the table."""
+    """Print the table."""
     finest = None
     print("| substeps | step, ms | free path, mm | impact, N | tip under the press, mm | wall, N | CPU, s |")
     print("|---|---|---|---|---|---|---|")

@@ -31,7 +31,7 @@ AUTHORS = {"friction": 0.18, "restitution": 0.125}
 
 
 def halves(data: Path, most: int):
-    """The even and the odd tosses, at most `most` each."""
+    """Give the even and the odd tosses, at most `most` each."""
     from vispeg.recordings.importers.objects import import_object
 
     rec = import_object(data / "tosses.npz", "cube", RATE)

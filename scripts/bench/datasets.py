@@ -46,7 +46,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
 
 
 def beneath(clock: Clock) -> None:
-    """Counts what the libraries beneath take, wherever they are called from."""
+    """Count what the libraries beneath take, wherever they are called from."""
     import cv2
     import pyarrow.parquet as pq
 
@@ -78,7 +78,7 @@ class Clock:
         self.spent, self.calls, self.inside, self.above = defaultdict(float), defaultdict(int), "", above
 
     def watch(self, part: str, owner: Any, name: str) -> None:
-        """Counts every call of `owner.name` from now on."""
+        """Count every call of `owner.name` from now on."""
         setattr(owner, name, self._timed(part, getattr(owner, name)))
 
     def _timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:

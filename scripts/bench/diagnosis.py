@@ -47,7 +47,7 @@ def recordings(count: int, seconds: float) -> list[Recording]:
 
 
 def whole(recs: list[Recording], threads: int) -> None:
-    """Prints the cost of a whole diagnosis; the last recording is held out."""
+    """Print the cost of a whole diagnosis; the last recording is held out."""
     with tempfile.TemporaryDirectory() as folder:
         paths = [write(rec, Path(folder) / rec.name) for rec in recs]
         told = [f"--recording={p}" for p in paths[:-1]] + [f"--validate={paths[-1]}"]
@@ -65,7 +65,7 @@ def whole(recs: list[Recording], threads: int) -> None:
 
 
 def growth(recs: list[Recording]) -> None:
-    """Prints processor seconds of residuals by candidates and by recordings."""
+    """Print processor seconds of residuals by candidates and by recordings."""
     print("| recordings | candidates | processor, s | ms a candidate and recording |\n|---|---|---|---|")
     cases = [(1, n) for n in (8, 16, 32, 64)] + [(n, 32) for n in (2, 4)]
     for count, candidates in cases:
@@ -80,7 +80,7 @@ def growth(recs: list[Recording]) -> None:
 
 
 def main() -> None:
-    """Prints Markdown tables."""
+    """Print Markdown tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--threads", type=int, default=2)

@@ -40,7 +40,7 @@ def moves(time: np.ndarray, nj: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def chain(file: Path, nj: int) -> tuple[str, ...]:
-    """Writes a URDF of nj links in a row; returns the joints' names."""
+    """Write a URDF of nj links in a row; return the joints' names."""
     names = tuple(f"j{i + 1}" for i in range(nj))
     inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
     links = "".join(f'<link name="l{i}"><inertial><mass value="1"/>{inertia}</inertial></link>' for i in range(nj + 1))
@@ -54,7 +54,7 @@ def chain(file: Path, nj: int) -> tuple[str, ...]:
 
 
 def main() -> int:
-    """Writes the folder."""
+    """Write the folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--rate", type=float, default=1000.0)

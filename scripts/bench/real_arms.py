@@ -89,7 +89,7 @@ class Clock:
         self.begin = time.process_time()
 
     def keep(self, *_: object) -> None:
-        """Writes them, for the next process."""
+        """Write them, for the next process."""
         write_text_atomic(self.file, json.dumps(self()), overwrite=True)
 
     def __call__(self) -> float:
@@ -220,7 +220,7 @@ def table(name: str, bench: Bench, short: bool = False) -> str:
 
 
 def main() -> None:
-    """Prints the tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
     parser.add_argument("--work", type=Path, required=True, help="folder that keeps rows and results")

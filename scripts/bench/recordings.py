@@ -33,7 +33,7 @@ def run(*command: str) -> tuple[float, float, float]:
 
 
 def made(folder: Path, **options: object) -> Path:
-    """A recording, made unless it is there."""
+    """Give a recording, made unless it is there."""
     if not folder.exists():
         flags = [text for name, value in options.items() for text in (f"--{name}", str(value))]
         run(sys.executable, str(HERE / "long_recording.py"), "--out", str(folder), *flags)
@@ -41,7 +41,7 @@ def made(folder: Path, **options: object) -> Path:
 
 
 def main() -> int:
-    """Prints a table."""
+    """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--minutes", type=float, default=30.0)

@@ -118,7 +118,7 @@ def ours(scene, cameras, backend: str = "classic", shadows: bool = False, **opti
 
 
 def make(name: str) -> Callable[[np.ndarray], object]:
-    """What draws a frame of a row."""
+    """Give what draws a frame of a row."""
     scene = build()
     cameras = standard_cameras(scene.tip, scene.config.fixture)
     wide = cameras[:1]
@@ -153,7 +153,7 @@ SHARE = {  # of the frames that a row draws in a round: the slow ones fewer
 
 
 def work(pipe: Connection, name: str, frames: int) -> None:
-    """A row's process: draws a round whenever asked, answers with (wall, processor) ms a frame."""
+    """Give a row's process: draws a round whenever asked, answers with (wall, processor) ms a frame."""
     draw, poses = make(name), configurations(8, frames)
     for q in poses[:3]:
         draw(q)
@@ -166,7 +166,7 @@ def work(pipe: Connection, name: str, frames: int) -> None:
 
 
 def main() -> int:
-    """Prints a Markdown table; 0."""
+    """Print a Markdown table; 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--rounds", type=int, default=5)

@@ -42,7 +42,7 @@ def raw(model, rows: int, ticks: int, substeps: int, friction: np.ndarray | None
 
 
 def main() -> None:
-    """Prints a Markdown table."""
+    """Print a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=64)
     parser.add_argument("--seconds", type=float, default=5.0)

@@ -50,7 +50,7 @@ def gains(control: Control) -> tuple[np.ndarray, np.ndarray]:
 
 
 def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Recording:
-    """A recording of plain MuJoCo with friction and armature, read with noise that is not fed back."""
+    """Give a recording of plain MuJoCo with friction and armature, read with noise that is not fed back."""
     kp, kd = gains(control)
     m = motion("fourier", robot, 1 / TICK, seconds, stream(seed, "sysid", "motion"))
     model = robot.spec().compile()
@@ -73,7 +73,7 @@ def truth(robot: RobotModel, control: Control, seconds: float, seed: int) -> Rec
 
 
 def world(robot: RobotModel, values: dict[str, np.ndarray]) -> World:
-    """The nominal arm with both effects in every joint."""
+    """Give the nominal arm with both effects in every joint."""
     return World().add(
         *(EffectInstance.of(name, j, **{START[name][0]: float(x)}) for name, v in values.items()
           for j, x in zip(robot.joints, v, strict=True))
@@ -106,7 +106,7 @@ class Sysid:
             )
 
     def parameters(self) -> sysid.ParameterDict:
-        """The 14 parameters, with vispeg's start values and bounds."""
+        """Give the 14 parameters, with vispeg's start values and bounds."""
         out = sysid.ParameterDict()
         for name, field in (("coulomb_friction", "frictionloss"), ("rotor_inertia", "armature")):
             param, start = START[name]
@@ -151,7 +151,7 @@ class Sysid:
 
 
 def main() -> None:
-    """Prints a Markdown table."""
+    """Print a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--steps", type=float, nargs="+", default=[2.0, 1.0, 0.5], help="of mujoco.sysid, ms")

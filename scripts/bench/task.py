@@ -74,7 +74,7 @@ class Beneath:
             self.watch(mujoco, name)
 
     def watch(self, owner: Any, name: str) -> None:
-        """Counts every call of `owner.name` from now on."""
+        """Count every call of `owner.name` from now on."""
         function = getattr(owner, name)
 
         def timed(*args: Any, **kwargs: Any) -> Any:
@@ -100,12 +100,12 @@ class Tape:
         self.cell.advance = record
 
     def mark(self) -> None:
-        """The states at the beginning of a policy step."""
+        """Give the states at the beginning of a policy step."""
         self.states.append((self.cell.qpos.copy(), self.cell.qvel.copy()))
 
 
 def actions(rows: int, steps: int) -> np.ndarray:
-    """(steps, rows, 3) in [-1, 1]."""
+    """Give (steps, rows, 3) in [-1, 1]."""
     out = stream(0, "bench", rows).uniform(-1, 1, (steps, rows, 3))
     return np.clip(out - [0, 0, LEAN], -1, 1)
 
@@ -172,7 +172,7 @@ def expanded(batch: Any) -> list[str]:
 
 
 def main() -> None:
-    """Prints a Markdown table."""
+    """Print a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, nargs="+", default=[1, 4, 16, 64])
     parser.add_argument("--seconds", type=float, default=8.0, help="CPU seconds for each line")

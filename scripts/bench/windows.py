@@ -24,7 +24,7 @@ NOISE, CUTOFF_HZ = 0.2, 20.0
 
 
 def main(folder: Path) -> None:
-    """Prints the table."""
+    """Print the table."""
     rec = load(folder, needed)
     chosen = choose(rec).chosen
     if chosen is None:

@@ -29,7 +29,7 @@ TRUE, HIDDEN, CORRECTED = "as trained", "hidden error", "corrected"
 
 
 def left_of(hidden: EffectInstance, found: Sequence[EffectInstance]) -> EffectInstance:
-    """What remains of an effect once the one of its name and place is taken off; all of it if none was found."""
+    """Give what remains of an effect once the one of its name and place is taken off; all of it if none was found."""
     same = [e for e in found if (e.effect, e.where) == (hidden.effect, hidden.where)]
     if not same:
         return hidden
@@ -41,7 +41,7 @@ def left_of(hidden: EffectInstance, found: Sequence[EffectInstance]) -> EffectIn
 
 
 def spurious(hidden: Sequence[EffectInstance], found: Sequence[EffectInstance]) -> list[EffectInstance]:
-    """What was corrected though it was not there: it is an error now, the other way round."""
+    """Give what was corrected though it was not there: it is an error now, the other way round."""
     have = {(e.effect, e.where) for e in hidden}
     extra = [e for e in found if (e.effect, e.where) not in have]
     return [left_of(EffectInstance.of(e.effect, e.where), [e]) for e in extra]
@@ -53,7 +53,7 @@ def changes(effects: Sequence[EffectInstance]) -> tuple[Change, ...]:
 
 
 def nulls(effects: Sequence[EffectInstance]) -> tuple[Change, ...]:
-    """The same places with nothing there, so that what the world draws of them is gone everywhere."""
+    """Give the same places with nothing there, so that what the world draws of them is gone everywhere."""
     return changes([EffectInstance.of(e.effect, e.where) for e in effects])
 
 

@@ -47,13 +47,13 @@ ASIDE = 1e-6  # m
 
 
 def placed(text: str) -> EffectInstance:
-    """An effect as the command line writes it, EFFECT:WHERE:param=value,.."""
+    """Give an effect as the command line writes it, EFFECT:WHERE:param=value,.."""
     name, where, params = text.split(":")
     return EffectInstance.of(name, where, **{k: float(v) for k, v in (p.split("=") for p in params.split(","))})
 
 
 def corrected(case: Sequence[str], by: str, folder: Path) -> Path:
-    """The model.yaml of a case's recordings, by `diagnose` or `fit`; made where it is not there yet."""
+    """Give the model.yaml of a case's recordings, by `diagnose` or `fit`; made where it is not there yet."""
     found = folder / by / "model.yaml"
     if found.is_file():
         return found
@@ -73,7 +73,9 @@ def corrected(case: Sequence[str], by: str, folder: Path) -> Path:
 
 
 def worlds(case: Sequence[str], model: Path, base: str, folder: Path) -> dict[str, Path]:
-    """The world files of a case: nominal, corrected by `model:` at its values, hidden, and the hidden one again."""
+    """Give the world files of a case: nominal, corrected by `model:` at its values, hidden, and the hidden one
+    again.
+    """
     hidden = {(e.effect, e.where): _values(e) for e in map(placed, case)}
     grip = hidden.get(("grip_pose", "peg"), {})
     aside = {**hidden, ("grip_pose", "peg"): {**grip, "x": grip.get("x", 0.0) + ASIDE}}
@@ -116,7 +118,7 @@ def _vispeg(*words: str) -> None:
 
 
 def main() -> None:
-    """Records, corrects, plays; writes cell_transfer.json and prints its tables after each case."""
+    """Record, correct, play; write cell_transfer.json and print its tables after each case."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", default=list(CASES), help=f"of {', '.join(CASES)}")
     parser.add_argument("--by", choices=["diagnose", "fit"], default="diagnose", help="what makes the model")

@@ -97,7 +97,7 @@ def diagnosed(place: Path, effect: dict[str, Any]) -> Path:
 
 
 def success(place: Path, name: str, world: object) -> dict[str, float]:
-    """The success of all policies in a world, by policy."""
+    """Give the success of all policies in a world, by policy."""
     if not (place / name).exists():
         command("evaluate", POLICY, *OTHERS, "--world", world, "--episodes", 20, "--videos", 0, "--out", place / name)
     record = json.loads((place / name / "evaluate.json").read_text())

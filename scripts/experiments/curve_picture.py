@@ -16,7 +16,7 @@ COLOURS = tuple(colour for colour, _ in STYLES.values())
 
 
 def draw(variants: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Writes the picture of variants {name, curve: see `curves.together`}, in the order of their colours.
+    """Write the picture of variants {name, curve: see `curves.together`}, in the order of their colours.
 
     Runs of before have no returns; their picture has success alone, against steps and wall clock.
     """

@@ -32,13 +32,13 @@ class Curve:
     peak_force: np.ndarray
 
     def reaches(self, rate: float) -> int | None:
-        """Steps at the first evaluation with at least this success rate; None if there is none."""
+        """Step at the first evaluation with at least this success rate; None if there is none."""
         there = np.flatnonzero(self.success >= rate)
         return int(self.steps[there[0]]) if len(there) else None
 
 
 def read_curve(path: Path) -> Curve:
-    """The curve of a run's progress.csv.
+    """Give the curve of a run's progress.csv.
 
     Raises:
         UserError: no such file, or no row in it.
@@ -78,7 +78,7 @@ def together(curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _at(curves: Sequence[Curve], name: str, steps: Sequence[int]) -> np.ndarray:
-    """A quantity (seeds, len(steps)) at these steps."""
+    """Give a quantity (seeds, len(steps)) at these steps."""
     return np.array([getattr(c, name)[np.searchsorted(c.steps, steps)] for c in curves])
 
 

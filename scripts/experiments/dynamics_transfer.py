@@ -48,7 +48,7 @@ BASES = {NAIVE: "searching", RANDOMIZED: "randomized"}
 
 
 def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[str, Variant]:
-    """The run of each way for a plant; where nothing was named, the identified ones are those without."""
+    """Give the run of each way for a plant; where nothing was named, the identified ones are those without."""
     found = {way: Variant(f"ff-{way}-{ranges}", world, stack, ranges=ranges) for way, world in BASES.items()}
     for way, base in ((IDENTIFIED, NAIVE), (BOTH, RANDOMIZED)):
         try:
@@ -62,7 +62,7 @@ def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[
 
 
 def main() -> None:
-    """Identifies, trains, judges; writes dynamics_transfer.json and .md after every plant and seed."""
+    """Identify, train, judge; write dynamics_transfer.json and .md after every plant and seed."""
     parser = arguments.parser(__doc__ or "")
     parser.add_argument("--plants", type=int, default=1, help="hidden plants, the bundled one first")
     parser.add_argument("--first", type=int, default=0, help="number of the first plant, to share the work out")
@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget: Budget, seeds: list[int]) -> None:
-    """What there is so far."""
+    """Give what there is so far."""
     done = list(tables.values())
     there = {row["policy"] for row in done[0]["rows"]}
     pairs = [compared(done, BOTH, other) for other in (RANDOMIZED, IDENTIFIED, NAIVE) if {BOTH, other} <= there]

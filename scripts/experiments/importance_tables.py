@@ -13,7 +13,8 @@ ALL, NOTHING = "everything", "nothing"
 
 
 def lost(table: Mapping[str, Any], modality: str) -> list[dict[str, Any]]:
-    """What each factor's absence costs in one world: paired differences to the policy with everything, worst first.
+    """Give what each factor's absence costs in one world: paired differences to the policy with everything, worst
+    first.
 
     Args:
         table: of `success_table`; its policies are called MODALITY-everything, MODALITY-no-FACTOR, MODALITY-nothing.

@@ -40,7 +40,7 @@ def inputs(policy: NetPolicy, world: str, steps: int, seed: int) -> tuple[np.nda
 
 
 def main() -> None:
-    """A line for each policy, in contact and in free air."""
+    """Give a line for each policy, in contact and in free air."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("policies", type=Path, nargs="+", help="folders of policies without images or memory")
     made.add_argument("--world", default="randomized")

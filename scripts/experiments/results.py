@@ -25,7 +25,7 @@ def write_result(
     worlds: Iterable[str],
     inputs: Iterable[Path] = (),
 ) -> None:
-    """Writes `values` with what is needed to repeat them; replaces what an earlier call of the same command wrote."""
+    """Write `values` with what is needed to repeat them; replace what an earlier call of the same command wrote."""
     origin = provenance(["python", *sys.argv], None, inputs)
     origin["versions"] |= {name: version(name) for name in ("torch", "stable-baselines3")}
     files = [load_world(world) for world in worlds]

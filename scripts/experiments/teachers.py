@@ -38,7 +38,7 @@ def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> l
 
 
 def main() -> None:
-    """A line for each teacher and world."""
+    """Give a line for each teacher and world."""
     made = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("teachers", nargs="+", help="names or folders of policies that know the state, or expert")
     made.add_argument("--worlds", nargs="+", default=["randomized", "randomized-readings"])

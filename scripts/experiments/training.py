@@ -56,7 +56,9 @@ class Budget:
 
 
 def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
-    """The run's configuration; all variants differ in what `Variant` names alone. The task's own values go unsaid."""
+    """Give the run's configuration; all variants differ in what `Variant` names alone. The task's own values go
+    unsaid.
+    """
     settings = {"stack": 1 if variant.recurrent else variant.stack}
     settings |= {} if variant.reward == PegConfig.reward else {"reward": variant.reward}
     settings |= {} if variant.dof == PegConfig.dof else {"dof": list(variant.dof)}
@@ -78,7 +80,9 @@ def configuration(variant: Variant, seed: int, budget: Budget) -> TrainConfig:
 
 
 def rounds(variant: Variant, budget: Budget) -> dict[str, int]:
-    """Settings of an imitator's rounds, which share the budget; half as many updates as steps, as by default."""
+    """Give the settings of an imitator's rounds, which share the budget; half as many updates as steps, as by
+    default.
+    """
     steps = max(1, budget.steps // len(DistillSettings.betas))
     return {"steps": steps, "updates": max(1, steps // 2), "looks": variant.looks}
 
@@ -89,7 +93,7 @@ def run_folder(runs: Path, variant: Variant, seed: int) -> Path:
 
 
 def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
-    """The run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
+    """Give the run's folder, trained to the budget's end; a run of fewer steps goes on from its last checkpoint.
 
     Raises:
         UserError: the folder holds a run that was asked for otherwise, or of more steps.

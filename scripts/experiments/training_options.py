@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def described(words: str, variant: Variant, runs: list[tuple[int, Path]]) -> dict[str, Any]:
-    """A variant with the curves of its runs, under the name that it has in the study."""
+    """Give a variant with the curves of its runs, under the name that it has in the study."""
     curves = [read_curve(folder / "progress.csv") for _, folder in runs]
     each = [
         {"seed": seed, **{k: v.tolist() for k, v in asdict(curve).items()}}

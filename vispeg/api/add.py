@@ -72,7 +72,7 @@ def add(
     settings: str | Sequence[str] = (),
     overwrite: bool = False,
 ) -> AddedEffects:
-    """Adds an effect, sets the values of one that is there, or adds the effects of a measurement.
+    """Add an effect, set the values of one that is there, or add the effects of a measurement.
 
     Args:
         model: a model file, a robot's name, or a path to an MJCF or URDF; it is left as it is.
@@ -106,7 +106,7 @@ def add(
 
 
 def _stated(name: str, where: str | None, settings: Sequence[str], world: World, robot: RobotModel) -> EffectInstance:
-    """The effect that is spelled out."""
+    """Give the effect that is spelled out."""
     kind = effect(name)
     if where is None:
         raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
@@ -118,7 +118,7 @@ def _stated(name: str, where: str | None, settings: Sequence[str], world: World,
 
 
 def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance]:
-    """The effects of a measurement file, intervals and all."""
+    """Give the effects of a measurement file, intervals and all."""
     measurement = load_measurement(file)
     if measurement.robot not in (None, world.robot) and not Path(measurement.robot or "").suffix:
         raise UserError("of another robot", file=file, key="robot", expected=world.robot, got=measurement.robot)
@@ -133,7 +133,7 @@ def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance
 
 
 def _places(world: World) -> RobotModel:
-    """What effects are placed on: the arm, or the cell with its own cameras and those that the model speaks of."""
+    """Give what effects are placed on: the arm, or the cell with its own cameras and those that the model speaks of."""
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):
         return robot

@@ -82,7 +82,7 @@ def place_camera(
     intrinsics: str | Path | None = None,
     name: str = "camera",
 ) -> CameraPlace:
-    """Finds where a camera is on the flange (a tag at rest), or on the base (a tag on the flange).
+    """Find where a camera is on the flange (a tag at rest), or on the base (a tag on the flange).
 
     Args:
         table: a row a picture: the flange's pose on the base or the joint angles, and the tag's pose in the camera

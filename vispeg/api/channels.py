@@ -103,7 +103,7 @@ def diagnose_channels(
 
 
 def _noted(diagnosis: Diagnosis, blind: str) -> Diagnosis:
-    """The diagnosis with a note on the pictures that were left out, if they were."""
+    """Give the diagnosis with a note on the pictures that were left out, if they were."""
     if not blind:
         return diagnosis
     record, said = diagnosis.record, f"pictures are left out: {blind}"
@@ -112,12 +112,14 @@ def _noted(diagnosis: Diagnosis, blind: str) -> Diagnosis:
 
 
 def part_of(progress: Progress, channel: ChannelName, start: World) -> Progress:
-    """What a channel of several asks from a start: the same question is another beside what other channels named."""
+    """Give what a channel of several asks from a start: the same question is another beside what other channels
+    named.
+    """
     return progress.part(f"{channel} {model_text(start)}")
 
 
 def arm_of(world: World) -> World:
-    """The model as its joints' channel has it: what an arm alone can show."""
+    """Give the model as its joints' channel has it: what an arm alone can show."""
     return replace(of_arm(world).only(lambda e: effect(e.effect).searchable), cell=None)
 
 
@@ -132,7 +134,7 @@ def _seen(kind: Effect) -> bool:
 
 
 def _read_right(rec: Recording, world: World) -> Recording:
-    """The recording with its joints' angles where they are, as far as the model says what encoders misread."""
+    """Give the recording with its joints' angles where they are, as far as the model says what encoders misread."""
     q = rec.q.copy()
     for e in world.effects:
         if e.effect == READINGS:
@@ -142,7 +144,7 @@ def _read_right(rec: Recording, world: World) -> Recording:
 
 
 def carrying(rec: Recording, world: World) -> Recording:
-    """The recording with the load that the model's cell says it carried, where that is not what it declares."""
+    """Give the recording with the load that the model's cell says it carried, where that is not what it declares."""
     heavy = [e for e in world.effects if _heavy(effect(e.effect))]
     if not heavy or world.cell is None:
         return rec

@@ -105,7 +105,7 @@ def compare(
     threads: int = 2,
     reading: Reading = silent,
 ) -> ComparisonResult:
-    """Compares a model, driven by the recorded commands, with recordings: size, joint and time of its error.
+    """Compare a model, driven by the recorded commands, with recordings: size, joint and time of its error.
 
     A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact. So are pictures with a
     model of a cell, or of a robot whose file shows more than the arm. They are predicted at the measured angles:
@@ -147,7 +147,7 @@ def compare(
 
 
 def _compared(channel: ChannelName, inputs: Inputs, seconds: float, threads: int) -> Comparison:
-    """The joints or the wrench of the recordings against the model."""
+    """Give the joints or the wrench of the recordings against the model."""
     if channel == "contact":
         result = compare_contact(inputs.world, inputs.fitted, nthread=threads)
         result.arrays.update(worst_moment(result.arrays, inputs.fitted))
@@ -171,7 +171,7 @@ def _unseen(inputs: Inputs) -> str:
 
 
 def _seen_alone(inputs: Inputs) -> ComparisonRecord:
-    """The record of recordings of which pictures alone are compared, before these are."""
+    """Give the record of recordings of which pictures alone are compared, before these are."""
     rung: Rung = {"model": inputs.world.label, "fit_error": None, "heldout_error": None, "unit": "px RMS"}
     names = [rec.name for rec in inputs.fitted]
     note = "neither commands nor torques to compare the joints by: pictures alone are compared"
@@ -186,7 +186,7 @@ def _seen_alone(inputs: Inputs) -> ComparisonRecord:
 
 
 def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
-    """The frames of a recording against what a model shows: its cell, or its robot's own bench."""
+    """Give the frames of a recording against what a model shows: its cell, or its robot's own bench."""
     scene = replace(scene_of(world, rec), cameras=tuple(rec.frames.names) if rec.frames is not None else ())
     assumed = () if cell_of(world, rec) is None else recorded_cell(rec).world.effects
     for placed in world.effects:

@@ -45,7 +45,7 @@ class RenderedDataset:
     seconds: float
 
     def open(self) -> Dataset | Stored:
-        """The dataset, to read frames from."""
+        """Give the dataset, to read frames from."""
         return open_dataset(self.path)
 
     @property
@@ -108,7 +108,7 @@ class CheckedDataset:
 def check_dataset(
     dataset: str | Path, *, watch: Callable[[int, int], None] = lambda frames, total: None
 ) -> CheckedDataset:
-    """Finds records that are cut short, changed, repeated or contradictory, in any layout.
+    """Find records that are cut short, changed, repeated or contradictory, in any layout.
 
     Args:
         dataset: its folder.
@@ -143,7 +143,7 @@ def render_dataset(
     begun: Begun = lambda frames, resumed: None,
     watch: Callable[[int], None] = lambda frames: None,
 ) -> RenderedDataset:
-    """Renders a dataset: the expert plays, and the cameras draw each moment in several looks; see docs/datasets.md.
+    """Render a dataset: the expert plays, and the cameras draw each moment in several looks; see docs/datasets.md.
 
     A stopped rendering goes on when it is called again, and ends with the same bytes.
 

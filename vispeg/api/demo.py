@@ -80,7 +80,7 @@ class Demonstration(Result):
 
 
 def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda text: None) -> Demonstration:
-    """Compares the nominal iiwa14 with recordings of a robot that hides two effects, and diagnoses what it lacks.
+    """Compare the nominal iiwa14 with recordings of a robot that hides two effects, and diagnose what it lacks.
 
     Args:
         seed: of everything random.
@@ -102,7 +102,9 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
 
 
 def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
-    """The robot and the contact sheet as PNG by file name, where the robot's joints lie, and what is in the way."""
+    """Give the robot and the contact sheet as PNG by file name, where the robot's joints lie, and what is in the
+    way.
+    """
     pictures: dict[str, bytes] = {}
     places: dict[str, list[float]] = {}
     try:

@@ -84,7 +84,7 @@ class DiagnosisResult(Result):
         return super().plot() if figure is None else figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes diagnosis.json, evidence.npz, model.yaml, report.html and the next motion; see `Result.save`."""
+        """Write diagnosis.json, evidence.npz, model.yaml, report.html and the next motion; see `Result.save`."""
         path = super().save(out, overwrite=overwrite)
         if self._progress is not None:
             self._progress.remove()
@@ -197,7 +197,7 @@ def diagnose(
 
 
 def renamed(channels: Sequence[ChannelName], rooms: Sequence[ChannelName]) -> Sequence[ChannelName]:
-    """The channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
+    """Give the channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
     if not rooms:
         return channels
     warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=4)
@@ -207,14 +207,14 @@ def renamed(channels: Sequence[ChannelName], rooms: Sequence[ChannelName]) -> Se
 
 
 def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:
-    """What a diagnosis with these arguments has worked out and kept in the folder `part`."""
+    """Give what a diagnosis with these arguments has worked out and kept in the folder `part`."""
     stamp = inputs.provenance(seed)
     key = [*inputs.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
     return Progress(part / "progress.json", key)
 
 
 def _before(model: Model, baseline: Source | Sequence[Source], seconds: float, reading: Reading) -> Inputs | None:
-    """The baseline's recordings, the last one to judge on; None without any."""
+    """Give the baseline's recordings, the last one to judge on; None without any."""
     sources = [baseline] if isinstance(baseline, Recording | str | Path) else [*baseline]
     if not sources:
         return None

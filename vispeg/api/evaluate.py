@@ -102,7 +102,7 @@ def evaluate(
 
 
 def _kept(trials: Path, out: Path | None, sources: Sequence[str | Path]) -> Path:
-    """The folder of trials, new or of the evaluation that goes on. Raises UserError where it is something else."""
+    """Give the folder of trials, new or of the evaluation that goes on. Raises UserError where it is something else."""
     apart(trials, sources)
     goes_on = out is not None and (out / runner.EPISODES).exists()
     if trials.exists() and not (trials.is_dir() and (goes_on or not any(trials.iterdir()))):

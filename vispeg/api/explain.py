@@ -174,7 +174,7 @@ def explain(
 
 
 def _read(place: Path, notes: list[str]) -> list[Trial]:
-    """The trials that tell something. Raises UserError: none."""
+    """Give the trials that tell something. Raises UserError: none."""
     every = [read_trial(folder) for folder in trials_in(place)]
     moved = [t for t in every if not t.said.how.shadow and t.said.how.slow == 1.0 and len(t.steps.time)]
     if len(moved) < len(every):
@@ -185,7 +185,7 @@ def _read(place: Path, notes: list[str]) -> list[Trial]:
 
 
 def _digest(trials: Sequence[Trial]) -> str:
-    """What these trials are known by, so that a stopped run goes on with the same."""
+    """Give what these trials are known by, so that a stopped run goes on with the same."""
     hashed = hashlib.sha256()
     for trial in trials:
         for name in (FILE, STEPS):
@@ -205,7 +205,7 @@ def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[in
 def _applied(
     record: ExplainRecord, place: Path, out: Path, policy: str, world: WorldFile, model: str | Path | None, trials: Path
 ) -> Next | None:
-    """What is to be done now: the world that the causes correct, or demonstrations from where the policy fails.
+    """Give what is to be done now: the world that the causes correct, or demonstrations from where the policy fails.
 
     Args:
         record: what the trials show.

@@ -84,7 +84,7 @@ class FitResult(Result):
         return super().plot() if figure is None else figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes fit.json, evidence.npz, model.yaml and report.html; see `Result.save`."""
+        """Write fit.json, evidence.npz, model.yaml and report.html; see `Result.save`."""
         path = super().save(out, overwrite=overwrite)
         if self._checkpoint is not None:
             self._checkpoint.remove()
@@ -188,7 +188,7 @@ def fit(
 def _shown(
     world: World, channel: ChannelName, free: tuple[int, ...], unstated: tuple[int, ...]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
-    """The part of the world that a channel can show, and the same effects' places in it.
+    """Give the part of the world that a channel can show, and the same effects' places in it.
 
     Raises:
         UserError: an effect to be fitted that it does not show.
@@ -219,7 +219,8 @@ def _evidence(
 def _free(
     world: World, effects: Sequence[str | EffectInstance], recordings: Sequence[Recording]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
-    """The world with the named effects in it, their places in its list, and of those the ones without a start value.
+    """Give the world with the named effects in it, their places in its list, and of those the ones without a start
+    value.
 
     Effects of cameras have their places at the recordings' cameras.
     """

@@ -64,7 +64,7 @@ class PaperFit(Result):
         return out
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes fit.json, model.yaml and a picture of each recording's path; see `Result.save`."""
+        """Write fit.json, model.yaml and a picture of each recording's path; see `Result.save`."""
         path = super().save(out, overwrite=overwrite)
         if self._checkpoint is not None:
             self._checkpoint.remove()

@@ -161,7 +161,7 @@ def _worlds(
     who: Sequence[Entrant],
     fine_tuned: bool,
 ) -> _Worlds:
-    """The worlds, of whose targets no policy knows a part that it was not trained in as a whole."""
+    """Give the worlds, of whose targets no policy knows a part that it was not trained in as a whole."""
     files = [load_world(w) for w in sources]
     names = [f.name for f in files]
     if len(set(names)) < len(names):
@@ -185,7 +185,7 @@ def _measured(
     robot: str,
     digests: Mapping[str, tuple[str, int]],
 ) -> Trials:
-    """A real robot's trials of these policies (name, training seed); none without a file or folder."""
+    """Give a real robot's trials of these policies (name, training seed); none without a file or folder."""
     seeds: dict[str, set[int]] = {}
     for name, seed in networks:
         seeds.setdefault(name, set()).add(seed)

@@ -39,7 +39,7 @@ Reading = Callable[[Path], AbstractContextManager[Share]]
 
 
 def silent(path: Path) -> AbstractContextManager[Share]:
-    """Shows nothing while a recording is read."""
+    """Show nothing while a recording is read."""
     return nullcontext(lambda share: None)
 
 
@@ -63,17 +63,17 @@ class Inputs:
     hold_out: float | None = None
 
     def provenance(self, seed: int | None) -> Provenance:
-        """What is needed to repeat a result."""
+        """Give what is needed to repeat a result."""
         return here(seed, {**self.digests[0], **self.digests[1]})
 
     def key(self) -> list[object]:
-        """What a result depends on."""
+        """Give what a result depends on."""
         robot = digest(self.world.robot) if Path(self.world.robot).is_file() else None
         return [model_text(self.world), robot, *([*group.values()] for group in self.digests), self.hold_out]
 
 
 def load_recording(path: str | Path, *, seconds: float = 0.0) -> Recording:
-    """The recording in a folder with recording.yaml and samples.csv or samples.parquet; see docs/formats.md.
+    """Give the recording in a folder with recording.yaml and samples.csv or samples.parquet; see docs/formats.md.
 
     Args:
         path: the folder.
@@ -96,7 +96,7 @@ def read_inputs(
     signals: Callable[[Header], Collection[str]] | None = needed,
     reading: Reading = silent,
 ) -> Inputs:
-    """The world and the fitted and held-out recordings.
+    """Give the world and the fitted and held-out recordings.
 
     The model's robot takes the place of the recordings' where it is a file of the user's own. One recording after the
     other is read and cut to its windows, so that only one long one is in memory.
@@ -150,7 +150,7 @@ def read_inputs(
 
 
 def _files(model: Model, world: World, sources: Sequence[Source]) -> tuple[str | Path, ...]:
-    """What was read: the model's files and the recordings' folders."""
+    """Give what was read: the model's files and the recordings' folders."""
     source = [] if isinstance(model, World) else [str(model)]
     return (*source, world.robot, *(p for p in map(_path, sources) if p.exists()))
 
@@ -216,7 +216,7 @@ def _pictured(source: Source) -> bool:
 
 
 def read_model(source: str) -> World:
-    """The world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
+    """Give the world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
 
     OPEN_CELL is the cell that each recording states; the name or file of a world is the cell in it.
 
@@ -246,7 +246,7 @@ def read_model(source: str) -> World:
 
 
 def model_files(source: str) -> tuple[str, ...]:
-    """The model file and the robot's file that it names, as far as they can be read."""
+    """Give the model file and the robot's file that it names, as far as they can be read."""
     try:
         return source, load_model(source).robot
     except UserError:  # is said when the model is read
@@ -261,7 +261,7 @@ def _refuse_object(world: World) -> None:
 
 @contextmanager
 def _said_of(file: str | Path, key: str) -> Iterator[None]:
-    """A mistake in what a file names is a mistake in that file."""
+    """Give a mistake in what a file names is a mistake in that file."""
     try:
         yield
     except UserError as error:
@@ -269,7 +269,7 @@ def _said_of(file: str | Path, key: str) -> Iterator[None]:
 
 
 def _once(flag: str, paths: Sequence[Path]) -> None:
-    """Raises UserError for a recording given twice: the same noise would count as new evidence."""
+    """Raise UserError for a recording given twice: the same noise would count as new evidence."""
     earlier: set[Path] = set()
     for path in paths:
         if path.resolve() in earlier:
@@ -278,7 +278,7 @@ def _once(flag: str, paths: Sequence[Path]) -> None:
 
 
 def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
-    """The recording under the model's robot; a UserError where the two name different ones.
+    """Give the recording under the model's robot; a UserError where the two name different ones.
 
     A model that leaves the cell to the recordings leaves them the robot too.
     """
@@ -299,7 +299,9 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
 
 
 def _of_recordings(world: World, recordings: Sequence[Recording]) -> World:
-    """The model, with the recordings' robot where it leaves the cell to them. Raises UserError: they name several."""
+    """Give the model, with the recordings' robot where it leaves the cell to them. Raises UserError: they name
+    several.
+    """
     if world.cell is None or not world.cell.open or not recordings:
         return world
     first = recordings[0]

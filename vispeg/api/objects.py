@@ -24,7 +24,7 @@ Toss = ObjectRecording | str | Path
 
 
 def object_world(model: World | str | Path) -> World | None:
-    """The world of a model whose robot is a free object; None where it is something else."""
+    """Give the world of a model whose robot is a free object; None where it is something else."""
     if isinstance(model, World):
         return model if is_object(model.robot) else None
     if Path(model).suffix.lower() in (".yaml", ".yml") and Path(model).is_file():

@@ -30,7 +30,7 @@ class Photographs:
 
 
 def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Photographs:
-    """What `images` holds.
+    """Give what `images` holds.
 
     Args:
         images: a folder of images, or a recording with frames.
@@ -63,7 +63,7 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
 
 
 def _frames_of(rec: Recording, camera: str) -> Frames:
-    """The frames of the camera of this name, or of the only one."""
+    """Give the frames of the camera of this name, or of the only one."""
     names = [] if rec.frames is None else list(rec.frames.names)
     if rec.frames is None or not names or (len(names) > 1 and camera not in names):
         raise UserError("no such camera", file=rec.path, key="--name", got=camera, choices=names, expected="frames")

@@ -50,7 +50,7 @@ def border_evidence_of(
     held_out: Sequence[Recording],
     progress: Progress | None = None,
 ) -> tuple[BorderEvidence, BorderEvidence | None]:
-    """The edges in the pictures of recordings to fit, and of those to judge on if there are any.
+    """Give the edges in the pictures of recordings to fit, and of those to judge on if there are any.
 
     `progress` keeps where they were found.
 
@@ -68,7 +68,7 @@ def border_evidence_of(
 
 
 def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
-    """The one scene that the recordings show under a model."""
+    """Give the one scene that the recordings show under a model."""
     cells = [cell_of(world, rec) for rec in recordings]
     for rec, cell in zip(recordings, cells, strict=True):
         if cell != cells[0]:

@@ -34,7 +34,7 @@ Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
 
 
 def silent(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[runner.Watch]:
-    """Shows nothing while episodes are played."""
+    """Show nothing while episodes are played."""
     return nullcontext(lambda new, done, total: None)
 
 
@@ -73,7 +73,7 @@ class Played(Result):
         return figure
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes record, page and episodes into a folder; see `Result.save`."""
+        """Write record, page and episodes into a folder; see `Result.save`."""
         with workplace(out, f"{self.command}.json", overwrite, self.sources) as place:
             (place / runner.EPISODES).unlink(missing_ok=True)
             append(place / runner.EPISODES, self.episodes)
@@ -82,7 +82,7 @@ class Played(Result):
         return Path(out).expanduser()
 
     def _write(self, folder: Path) -> None:
-        """The record, the list of films and the page; the episodes are there."""
+        """Give the record, the list of films and the page; the episodes are there."""
         write_text_atomic(folder / "media.json", json.dumps(self.media) + "\n", overwrite=True)
         text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
         write_text_atomic(folder / f"{self.command}.json", text, overwrite=True)
@@ -96,7 +96,7 @@ def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing, engi
 
 
 def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Mapping[str, Any]:
-    """The record with its provenance."""
+    """Give the record with its provenance."""
     return {**values, "provenance": here(seed, {str(path): f"sha256:{digest(path)}" for path in inputs})}
 
 
@@ -106,7 +106,7 @@ def folders(who: Iterable[Entrant]) -> list[Path]:
 
 
 def check_numbers(episodes: int, workers: int) -> None:
-    """Raises UserError for impossible numbers."""
+    """Raise UserError for impossible numbers."""
     if episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     if workers < 1:
@@ -114,7 +114,7 @@ def check_numbers(episodes: int, workers: int) -> None:
 
 
 def check_controls(controls: str | Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
-    """The controls that are asked for: all that the world's cell has for None, none for `none` alone.
+    """Give the controls that are asked for: all that the world's cell has for None, none for `none` alone.
 
     Raises:
         UserError: an unknown one.

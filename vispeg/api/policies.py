@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def load_policy(place: str | Path) -> Policy:
-    """A policy that acts: `policy.reset(n)`, then `policy.act(observations)` gives actions (n, action) within +-1.
+    """Give a policy that acts: `policy.reset(n)`, then `policy.act(observations)` gives actions (n, action) within +-1.
 
     Args:
         place: a folder with policy.json and policy.safetensors, or a bundled policy's name

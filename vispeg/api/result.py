@@ -40,10 +40,10 @@ class Result(ABC):
 
     @abstractmethod
     def _write(self, folder: Path) -> None:
-        """Writes everything into an empty folder."""
+        """Write everything into an empty folder."""
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes the folder that the command of the same name writes; returns its path.
+        """Write the folder that the command of the same name writes; return its path.
 
         Raises:
             UserError: `out` holds something else, or the same while `overwrite` is False, or cannot be written.

@@ -92,7 +92,7 @@ def run(
     key: Callable[[], bool] = lambda: False,
     watch: bool = True,
 ) -> RunResult:
-    """Runs a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
+    """Run a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
 
     Args:
         policy: a folder, a bundled policy's name, an .onnx by `vispeg export`, which needs no torch, or one of the
@@ -138,7 +138,7 @@ def run(
 
 
 def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
-    """A policy, the meaning of its numbers, and whose trials they will be.
+    """Give a policy, the meaning of its numbers, and whose trials they will be.
 
     Raises:
         UserError: no such policy, or one that cannot be run on a robot.
@@ -171,7 +171,9 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
 
 
 def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
-    """A policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no world."""
+    """Give a policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no
+    world.
+    """
     from vispeg.evaluation.players import own_player
     from vispeg.task.environments.vector import world_of
     from vispeg.task.interface import interface_in
@@ -191,7 +193,7 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
 
 @contextmanager
 def _place(out: Path) -> Iterator[Path]:
-    """The folder of trials, kept from other processes. Raises UserError where it is something else."""
+    """Give the folder of trials, kept from other processes. Raises UserError where it is something else."""
     if out.exists() and (not out.is_dir() or any(not is_trial(p) for p in out.iterdir() if not p.name.startswith("."))):
         raise UserError("is not a folder of trials", file=out, expected="a new or empty folder, or one with trials")
     with claimed(out):
@@ -205,6 +207,6 @@ def _place(out: Path) -> Iterator[Path]:
 
 
 def _next(place: Path) -> int:
-    """The number of the next trial."""
+    """Give the number of the next trial."""
     numbers = [p.name.rpartition("-")[2] for p in place.glob("trial-*")]
     return 1 + max((int(n) for n in numbers if n.isdigit()), default=0)

@@ -35,7 +35,7 @@ class TrainedPolicy:
     settings: Mapping[str, Any]
 
     def open(self) -> Policy:
-        """The best policy, which acts."""
+        """Give the best policy, which acts."""
         return load_policy(self.best)
 
     @property
@@ -61,7 +61,7 @@ class TrainedPolicy:
 
 
 def new_run(task: str, seed: int) -> Path:
-    """A folder for a run that begins now."""
+    """Give a folder for a run that begins now."""
     return Path("runs") / task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{seed}"
 
 

@@ -32,7 +32,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Runs the demonstration; the table of falling error comes first."""
+        """Run the demonstration; the table of falling error comes first."""
         from rich.console import Console
 
         from vispeg.api.demo import FITTED, HELD_OUT, Demonstration, demo

@@ -29,7 +29,7 @@ class Page(io.StringIO):
 
 
 def laid_out(page: str, description: str) -> str:
-    """The parser's text with the description in place of the mark; only examples are wider than the terminal."""
+    """Give the parser's text with the description in place of the mark; only examples are wider than the terminal."""
     columns = shutil.get_terminal_size().columns
     usage, mark, rest = page.partition(MARK)
     if not mark:
@@ -39,7 +39,7 @@ def laid_out(page: str, description: str) -> str:
 
 
 def wrapped(text: str, columns: int) -> str:
-    """A docstring whose paragraphs are wrapped; indented lines, such as commands, stay as they are."""
+    """Give a docstring whose paragraphs are wrapped; indented lines, such as commands, stay as they are."""
     lines = inspect.cleandoc(text).splitlines()
     groups = groupby(lines, lambda line: bool(line) and line[0] != " ")
     return "\n".join(_filled(" ".join(block), columns) if prose else "\n".join(block) for prose, block in groups)

@@ -33,7 +33,7 @@ EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
 def run(argv: Sequence[str]) -> int:
-    """Runs one command line (without the program's name). Raises UserError on bad input."""
+    """Run one command line (without the program's name). Raises UserError on bad input."""
     if len(argv) > 1 and argv[0] == "help":
         return run([*argv[1:], "--help"])
     if not argv or argv[0] in ("-h", "--help", "help"):

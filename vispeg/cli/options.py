@@ -74,7 +74,9 @@ def subcommand(kind: type[Any]) -> object:
 
 
 def changed(args: Any, besides: Collection[str] = ()) -> list[Option]:
-    """The options of a command, those in its groups included, whose value is not the default; none of `besides`."""
+    """Give the options of a command, those in its groups included, whose value is not the default; none of
+    `besides`.
+    """
     out = list[Option]()
     hints = get_type_hints(type(args), include_extras=True)
     for field in fields(args):
@@ -87,7 +89,7 @@ def changed(args: Any, besides: Collection[str] = ()) -> list[Option]:
 
 
 def describe(kind: type[Any]) -> None:
-    """Gives the values in a command's help words: MODEL for STR, no `{None}`, and defaults as people type them."""
+    """Give the values in a command's help words: MODEL for STR, no `{None}`, and defaults as people type them."""
     for leaf in (kind, *subcommands(kind).values()):
         if "_described" in leaf.__dict__:
             continue
@@ -107,7 +109,7 @@ def describe(kind: type[Any]) -> None:
 
 
 def _leaves(kind: type[Any]) -> Iterator[tuple[Field[Any], Any]]:
-    """The fields with their hints; those of a group without a prefix in its place."""
+    """Yield the fields with their hints; those of a group without a prefix in its place."""
     hints = get_type_hints(kind, include_extras=True)
     for field in fields(kind):
         bare = _bare(hints[field.name])
@@ -136,14 +138,14 @@ def _option(field: Field[Any], hint: Any) -> Option:
 
 
 def _bare(hint: Any) -> Any:
-    """The type without its annotations."""
+    """Give the type without its annotations."""
     while get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     return hint
 
 
 def _parts(bare: Any) -> list[Any]:
-    """What the elements of a container, or a value that may be absent, are made of."""
+    """Give what the elements of a container, or a value that may be absent, are made of."""
     if get_origin(bare) in (Union, UnionType):
         return [p for part in get_args(bare) if part is not NoneType for p in _parts(_bare(part))]
     if get_origin(bare) is tuple:

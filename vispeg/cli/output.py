@@ -23,7 +23,7 @@ class Output:
     """Show no progress and no notes."""
 
     def give(self, record: Mapping[str, object], text: Iterable[str | Block]) -> None:
-        """Prints the record as JSON, or the lines and tables for a person."""
+        """Print the record as JSON, or the lines and tables for a person."""
         if self.json:
             print(json.dumps(record, indent=1, allow_nan=False, default=str))
             return
@@ -32,7 +32,7 @@ class Output:
         print_summary(Line(block, path=True) if isinstance(block, str) else block for block in text)
 
     def line(self, text: str) -> None:
-        """Prints a line of a result that comes bit by bit; nothing where JSON is asked for, whose record holds it."""
+        """Print a line of a result that comes bit by bit; nothing where JSON is asked for, whose record holds it."""
         if not self.json:
             print(text, flush=True)
 

@@ -82,7 +82,7 @@ def available() -> dict[str, str]:
 
 
 def overview() -> str:
-    """What `vispeg --help` prints."""
+    """Give what `vispeg --help` prints."""
     lines = available()
     width = max(map(len, lines), default=0)
     blocks = []

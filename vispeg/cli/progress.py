@@ -37,7 +37,7 @@ class Pace:
         self.last = time.monotonic()
 
     def advance(self, name: str, by: int, resumed: bool = False) -> None:
-        """Counts `by` more of a name, done since the last call; `resumed`: done by an earlier run."""
+        """Count `by` more of a name, done since the last call; `resumed`: done by an earlier run."""
         self.done[name] += by
         if not resumed:
             now = time.monotonic()
@@ -98,7 +98,7 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
 
 @contextmanager
 def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int, int], None], Callable[[int], None]]]:
-    """A bar of frames with the rate of the new ones; yields a function of earlier and new frames."""
+    """Give a bar of frames with the rate of the new ones; yields a function of earlier and new frames."""
     began = time.monotonic()
     made = 0
     with bars({"rendering": frames}, "frames", quiet) as advance:
@@ -129,7 +129,7 @@ def checking(quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
 def playing(
     jobs: Sequence[Job], folder: Path, quiet: bool = False
 ) -> Iterator[Callable[[Sequence[Episode], int, int], None]]:
-    """A bar of episodes for each policy, with the success so far; yields a function of episodes as they end."""
+    """Give a bar of episodes for each policy, with the success so far; yields a function of episodes as they end."""
     from vispeg.evaluation.records import read
     from vispeg.evaluation.runner import EPISODES
 

@@ -12,7 +12,7 @@ LARGE = 50_000_000  # bytes that take long enough for a line
 
 @contextmanager
 def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[float], None]]:
-    """Shows progress on standard error while the body runs; yields a function of the share, 0 to 1.
+    """Show progress on standard error while the body runs; yield a function of the share, 0 to 1.
 
     Args:
         title: what goes on, such as `reading rig-a`.
@@ -33,7 +33,7 @@ def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Cal
 
 
 def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
-    """What shows how far a recording is read, for the functions that read several."""
+    """Give what shows how far a recording is read, for the functions that read several."""
     return lambda path: progress_bar(f"reading {path}", size_of(path), quiet)
 
 

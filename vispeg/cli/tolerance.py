@@ -17,7 +17,7 @@ Room = Annotated[float | None, tyro.conf.arg(name=FLAG[2:], metavar="X", help_be
 
 
 def at_tolerance(who: Iterable[Entrant], world: WorldFile, value: float | None) -> Mapping[str, float]:
-    """The task of `world` that the option changes; says which policies were made for another tolerance than that.
+    """Give the task of `world` that the option changes; says which policies were made for another tolerance than that.
 
     Args:
         who: entrants.

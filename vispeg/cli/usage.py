@@ -29,7 +29,7 @@ ELSEWHERE = {  # what is looked for as an option and stands elsewhere
 
 
 def parse(kind: type[Any], program: str, description: str | None, argv: Sequence[str]) -> Any:
-    """The arguments of a command, an instance of the dataclass `kind`.
+    """Give the arguments of a command, an instance of the dataclass `kind`.
 
     Raises:
         UserError: an argument is unknown, missing or of another kind; the parser's framed text becomes its message.
@@ -75,8 +75,8 @@ def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:
 
 
 def filled(text: str) -> str:
-    """A help text with what the package's own task and its cell are called in place of {task}, {cell}, {held} and the
-    like.
+    """Give a help text with what the package's own task and its cell are called in place of {task}, {cell}, {held}
+    and the like.
     """
     if not any(key in text for key in NAMES):
         return text
@@ -90,7 +90,7 @@ def filled(text: str) -> str:
 
 
 def one_line(framed: str) -> str:
-    """The message in a box of the parser's, without its frame, its title and what only points to the help."""
+    """Give the message in a box of the parser's, without its frame, its title and what only points to the help."""
     parts: list[list[str]] = [[]]
     for line in framed.splitlines()[1:]:
         row = line.strip(FRAME)
@@ -111,7 +111,7 @@ def one_line(framed: str) -> str:
 
 
 def _missing(framed: str, others: Sequence[str]) -> str:
-    """The names of the arguments that must be given and were not, without the parser's lines of help on each."""
+    """Give the names of the arguments that must be given and were not, without the parser's lines of help on each."""
     edges = FRAME.replace(" ", "")
     lines = [line.strip(edges).rstrip() for line in framed.splitlines()[1:]]
     depth = [len(line) - len(line.lstrip()) for line in lines]
@@ -128,7 +128,7 @@ def _missing(framed: str, others: Sequence[str]) -> str:
 
 
 def _unknown(options: str, hints: str) -> str:
-    """The unknown options and their nearest matches, without the parser's lines of help."""
+    """Give the unknown options and their nearest matches, without the parser's lines of help."""
     near = dict.fromkeys(re.findall(r"(?<!\S)--[a-z][a-z-]*(?!\S)", hints))
     name = options.partition(",")[0].strip()
     if name in ELSEWHERE:

@@ -21,7 +21,7 @@ LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of Linux' file systems
 
 
 def checked(args: Any) -> Any:
-    """A command's dataclass, groups of options included, with home folders in place of `~`.
+    """Give a command's dataclass, groups of options included, with home folders in place of `~`.
 
     Raises:
         UserError: a value cannot be meant; names the option, what came, and what was expected.
@@ -65,7 +65,7 @@ def _check_text(name: str, text: str, path: bool) -> None:
 
 
 def _at_home(name: str, text: str) -> str:
-    """A path that begins with `~` or `~USER`, from the home folder's."""
+    """Give a path that begins with `~` or `~USER`, from the home folder's."""
     try:
         return str(Path(text).expanduser())
     except RuntimeError:

@@ -47,7 +47,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Serves the page until it is interrupted."""
+        """Serve the page until it is interrupted."""
         import sys
         import webbrowser
 

@@ -59,7 +59,7 @@ def tared(rec: Recording) -> bool:
 
 
 def no_free_air(t: Touching) -> UserError:
-    """The error of a recording whose every episode begins in contact."""
+    """Give the error of a recording whose every episode begins in contact."""
     return UserError(
         "no episode begins in free air",
         file=t.recording.path,

@@ -111,7 +111,7 @@ def drive(
 
 
 def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
-    """A batch of hands, one a world, in the frame of a path's start; arguments as for `drive`.
+    """Give a batch of hands, one a world, in the frame of a path's start; arguments as for `drive`.
 
     MuJoCo regularizes a contact by the inverse weights of its bodies, so that without the arm behind it a tool would
     sink in deeper and creep faster: its bodies are given the weights that they have on the arm. Source: MuJoCo 4.0
@@ -140,7 +140,7 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
 
 
 def built_alike(worlds: Sequence[World]) -> list[np.ndarray]:
-    """Indices of the worlds by what they have built in."""
+    """Give the indices of the worlds by what they have built in."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for i, w in enumerate(worlds):
         groups.setdefault(

@@ -101,7 +101,9 @@ class ContactEvidence(Evidence):
         return tried and (kind.name, name) not in self.absent
 
     def nudge(self, kind: Effect, name: str) -> float | None:
-        """The smallest size that is tried: where contacts come and go, a shorter step shows the roughness alone."""
+        """Give the smallest size that is tried: where contacts come and go, a shorter step shows the roughness
+        alone.
+        """
         p = kind.params[name]
         if name in kind.beside:
             return 0.5 * abs(p.start - p.null)

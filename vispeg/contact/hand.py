@@ -39,14 +39,16 @@ MASS, INERTIA, LEVER = 0.8, 0.02, 0.1  # kg, kg m^2, m: of a hand, for critical 
 
 
 def grasp(force: float, place: float) -> Grasp:
-    """That of a wrench sensor good to `force` (N) on a path good to `place` (m); torques and angles over 0.1 m."""
+    """Give the uncertainty of a wrench sensor good to `force` (N) on a path good to `place` (m); torques and angles
+    over 0.1 m.
+    """
     linear = float(np.clip(force / place, 500.0, 2e4))
     k = np.repeat([linear, linear * LEVER**2], 3)
     return Grasp(k, 2 * np.sqrt(k * np.repeat([MASS, INERTIA], 3)))
 
 
 def hand(scene: Scene, hold: Grasp) -> Scene:
-    """The scene without its arm, held by `hold`; effects find in it the places that they have in the scene."""
+    """Give the scene without its arm, held by `hold`; effects find in it the places that they have in the scene."""
     return replace(scene, joints=(), links=(), flange="flange", base=FRAME, build=lambda: _spec(scene, hold))
 
 
@@ -83,13 +85,13 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
 
 
 def _copied(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
-    """A shape of the world itself: the table."""
+    """Give a shape of the world itself: the table."""
     same = {k: getattr(geom, k) for k in ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "friction")}
     spec.worldbody.add_geom(**same, solref=geom.solref, solimp=geom.solimp, priority=geom.priority)
 
 
 def _spring(spec: mujoco.MjSpec, axis: str, kind: str, gain: float) -> None:
-    """A motor of force `gain (goal - now)`, of angle or of rate."""
+    """Give a motor of force `gain (goal - now)`, of angle or of rate."""
     motor = spec.add_actuator(name=f"{kind}_{axis}", target=f"hand_{axis}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     motor.gaintype, motor.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     motor.gainprm[0], motor.biasprm[1 if kind == "stiffness" else 2] = gain, -gain

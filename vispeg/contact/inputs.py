@@ -39,7 +39,7 @@ class Touching:
 
 
 def touching(rec: Recording) -> Touching:
-    """A recording of contact; where no wrench was recorded, with that which joint torques tell.
+    """Give a recording of contact; where no wrench was recorded, with that which joint torques tell.
 
     Raises:
         UserError: neither a wrench nor joint torques were recorded, or a cell that cannot be built.

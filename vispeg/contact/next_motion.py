@@ -33,8 +33,8 @@ def separating(
     together: Sequence[tuple[EffectInstance, ...]] = (),
     recorded: Collection[str] = (),
 ) -> NextMotion | None:
-    """The motion to record next: what tells a world's effect from its rival, or apart what is determined `together`
-    alone, or shows most of what was not excited; of each the first that is not `recorded` yet.
+    """Give the motion to record next: what tells a world's effect from its rival, or apart what is determined
+    `together` alone, or shows most of what was not excited; of each the first that is not `recorded` yet.
     """
     for asked in (list(_apart(world, rivals, together)), list(_shows(unseen))):
         new = [(motion, why) for motion, why in asked if motion not in recorded]
@@ -70,8 +70,8 @@ def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
 
 
 def apart(chosen: EffectInstance, other: str) -> list[str]:
-    """The motions that tell an effect, by the parameter that is largest in it first, from another; none where none
-    does.
+    """Give the motions that tell an effect, by the parameter that is largest in it first, from another; none where
+    none does.
     """
     kind = effect(chosen.effect)
     by_kind = [kind.told_from.get(other), effect(other).told_from.get(chosen.effect)]

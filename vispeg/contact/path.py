@@ -49,7 +49,7 @@ class Path:
 
 
 def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, longest: float, believed: World) -> Path:
-    """The path of one episode.
+    """Give the path of one episode.
 
     Args:
         scene: whose arm moved.

@@ -20,7 +20,7 @@ FROM = (0.33, -0.42, 0.22)  # m, of the camera from the goal
 
 
 def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
-    """The picture as PNG.
+    """Give the picture as PNG.
 
     Args:
         scene: the cell.
@@ -41,7 +41,9 @@ def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
 
 
 def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recording]) -> dict[str, np.ndarray]:
-    """A picture of the moment that `worst/q` states, as what `evidence.npz` holds; nothing where none can be drawn."""
+    """Give a picture of the moment that `worst/q` states, as what `evidence.npz` holds; nothing where none can be
+    drawn.
+    """
     rec = next((r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)), recordings[0])
     try:
         png = draw(recorded_cell(rec).scene, np.nan_to_num(arrays["worst/q"]))

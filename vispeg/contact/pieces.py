@@ -52,7 +52,7 @@ class Pieces:
         self.sliding = less_damped(ref, np.minimum(1.0, odds(imp) / odds(model.geom_solimp[held]))), imp
 
     def at(self, place: int) -> None:
-        """Sets what a part touches whose tip is at a place, and how stiff that is."""
+        """Set what a part touches whose tip is at a place, and how stiff that is."""
         beside = place in (BESIDE, ALONG)
         if self.top:
             self.touched[:, self.top] = TOUCHED if beside else UNTOUCHED
@@ -93,6 +93,6 @@ def tip_places(path: Path, scene: Scene) -> np.ndarray:
 
 
 def stretches(place: np.ndarray, window: slice) -> list[slice]:
-    """The window cut where the place (n,) changes."""
+    """Give the window cut where the place (n,) changes."""
     cuts = np.flatnonzero(np.diff(place[window])) + window.start + 1
     return [slice(a, b) for a, b in zip([window.start, *cuts], [*cuts, window.stop], strict=True)]

@@ -148,7 +148,8 @@ def allowed(judged: ContactEvidence, models: Mapping[str, World]) -> list[Allowe
 
 
 def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
-    """The verdict with the allowance that takes most of what the last of some models leaves, where it takes `MOST`.
+    """Give the verdict with the allowance that takes most of what the last of some models leaves, where it takes
+    `MOST`.
 
     What an allowance takes is no evidence: what hides in it would not be seen.
     """

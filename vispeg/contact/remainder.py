@@ -39,7 +39,7 @@ class Rest:
 
 
 def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Rest]:
-    """That of each phase of contact, worst first."""
+    """Give what is left in each phase of contact, worst first."""
     predicted = evidence.simulated([world])
     residual = evidence.whitened([y[0] for y in predicted])
     out = []

@@ -45,12 +45,12 @@ from vispeg.worlds.world import World
 
 
 def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvidence:
-    """Recordings of contact as evidence. Raises UserError where one has no wrench, or begins in contact."""
+    """Make evidence of recordings of contact. Raises UserError where one has no wrench, or begins in contact."""
     return ContactEvidence([touching(r) for r in recordings], nthread=nthread)
 
 
 def begun(world: World) -> Beginning:
-    """The model before its search: partial effects that it finds are fitted anew."""
+    """Give the model before its search: partial effects that it finds are fitted anew."""
     return opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
 
 
@@ -63,7 +63,7 @@ def diagnose_contact(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds the effects of contact that `world` lacks; every error in the record is on `held_out`. Its partial effects
+    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`. Its partial effects
     of contact are fitted anew.
 
     Raises:

@@ -21,7 +21,7 @@ REACH = 0.8  # m, from joint angles to the flange's place
 
 
 def hand_world(believed: World, world: World) -> World:
-    """What of a world a wrench can show, on top of what is believed of the cell."""
+    """Give what of a world a wrench can show, on top of what is believed of the cell."""
     return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
 
 
@@ -36,7 +36,7 @@ def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
 
 
 def stands_for(path: Path, scene: Scene, world: World) -> float:
-    """True newtons that one more newton of a constant reading stands for."""
+    """Give the true newtons that one more newton of a constant reading stands for."""
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))
@@ -45,7 +45,7 @@ def stands_for(path: Path, scene: Scene, world: World) -> float:
 
 
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
-    """What forces (N) and places (m) are trusted to; a force that was not `read` by a sensor is as soft a hold."""
+    """Give what forces (N) and places (m) are trusted to; a force that was not `read` by a sensor is as soft a hold."""
     by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
     force = max([LEAST_FORCE, *(float(r.noise.get("ft", 0.0)) for r in by)])
     place = max([LEAST_PLACE, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])

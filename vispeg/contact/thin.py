@@ -18,7 +18,7 @@ PART, PIECE = 3, 12  # one in so many pieces of so many blocks is driven where m
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
-    """The phases with windows of about so many seconds; all of a path that is no longer."""
+    """Give the phases with windows of about so many seconds; all of a path that is no longer."""
     m = len(phase.time)
     block = float(phase.time[1] - phase.time[0]) if m > 1 else 1.0
     first = int(np.flatnonzero(phase.resting)[-1]) + 1
@@ -40,7 +40,7 @@ def thinned(phase: Phases, seconds: float) -> Phases:
 
 
 def without(phase: Phases, read: np.ndarray) -> Phases:
-    """The phases without blocks of which more than half was not `read` (n,), and those that follow a long gap.
+    """Give the phases without blocks of which more than half was not `read` (n,), and those that follow a long gap.
 
     There a line between readings is put on the hand, which takes `LEAD` blocks to be forgotten.
     """

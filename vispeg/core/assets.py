@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def assets() -> Path:
-    """The assets folder: inside the installed package, or `assets/` of a checkout.
+    """Give the assets folder: inside the installed package, or `assets/` of a checkout.
 
     Raises:
         UserError: neither is there, so the installation is damaged.

@@ -26,7 +26,7 @@ MEANINGS = (
 
 
 def run(command: Sequence[str], env: Mapping[str, str] | None = None, timeout: float = 60.0) -> tuple[bool, str]:
-    """Runs a program: whether it ended well, and the last line that it printed or, in words, why it did not.
+    """Run a program: whether it ended well, and the last line that it printed or, in words, why it did not.
 
     Args:
         command: the program and its arguments.
@@ -47,7 +47,7 @@ def run(command: Sequence[str], env: Mapping[str, str] | None = None, timeout: f
 
 
 def in_words(text: str) -> str:
-    """The end of a traceback without the traceback; a text that holds none is only shortened to its last line."""
+    """Give the end of a traceback without the traceback; a text that holds none is only shortened to its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     for i, line in reversed(list(enumerate(lines))):
         if match := RAISED.match(line):
@@ -56,7 +56,7 @@ def in_words(text: str) -> str:
 
 
 def meaning(message: str | BaseException) -> str:
-    """What an exception's message means to somebody who did not write the code."""
+    """Give what an exception's message means to somebody who did not write the code."""
     said = " ".join(str(message).split())
     for pattern, words in MEANINGS:
         if match := re.fullmatch(pattern, said):

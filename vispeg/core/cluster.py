@@ -108,7 +108,7 @@ def _connect(ray: Any, workers: int) -> None:
 
 
 def _knock(address: str) -> None:
-    """Raises OSError where nobody listens at HOST:PORT; Ray itself tries for ten minutes before it says so."""
+    """Raise OSError where nobody listens at HOST:PORT; Ray itself tries for ten minutes before it says so."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT).close()

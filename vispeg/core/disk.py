@@ -17,7 +17,7 @@ NO_TEMPORARY = "No usable temporary directory"  # as `tempfile` says it, with th
 
 
 def why(error: OSError) -> str:
-    """What the system said; of a parent that is a file it says no more than that it exists."""
+    """Give what the system said; of a parent that is a file it says no more than that it exists."""
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
     if isinstance(error, shutil.Error):  # of a whole tree: [(from, to, what was said), ...]
@@ -43,7 +43,7 @@ def failed_in(folder: Path, error: OSError) -> bool:
 
 @contextmanager
 def written(path: str | Path) -> Iterator[None]:
-    """Writing `path` in the body fails as bad input does. Raises UserError where the disk refuses."""
+    """Make a failure to write `path` in the body an error of input. Raises UserError where the disk refuses."""
     try:
         yield
     except OSError as error:

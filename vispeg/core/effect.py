@@ -100,13 +100,13 @@ class Effect(ABC):
 
     # How --------------------------------------------------------------------------------------------------------
     def build(self, spec: Any, robot: Any) -> None:
-        """Adds to an MjSpec of `robot` (a Scene) what `write` needs and the nominal one lacks; nothing else may move.
+        """Add to an MjSpec of `robot` (a Scene) what `write` needs and the nominal one lacks; nothing else may move.
 
         Joints come last in their body, and only models in which some world has the effect get them.
         """
 
     def write(self, fields: Any, p: Values) -> None:
-        """Sets model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
+        """Set model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
 
     def stable_step(self, p: Mapping[str, float]) -> float:
         """Greatest physics step, s, at which its own motion stays stable and exact with these values."""
@@ -117,15 +117,17 @@ class Effect(ABC):
         return None
 
     def drive(self, state: Any, tau: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """The torque that leaves this stage of the drive, given the torque (nsim, nj) that enters it. N m."""
+        """Give the torque that leaves this stage of the drive, given the torque (nsim, nj) that enters it. N m."""
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """The goal (nsim, nj), rad, that reaches a servo's loop at each physics step; there in the place of `drive`."""
+        """Give the goal (nsim, nj), rad, that reaches a servo's loop at each physics step; there in the place of
+        `drive`.
+        """
         return goal
 
     def regulate(self, loop: Any, p: Values) -> None:
-        """Changes the numbers of a position servo's own loop (`effects.common.servo_loop.ServoLoop`)."""
+        """Change the numbers of a position servo's own loop (`effects.common.servo_loop.ServoLoop`)."""
 
     def friction(self, state: Any, x: Any, p: Values) -> np.ndarray:
         """Friction level (nsim, nj) >= 0 in N m, added to the joint's dry friction for the next physics step."""
@@ -146,7 +148,7 @@ class Effect(ABC):
         return q, dq
 
     def wrench(self, state: Any, wrench: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """The tool's wrench on the flange (nsim, 6), N and N m, as the wrist's sensor reads it.
+        """Give the tool's wrench on the flange (nsim, 6), N and N m, as the wrist's sensor reads it.
 
         Forces, then torques, at the flange and in its frame; asked once a control tick.
         """
@@ -173,7 +175,7 @@ class Effect(ABC):
         return goal
 
     def image(self, state: Any, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> None:
-        """Changes a camera's `frame` in place; `rng` holds one stream an image.
+        """Change a camera's `frame` in place; `rng` holds one stream an image.
 
         `p[name]` is (frame.n,). `state` is a dict of the effect's own, empty when the episode begins and kept from
         frame to frame (temporal correlation, latency).
@@ -181,7 +183,9 @@ class Effect(ABC):
         raise NotImplementedError
 
     def inverse(self, needed: np.ndarray, sensor: str, p: Values) -> np.ndarray:
-        """What a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N m."""
+        """Give what a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N
+        m.
+        """
         raise NotImplementedError
 
     def regressor(self, look: Any, p: Values) -> np.ndarray:
@@ -241,7 +245,9 @@ class Effect(ABC):
         return {name: np.full(shape, param.absent) for name, param in self.params.items()}
 
     def param(self, name: Any, *, file: str | Path | None = None, key: str | None = None) -> Param:
-        """The parameter of that name; a UserError (with file and key, if they are stated) with the names otherwise."""
+        """Give the parameter of that name; a UserError (with file and key, if they are stated) with the names
+        otherwise.
+        """
         if name not in self.params:
             raise UserError(f"{self.name} has no such parameter", file=file, key=key, got=name, choices=self.params)
         return self.params[name]
@@ -267,17 +273,17 @@ ALL_NAMES = "`vispeg effects` lists all"
 
 
 def searchable() -> dict[str, Effect]:
-    """The registered effects that a diagnosis of an arm chooses from, by name."""
+    """Give the registered effects that a diagnosis of an arm chooses from, by name."""
     return {name: e for name, e in sorted(REGISTRY.items()) if e.family in ARM and e.searchable}
 
 
 def of_family(*families: Family) -> dict[str, Effect]:
-    """The registered effects of these families, by name."""
+    """Give the registered effects of these families, by name."""
     return {name: e for name, e in sorted(REGISTRY.items()) if e.family in families}
 
 
 def effect(name: Any, *, file: str | Path | None = None, key: str | None = None) -> Effect:
-    """The registered effect of that name; a UserError (with file and key, if they are stated) otherwise."""
+    """Give the registered effect of that name; a UserError (with file and key, if they are stated) otherwise."""
     if not isinstance(name, str) or name not in REGISTRY:
         raise UserError("unknown effect", file=file, key=key, got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
     return REGISTRY[name]
@@ -319,6 +325,6 @@ class EffectInstance:
         return f"{self.effect}({', '.join([self.where, *filter(None, said)])})"
 
     def with_values(self, **values: float) -> EffectInstance:
-        """The same effect with other values (their intervals dropped)."""
+        """Give the same effect with other values (their intervals dropped)."""
         params = {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
         return EffectInstance(self.effect, self.where, params)

@@ -71,7 +71,7 @@ def _as_arguments(text: str) -> str:
 
 
 def _listed(got: str, choices: tuple[str, ...]) -> str:
-    """The choices, or where they are very many those that are most like what came."""
+    """Give the choices, or where they are very many those that are most like what came."""
     if len(choices) <= MANY:
         return f"choices: {', '.join(choices)}"
     near = difflib.get_close_matches(got, choices, n=NEAREST, cutoff=0.0)
@@ -79,7 +79,7 @@ def _listed(got: str, choices: tuple[str, ...]) -> str:
 
 
 def _printable(text: str) -> str:
-    """The text with an escape in place of what a terminal would obey or could not show."""
+    """Give the text with an escape in place of what a terminal would obey or could not show."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -22,13 +22,13 @@ EXTRAS = {
 
 
 def install(extra: str) -> str:
-    """The command that installs an extra; a checkout is installed from where it stands."""
+    """Give the command that installs an extra; a checkout is installed from where it stands."""
     checkout = (PACKAGE.parent / "pyproject.toml").is_file()
     return f"pip install -e '.[{extra}]'" if checkout else f"pip install 'vispeg[{extra}]'"
 
 
 def missing(module: str, what: str = "this", **where: str) -> UserError:
-    """The error for a module of an extra that is not there.
+    """Give the error for a module of an extra that is not there.
 
     Args:
         module: as it is imported.
@@ -41,7 +41,7 @@ def missing(module: str, what: str = "this", **where: str) -> UserError:
 
 
 def lacks(error: ImportError) -> str | None:
-    """The module of an extra that an import failed for; None where it failed for another reason."""
+    """Give the module of an extra that an import failed for; None where it failed for another reason."""
     root = (error.name or "").partition(".")[0]
     return root if any(root in modules for modules in EXTRAS.values()) and not there(root) else None
 
@@ -55,6 +55,6 @@ def there(module: str) -> bool:
 
 
 def require(module: str, what: str) -> None:
-    """Raises UserError where a module of an extra is missing that `what` needs, before any work is begun."""
+    """Raise UserError where a module of an extra is missing that `what` needs, before any work is begun."""
     if not there(module):
         raise missing(module, what)

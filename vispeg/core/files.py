@@ -27,7 +27,7 @@ def new_folder(
     holds: str | None = "result",
     inputs: Iterable[str | Path | None] = (),
 ) -> Iterator[Path]:
-    """A folder that takes its name only once everything in it has been written.
+    """Give a folder that takes its name only once everything in it has been written.
 
     The body writes into a temporary sibling, which is renamed to `path` at the end, and removed if the body raises or
     the process is interrupted or terminated; what stood at `path` before is then still there, untouched. What an
@@ -77,7 +77,7 @@ def new_folder(
 def reserved(
     path: str | Path, overwrite: bool = False, *, holds: str = "result", inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[None]:
-    """Keeps a folder's name for long work that ends with `new_folder` under the same arguments.
+    """Keep a folder's name for long work that ends with `new_folder` under the same arguments.
 
     Raises:
         UserError: as `new_folder`, before the body runs.
@@ -91,7 +91,7 @@ def reserved(
 def refuse(
     path: str | Path, overwrite: bool, *, holds: str | None = "result", inputs: Iterable[str | Path | None] = ()
 ) -> None:
-    """Raises the UserError with which `new_folder` would refuse, for work that takes long before it comes to that."""
+    """Raise the UserError with which `new_folder` would refuse, for work that takes long before it comes to that."""
     target = Path(path).expanduser().resolve()
     apart(path, inputs)
     if not target.exists():
@@ -112,7 +112,7 @@ def refuse(
 
 
 def recover(target: Path) -> None:
-    """Puts back what a process that was killed in the act of replacing `target` had put aside; clears up after it."""
+    """Put back what a process that was killed in the act of replacing `target` had put aside; clear up after it."""
     if not target.parent.is_dir():
         return
     aside = _siblings(target, "old")
@@ -124,14 +124,14 @@ def recover(target: Path) -> None:
 
 
 def remove_abandoned(target: Path) -> None:
-    """Removes the temporary siblings of `target` (made here: `.NAME.8 hex digits.part`) that no process holds."""
+    """Remove the temporary siblings of `target` (made here: `.NAME.8 hex digits.part`) that no process holds."""
     for part in _siblings(target, "part"):
         with suppress(OSError), _held(part, surely=True):  # held by another, or a disk without locks: it stays
             shutil.rmtree(part, ignore_errors=True) if part.is_dir() else part.unlink()
 
 
 def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -> Path:
-    """Writes a UTF-8 text file under a temporary name, then renames it. Returns the path.
+    """Write a UTF-8 text file under a temporary name, then rename it. Returns the path.
 
     Raises:
         UserError: the file exists and `overwrite` is False, or it cannot be written.
@@ -205,7 +205,7 @@ def _write(files: Mapping[Path, bytes]) -> None:
 
 
 def remove_unfinished(file: Path) -> None:
-    """Removes a record of work in progress that is finished now, and its folder if nothing else is in it."""
+    """Remove a record of work in progress that is finished now, and its folder if nothing else is in it."""
     file.unlink(missing_ok=True)
     if file.parent.is_dir():
         remove_abandoned(file)
@@ -258,7 +258,7 @@ def _sibling(target: Path, end: str = "part") -> Path:
 
 
 def _siblings(target: Path, end: str) -> list[Path]:
-    """What `_sibling` has named, oldest first."""
+    """Give what `_sibling` has named, oldest first."""
     ours = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
     matches = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
     aged = []
@@ -269,7 +269,7 @@ def _siblings(target: Path, end: str) -> list[Path]:
 
 
 def _swap(part: Path, target: Path) -> None:
-    """Renames `part` to `target`; content already there is removed only after the new stands in its place."""
+    """Rename `part` to `target`; content already there is removed only after the new stands in its place."""
     try:
         if not target.exists() or not any(target.iterdir()):
             os.replace(part, target)

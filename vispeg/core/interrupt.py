@@ -19,13 +19,13 @@ class Interrupted(KeyboardInterrupt):
         self.more, self.instead = tuple(more), tuple(instead)
 
     def again(self, argv: Sequence[str]) -> list[str]:
-        """The arguments of the program with which the work that `argv` began goes on."""
+        """Give the arguments of the program with which the work that `argv` began goes on."""
         return [*self.instead] or [*argv, *(word for word in self.more if word not in argv)]
 
 
 @contextmanager
 def goes_on(*more: str, instead: Sequence[str] = ()) -> Iterator[None]:
-    """What is interrupted in the body, or in the function that this decorates, can go on; see `Interrupted`."""
+    """Let what is interrupted in the body, or in the function that this decorates, go on; see `Interrupted`."""
     try:
         yield
     except Interrupted:

@@ -26,7 +26,7 @@ def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
 
 
 def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
-    """The ideal points that the lens puts at `xy`, (..., 2) -> (..., 2); NaN where no ideal point leads there.
+    """Give the ideal points that the lens puts at `xy`, (..., 2) -> (..., 2); NaN where no ideal point leads there.
 
     Newton's method from the identity. A point where the lens folds back (its Jacobian's determinant is not positive) is
     no solution: two directions would then share a pixel.

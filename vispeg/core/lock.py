@@ -26,13 +26,13 @@ def claim(out: str | Path) -> None:
 
 
 def release() -> None:
-    """The command has ended."""
+    """Note that the command has ended."""
     _COMMAND.close()
 
 
 @contextmanager
 def claimed(out: str | Path) -> Iterator[None]:
-    """Keeps other processes from writing `out` while the body runs.
+    """Keep other processes from writing `out` while the body runs.
 
     The lock is `.NAME.lock` beside `out`, or in it where nothing may be written beside it, and goes with the body. One
     that a killed process left behind holds nothing. A file system without locks has none.
@@ -72,7 +72,7 @@ def _place(target: Path) -> Path:
 
 
 def _open(path: Path) -> int | None:
-    """A handle that holds the lock, with who holds it written in the file; None where another process has it."""
+    """Give a handle that holds the lock, with who holds it written in the file; None where another process has it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)

@@ -15,7 +15,7 @@ ELSEWHERE = "so it is not replaced; move it away or name another folder"
 
 
 def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
-    """Writes down what a folder holds: a word for it, and the names of its files, by default those in it.
+    """Write down what a folder holds: a word for it, and the names of its files, by default those in it.
 
     Raises:
         OSError: it cannot be written.
@@ -37,13 +37,13 @@ def untouched(folder: Path) -> bool:
 
 
 def holds(folder: Path) -> str | None:
-    """The word for what a folder holds, or None where this program has not marked it."""
+    """Give the word for what a folder holds, or None where this program has not marked it."""
     record = _marker(folder)
     return None if record is None else record["holds"]
 
 
 def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:
-    """Raises UserError unless all that `folder` holds was written by this program, as a result of that kind.
+    """Raise UserError unless all that `folder` holds was written by this program, as a result of that kind.
 
     Args:
         folder: about to be replaced.
@@ -64,7 +64,7 @@ def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> 
 
 
 def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Raises UserError where `out` is one of the files and folders that a command reads, or a folder above one.
+    """Raise UserError where `out` is one of the files and folders that a command reads, or a folder above one.
 
     Links, relative paths and the case of letters make no difference where the file system makes none. A `str` without a
     separator or suffix is a name of something built in, not a path.

@@ -12,7 +12,7 @@ M_MMAP_THRESHOLD = -3  # malloc.h
 
 
 def in_words(size: float) -> str:
-    """A number of bytes for people."""
+    """Give a number of bytes for people."""
     return f"{size / GIB:.3g} GiB" if size >= GIB else f"{size / MIB:.2g} MiB"
 
 
@@ -52,7 +52,7 @@ def available(root: Path = Path("/")) -> int | None:
 
 
 def _left(mount: Path, place: str, limit: str, used: str, cache: str) -> list[int]:
-    """What a control group and those above it leave, bytes; a container sees its own at the mount itself."""
+    """Give what a control group and those above it leave, bytes; a container sees its own at the mount itself."""
     group, left = mount / place.lstrip("/"), []
     for folder in [group, *(p for p in group.parents if p == mount or mount in p.parents)]:
         with suppress(OSError, ValueError):  # no such group seen from here, or a limit of "max"

@@ -27,7 +27,7 @@ class Provenance(TypedDict):
 
 
 def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> Provenance:
-    """What is needed to repeat a result, ready for JSON.
+    """Give what is needed to repeat a result, ready for JSON.
 
     Args:
         argv: the command line as a list, program first; kept as a user would type it (`command_line`).
@@ -45,7 +45,7 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
 
 
 def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
-    """The provenance of what this process works out, from inputs whose digests are known.
+    """Give the provenance of what this process works out, from inputs whose digests are known.
 
     Its command is the one that the process was started with; `python` in a notebook or an interactive session.
     """
@@ -61,7 +61,7 @@ def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) ->
 
 
 def command_line(argv: Sequence[str]) -> str:
-    """The command as a user would type it again, without the folder that this installation's program lies in."""
+    """Give the command as a user would type it again, without the folder that this installation's program lies in."""
     program = Path(argv[0])
     name = "vispeg" if program.stem in ("__main__", "vispeg") else program.name
     return shlex.join([name, *map(str, argv[1:])])

@@ -19,7 +19,7 @@ class Registry(MutableMapping[str, Item]):
         self._items: dict[str, Item] = {}
 
     def enrol(self, name: str, item: Item) -> None:
-        """Keeps an item under its name, in place of one of the same class, as when a module is loaded anew.
+        """Keep an item under its name, in place of one of the same class, as when a module is loaded anew.
 
         Raises:
             UserError: the name is another class's.

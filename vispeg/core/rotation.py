@@ -6,7 +6,7 @@ import numpy as np
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:
-    """Unit quaternions (..., 4) w x y z, w >= 0, of rotation matrices (..., 3, 3).
+    """Convert to unit quaternions (..., 4) w x y z, w >= 0, of rotation matrices (..., 3, 3).
 
     The largest of the four numbers is taken from the diagonal, the others from it: no difference of near numbers is
     divided by. Source: Quaternion from rotation matrix, J. Guidance and Control 1 (3), 1978, page 223.

@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 
 
 def stream(seed: int, *keys: object) -> np.random.Generator:
-    """A generator of its own for (seed, keys): the same on every machine, independent of all others.
+    """Give a generator of its own for (seed, keys): the same on every machine, independent of all others.
 
     Raises:
         UserError: the seed is negative.

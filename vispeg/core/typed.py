@@ -43,7 +43,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 
 def _said(hint: Any) -> str:
-    """An annotation in words."""
+    """Give an annotation in words."""
     kind, *others = get_args(hint) or (hint,)
     noun = WORDS[kind]
     if not others:

@@ -18,7 +18,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def pool_of(
     count: int, tasks: int | None = None, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes that end with this one, however it ends.
+    """Give a pool of processes that end with this one, however it ends.
 
     An interrupt from the terminal reaches this process alone. Where the body raises, what the workers are at is given
     up at once; after it they finish it.
@@ -58,7 +58,7 @@ def _begin(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -
 
 
 def end_with_parent() -> None:
-    """Waits for the parent's end, then ends this process."""
+    """Wait for the parent's end, then end this process."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()  # a killed parent cannot say that there is nothing more to do
@@ -67,7 +67,7 @@ def end_with_parent() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Processes that start meanwhile compute with one thread each."""
+    """Let processes that start meanwhile compute with one thread each."""
     before = {key: os.environ.get(key) for key in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

@@ -35,7 +35,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(RENDER_FILE.name, _example)
 def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
-    """What is wrong with a dataset, a line each; [] if nothing is.
+    """Give what is wrong with a dataset, a line each; [] if nothing is.
 
     Args:
         folder: of the dataset.
@@ -60,7 +60,7 @@ def _cameras(folder: Path) -> object:
 
 
 def collected(findings: Iterator[str]) -> list[str]:
-    """Findings up to what ends the search for more, which is the last one."""
+    """Give the findings up to what ends the search for more, which is the last one."""
     lines = []
     try:
         for finding in findings:
@@ -82,7 +82,7 @@ def _files(data: Dataset) -> Iterator[str]:
 
 
 def _meta(data: Dataset) -> Iterator[str]:
-    """What describes the whole agrees with itself and with the size of the files."""
+    """Find where what describes the whole disagrees with itself and with the size of the files."""
     episodes, info = data.episodes, data.info
     if info.get("total_episodes") != len(episodes):
         yield f"meta/info.json: total_episodes is {info.get('total_episodes')}; the episodes have {len(episodes)}"
@@ -108,7 +108,7 @@ def _meta(data: Dataset) -> Iterator[str]:
 
 
 def _numbers(data: Dataset) -> Iterator[str]:
-    """Counted columns count, numbers are finite, statistics are those of the numbers."""
+    """Check that counted columns count, numbers are finite, and statistics are those of the numbers."""
     lengths = [e["length"] for e in data.episodes]
     frame = np.concatenate([np.arange(n) for n in lengths])
     expected = {
@@ -198,7 +198,7 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
 
 
 def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
-    """The parts of known surface and pose that an episode's cameras see."""
+    """Yield the parts of known surface and pose that an episode's cameras see."""
     if isinstance(data, Stored):
         yield from data.seen(number, frames)
         return
@@ -217,7 +217,7 @@ def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray])
 
 
 def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:
-    """What is wrong with an episode's depth and part numbers, and with what it says of its end."""
+    """Yield what is wrong with an episode's depth and part numbers, and with what it says of its end."""
     for name, feature in data.features.items():
         if is_depth(feature) and not (np.isfinite(frames[name]).all() and (frames[name] >= 0).all()):
             yield f"{name} has depths that are negative or not finite"

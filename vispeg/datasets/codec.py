@@ -10,7 +10,7 @@ DEPTH_STEP = 1e-4  # m, step of 16-bit depth pictures (0.1 mm; they reach 6.5535
 
 
 def encode(image: np.ndarray) -> bytes:
-    """A picture as PNG or, if its numbers are floating-point, as TIFF.
+    """Give a picture as PNG or, if its numbers are floating-point, as TIFF.
 
     Args:
         image: (H, W, 3) uint8 RGB, (H, W) uint8 labels, (H, W) uint16, or (H, W) float32 depth in m.
@@ -29,7 +29,7 @@ def encode(image: np.ndarray) -> bytes:
 
 
 def decode(data: bytes, where: str = "") -> np.ndarray:
-    """The picture that `encode` was given, bit for bit.
+    """Give the picture that `encode` was given, bit for bit.
 
     Raises:
         UserError: bytes that are no picture; `where` says whose.

@@ -39,7 +39,7 @@ class Made(TypedDict, total=False):
 
 
 def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
-    """The content of `meta/info.json` of one of these versions.
+    """Give the content of `meta/info.json` of one of these versions.
 
     Raises:
         UserError: no dataset, an unfinished one, another version, or what cannot be; names the key.
@@ -72,7 +72,7 @@ def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
 
 
 def check_features(features: Any, path: Path) -> None:
-    """Raises UserError for features that are none, or that lack one which every dataset has."""
+    """Raise UserError for features that are none, or that lack one which every dataset has."""
     if not isinstance(features, dict):
         raise UserError("not a mapping of features", file=path, key="features", got=features)
     if missing := [name for name in COUNTED if name not in features]:
@@ -105,7 +105,7 @@ def check_features(features: Any, path: Path) -> None:
 
 
 def _check_path(pattern: Any, path: Path, places: Sequence[str]) -> None:
-    """Raises UserError for a `data_path` that is no file below the folder, with these numbers of a chunk and a file."""
+    """Raise UserError for a `data_path` that is no file below the folder, with these numbers of a chunk and a file."""
     chunk, file = places
     expected = f"a file below the folder, such as data/chunk-{{{chunk}:03d}}/file-{{{file}:03d}}.parquet"
     try:
@@ -125,7 +125,7 @@ def inside(name: Any) -> bool:
 
 
 def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[str, Camera], tuple[str, ...]]:
-    """The cameras as their user believes them, by name, and the parts' names; none where the dataset does not say.
+    """Give the cameras as their user believes them, by name, and the parts' names; none where the dataset does not say.
 
     Raises:
         UserError: a camera that cannot be, or one whose pictures are missing or have another size.
@@ -180,7 +180,7 @@ def read_made(folder: Path) -> Made:
 
 
 def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
-    """The content of `meta/stats.json`; {} where there is none."""
+    """Give the content of `meta/stats.json`; {} where there is none."""
     path = folder / STATS
     stats = read_json(path) if os.path.lexists(path) else {}
     if not isinstance(stats, dict) or not all(isinstance(entry, dict) for entry in stats.values()):

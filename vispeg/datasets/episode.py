@@ -60,7 +60,7 @@ class Recorder:
                 self.values[name].append(value.astype(feature["dtype"]).reshape(feature["shape"]))
 
     def finish(self, about: Mapping[str, Any]) -> Episode:
-        """The episode."""
+        """Give the episode."""
         values, stats = {}, {}
         for name, entries in self.values.items():
             values[name] = entries if is_image(self.layout.features[name]) else np.stack(entries)

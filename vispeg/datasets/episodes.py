@@ -70,7 +70,7 @@ EpisodeRow = TypedDict(
 
 
 def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
-    """A mapping an episode, without statistics; drawn worlds and the like are decoded.
+    """Give a mapping an episode, without statistics; drawn worlds and the like are decoded.
 
     Args:
         folder: of the dataset.
@@ -102,7 +102,8 @@ def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
 
 
 def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRow]:
-    """The same of LeRobot's version 2, in which each episode is a file and `meta/episodes.jsonl` has a line for it.
+    """Give the same of LeRobot's version 2, in which each episode is a file and `meta/episodes.jsonl` has a line for
+    it.
 
     Args:
         folder, total: as in `read_episodes`.
@@ -125,7 +126,7 @@ def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRo
 
 
 def _follow(rows: Sequence[EpisodeRow], folder: Path, total: int) -> None:
-    """Raises UserError unless episodes follow one another without a gap and the total is theirs."""
+    """Raise UserError unless episodes follow one another without a gap and the total is theirs."""
     at, path = 0, folder / FOLDER
     for i, e in enumerate(rows):
         if e["episode_index"] != i:

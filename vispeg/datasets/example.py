@@ -35,7 +35,7 @@ LAYOUT = Layout(FEATURES, (EYE,), ("arm", "tool"), 6.25, "Do it.", "nobody")
 
 
 def write_dataset(folder: Path) -> Path:
-    """Writes a dataset of six frames in two files below `folder`; returns its own folder."""
+    """Write a dataset of six frames in two files below `folder`; return its own folder."""
     return render(PLAN, LAYOUT, invented, folder / "dataset", engine=_here)
 
 

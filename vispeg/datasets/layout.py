@@ -90,7 +90,7 @@ class Layout:
 
 
 def numbers(names: Sequence[str]) -> Feature:
-    """A float32 vector with a name for each entry."""
+    """Give a float32 vector with a name for each entry."""
     return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
 
 
@@ -105,7 +105,7 @@ def flag() -> Feature:
 
 
 def picture(camera: Camera) -> Feature:
-    """A camera's colour."""
+    """Give a camera's colour."""
     return {
         "dtype": "image",
         "shape": [camera.height, camera.width, 3],
@@ -114,12 +114,12 @@ def picture(camera: Camera) -> Feature:
 
 
 def depth(camera: Camera) -> Feature:
-    """A camera's planar depth: float32 in m, 0 where there is no reading."""
+    """Give a camera's planar depth: float32 in m, 0 where there is no reading."""
     return {**_grid(camera, "float32"), "info": {"depth_unit": "m"}}
 
 
 def parts(camera: Camera) -> Feature:
-    """What a camera sees, a part's number a pixel."""
+    """Give what a camera sees, a part's number a pixel."""
     return _grid(camera, "uint8")
 
 
@@ -128,18 +128,18 @@ def _grid(camera: Camera, dtype: str) -> Feature:
 
 
 def colour_of(camera: str) -> str:
-    """The feature that holds a camera's colour."""
+    """Give the feature that holds a camera's colour."""
     return COLOUR + camera
 
 
 def depth_of(camera: str, features: Container[str]) -> str:
-    """The feature that holds a camera's depth, by the older of its two names where the features have that one."""
+    """Give the feature that holds a camera's depth, by the older of its two names where the features have that one."""
     old = f"observation.images.{camera}_depth"
     return old if old in features else f"observation.depth.{camera}"
 
 
 def pose_of(part: str, camera: str, features: Container[str]) -> str:
-    """The feature that holds a part's pose at the moment that a camera's picture shows.
+    """Give the feature that holds a part's pose at the moment that a camera's picture shows.
 
     The part's own where the features have one for all cameras: of what does not move, or as older datasets have it.
     """
@@ -148,7 +148,7 @@ def pose_of(part: str, camera: str, features: Container[str]) -> str:
 
 
 def truth_of(features: Container[str]) -> str:
-    """The feature that holds what only a simulation knows.
+    """Give the feature that holds what only a simulation knows.
 
     A label, so that LeRobot's policies do not learn from it; `observation.environment_state`, LeRobot's own name for
     an input of that kind, where the features have that one.
@@ -157,7 +157,7 @@ def truth_of(features: Container[str]) -> str:
 
 
 def entries_of(feature: Feature) -> list[str]:
-    """A name for each number of a feature: its own, or their places; one without a name is ''."""
+    """Give a name for each number of a feature: its own, or their places; one without a name is ''."""
     names, width = feature.get("names"), int(np.prod(feature["shape"]))
     if isinstance(names, list) and len(names) == width and len({*map(str, names)}) == width:
         return [str(name) for name in names]
@@ -165,7 +165,7 @@ def entries_of(feature: Feature) -> list[str]:
 
 
 def short_of(name: str) -> str:
-    """A picture feature's name in files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
+    """Give a picture feature's name in files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
     if name.startswith("observation.depth."):
         return name.removeprefix("observation.depth.") + "_depth"
     return name.removeprefix(COLOUR).removeprefix("label.")
@@ -188,18 +188,20 @@ def is_depth(feature: Feature) -> bool:
 
 
 def pixel_type(feature: Feature) -> np.dtype:
-    """The type of a picture's pixels."""
+    """Give the type of a picture's pixels."""
     return np.dtype(np.float32 if is_depth(feature) else np.uint8)
 
 
 def pixel_shape(feature: Feature) -> tuple[int, ...]:
-    """The shape of a picture as NumPy holds it: (H, W, 3), or (H, W) for one channel."""
+    """Give the shape of a picture as NumPy holds it: (H, W, 3), or (H, W) for one channel."""
     height, width, channels = (*feature["shape"], 1)[:3]
     return (height, width) if channels == 1 else (height, width, channels)
 
 
 def schema(features: Mapping[str, Feature]) -> pa.Schema:
-    """The Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures and arrays."""
+    """Give the Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures and
+    arrays.
+    """
     import pyarrow as pa
 
     fields, types = [], {}

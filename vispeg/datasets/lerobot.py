@@ -40,7 +40,7 @@ def path_of(pattern: str, shard: int) -> str:
 
 
 def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: int, first_frame: int) -> int:
-    """Writes a finished shard's two files from its bytes in `part`. Returns how many episodes it has.
+    """Write a finished shard's two files from its bytes in `part`. Returns how many episodes it has.
 
     The data come last: a shard whose data are there is done.
 
@@ -78,7 +78,7 @@ def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: i
 
 
 def _row(record: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, object]:
-    """A line of `meta/episodes`."""
+    """Give a line of `meta/episodes`."""
     chunk, file = divmod(shard, CHUNK)
     row: dict[str, object] = {
         "episode_index": number,
@@ -100,7 +100,7 @@ def _row(record: Mapping[str, Any], shard: int, number: int, first_frame: int) -
 
 
 def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, Any]) -> None:
-    """Writes what describes the whole, once every shard is placed; `info.json` comes last."""
+    """Write what describes the whole, once every shard is placed; `info.json` comes last."""
     import pyarrow.parquet as pq
 
     episodes, stats = 0, {}
@@ -130,7 +130,7 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
 
 
 def info(layout: Layout, frames: int, episodes: int) -> Info:
-    """The content of `meta/info.json`."""
+    """Give the content of `meta/info.json`."""
     rate = int(layout.fps) if layout.fps == int(layout.fps) else layout.fps
     return {
         "codebase_version": VERSION,
@@ -150,7 +150,7 @@ def info(layout: Layout, frames: int, episodes: int) -> Info:
 
 
 def _tasks(task: str) -> bytes:
-    """The table of tasks; its note makes the words the index when pandas reads it, as LeRobot does."""
+    """Give the table of tasks; its note makes the words the index when pandas reads it, as LeRobot does."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -41,7 +41,7 @@ class Seen:
 
 
 def disagreements(things: Iterable[Seen]) -> Iterator[str]:
-    """A line for each camera and part of which pictures show another moment than their labels state."""
+    """Yield a line for each camera and part of which pictures show another moment than their labels state."""
     for seen in things:
         pictures, own, before = late(seen)
         if len(pictures):

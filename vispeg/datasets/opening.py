@@ -19,7 +19,7 @@ def holds_dataset(folder: Path) -> bool:
 
 
 def open_dataset(folder: str | Path) -> Dataset | Stored:
-    """The dataset in a folder. Raises UserError where there is none, or one that cannot be read."""
+    """Give the dataset in a folder. Raises UserError where there is none, or one that cannot be read."""
     path = Path(folder).expanduser()
     if not is_file(path / INFO) and is_file(path / WHOLE):
         return Plain(path)

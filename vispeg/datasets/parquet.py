@@ -20,7 +20,7 @@ LARGEST = 4 * 10**9  # bytes of a table in memory
 
 
 def opened(path: Path) -> Any:
-    """An open `pyarrow.parquet.ParquetFile`.
+    """Give an open `pyarrow.parquet.ParquetFile`.
 
     Raises:
         UserError: no such file, cut short, or no Parquet file.
@@ -39,7 +39,7 @@ def opened(path: Path) -> Any:
 
 
 def read(action: Callable[[], T], path: Path) -> T:
-    """What reading a part of a file gives. Raises UserError where it is damaged there."""
+    """Give what reading a part of a file gives. Raises UserError where it is damaged there."""
     import pyarrow as pa
 
     try:
@@ -68,7 +68,7 @@ def table(file: Any, path: Path, columns: list[str] | None, group: int | None = 
 
 
 def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
-    """A column's values: (T, ...) numbers, or T encoded pictures as a list of bytes.
+    """Give a column's values: (T, ...) numbers, or T encoded pictures as a list of bytes.
 
     Args:
         feature: what they should be.
@@ -102,7 +102,7 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
 
 
 def checked(rows: Sequence[Mapping[str, object]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:
-    """Raises UserError where an entry of a table's lines is not of its kind; None and entries without a kind pass."""
+    """Raise UserError where an entry of a table's lines is not of its kind; None and entries without a kind pass."""
     for i, row in enumerate(rows):
         for key, right in kinds.items():
             if row.get(key) is not None and not right(row[key]):

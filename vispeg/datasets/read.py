@@ -118,7 +118,9 @@ class Dataset:
         return read_cameras(self.folder, self.info["features"])
 
     def drawn_cameras(self, number: int) -> dict[str, Camera]:
-        """The cameras as they were drawn for an episode, by name; as their user believes them where it does not say."""
+        """Give the cameras as they were drawn for an episode, by name; as their user believes them where it does not
+        say.
+        """
         records = self.episodes[number].get(f"{OWN}cameras")
         if records is None:
             return self.cameras
@@ -141,7 +143,7 @@ class Dataset:
         return read_stats(self.folder)
 
     def numbers(self, name: str) -> np.ndarray:
-        """A feature of all frames at once, (N, ...); pictures are refused."""
+        """Give a feature of all frames at once, (N, ...); pictures are refused."""
         available = self.info["features"]
         if name not in available or is_picture(available[name]):
             choices = [k for k, f in available.items() if not is_picture(f)]
@@ -150,7 +152,7 @@ class Dataset:
         return np.concatenate(arrays)
 
     def bytes(self, number: int, name: str) -> list[bytes]:
-        """The encoded pictures of an episode."""
+        """Give the encoded pictures of an episode."""
         return self._columns(number)[name]
 
     # Files ----------------------------------------------------------------------------------------------------
@@ -160,7 +162,7 @@ class Dataset:
         return list(dict.fromkeys(self._data_file(e) for e in self.episodes))
 
     def open(self, path: Path) -> Any:
-        """A file of the dataset as `pyarrow.parquet.ParquetFile`; a few stay open."""
+        """Give a file of the dataset as `pyarrow.parquet.ParquetFile`; a few stay open."""
         if path not in self._files:
             self._files[path] = opened(path)
             while len(self._files) > OPEN:
@@ -200,7 +202,7 @@ class Dataset:
         return self.folder / self.info["data_path"].format(**places)
 
     def _video(self, number: int, name: str) -> np.ndarray:
-        """An episode's pictures from its video, (T, H, W, 3) uint8."""
+        """Give an episode's pictures from its video, (T, H, W, 3) uint8."""
         file, start = where(self.folder, str(self.info.get("video_path") or ""), name, number, self._chunk)
         times = np.arange(self.episodes[number]["length"]) / self.info["fps"]
         frames = [image for _, image in decoded(file, times, start)]
@@ -210,7 +212,7 @@ class Dataset:
         return np.stack(frames)
 
     def _columns(self, number: int) -> Mapping[str, Any]:
-        """An episode's features: arrays, or encoded pictures."""
+        """Give an episode's features: arrays, or encoded pictures."""
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]

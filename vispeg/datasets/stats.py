@@ -55,7 +55,7 @@ class PictureStats:
         self.frames += 1
 
     def _moments(self) -> None:
-        """What the histogram of 8-bit pictures already says exactly."""
+        """Give what the histogram of 8-bit pictures already says exactly."""
         level = np.arange(self.bins) * self.step
         there = self.histogram > 0
         self.low, self.high = level[there.argmax(axis=1)], level[self.bins - 1 - there[:, ::-1].argmax(axis=1)]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def check(env: Any, looks: int) -> None:
-    """Raises UserError for more looks than one of an environment without images, or of a world that varies none."""
+    """Raise UserError for more looks than one of an environment without images, or of a world that varies none."""
     eyes = getattr(env, "eyes", None)
     if looks > 1 and not (eyes is not None and eyes.varied):
         raise UserError("all looks would be the same: nothing that is seen varies", key="looks", expected=1, got=looks)

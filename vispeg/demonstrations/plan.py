@@ -50,7 +50,7 @@ def plan_of(
     backend: str = "auto",
     modality: str = RGBD,
 ) -> tuple[Plan, Layout]:
-    """The plan of a rendering of a world's task, and what its frames hold; see Plan for the arguments.
+    """Give the plan of a rendering of a world's task, and what its frames hold; see Plan for the arguments.
 
     Raises:
         UserError: an unknown world or camera, or numbers that cannot be.
@@ -82,20 +82,20 @@ def plan_of(
 
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
-    """The task of a world's file, seen through these cameras at this image size (0: their own)."""
+    """Give the task of a world's file, seen through these cameras at this image size (0: their own)."""
     chosen = {"cameras": tuple(cameras)} if cameras else {}
     return registry.config_of({**file.task, **chosen, "image_size": size}, str(file.path))
 
 
 def scene_of(task: TaskConfig) -> Scene:
-    """The task's cell with the cameras that the task looks through, and no others."""
+    """Give the task's cell with the cameras that the task looks through, and no others."""
     return replace(registry.task_of(task).cell(task), cameras=task.cameras)
 
 
 def layout_of(
     file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool = True
 ) -> Layout:
-    """What every frame of a rendering holds, with part numbers and depth or without."""
+    """Give what every frame of a rendering holds, with part numbers and depth or without."""
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Feature] = {
         "observation.state": numbers((*scene.joints, *TASK_STATE)),

@@ -79,7 +79,7 @@ class Take:
 
 
 def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
-    """The episodes of one shard, the last one cut where the shard is full.
+    """Yield the episodes of one shard, the last one cut where the shard is full.
 
     Raises:
         UserError: the world's file has changed since the plan was made.
@@ -154,7 +154,7 @@ class Stage:
         return [(e.seed, e.moments, e.record, e.physics) for e in every]
 
     def _begin(self, rows: list[Played | None], todo: Iterator[int], every: list[Played]) -> None:
-        """The next episodes begin in rows that are free."""
+        """Note that the next episodes begin in rows that are free."""
         starting = list(zip([i for i, episode in enumerate(rows) if episode is None], todo, strict=False))
         if not starting:
             return
@@ -190,7 +190,7 @@ class Stage:
     def take(
         self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Take:
-        """The same look as rendered, its sensor still to come."""
+        """Give the same look as rendered, its sensor still to come."""
         view_seed = look_seed(seed, look)
         cell = moments[0].cell  # the guard judges it as it stands, which is the same in every look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
@@ -232,7 +232,7 @@ class Stage:
         return np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
 
     def _labels(self, camera: str, shot: Shot) -> dict[str, np.ndarray]:
-        """What a camera's picture of the renderer's present moment shows."""
+        """Give what a camera's picture of the renderer's present moment shows."""
         labels = {
             f"label.{self.scene.held}.{camera}": self._pose(self.scene.tip_site),
             f"label.camera.{camera}": np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])]),
@@ -278,7 +278,7 @@ _STAGES: dict[str, Stage] = {}
 
 
 def _stage(plan: Plan, layout: Layout) -> Stage:
-    """The stage of a plan; a worker that makes several shards of it sets it up once."""
+    """Give the stage of a plan; a worker that makes several shards of it sets it up once."""
     key = json.dumps(plan.to_json(), sort_keys=True)
     if key not in _STAGES:
         while _STAGES:

@@ -45,12 +45,12 @@ class Beginning:
 
 
 def opened(world: World, names: Collection[str] | None = None) -> Beginning:
-    """What is partial is fitted anew, and stands last; with `names` only effects of these names are."""
+    """Fit what is partial anew, and put it last; with `names` only effects of these names are."""
     firm = [e for e in world.effects if not e.partial or names is not None and e.effect not in names]
     return Beginning(replace(world, effects=(*firm, *(e for e in world.effects if e not in firm))), len(firm))
 
 
 def of_joints(world: World, recordings: Sequence[Recording], unit: str) -> Beginning:
-    """The same, with the steps of encoders, which the readings of angles show; not where torques are compared."""
+    """Give the same, with the steps of encoders, which the readings of angles show; not where torques are compared."""
     begin = opened(world)
     return replace(begin, read=gridded(begin.world, recordings)) if unit == "rad" else begin

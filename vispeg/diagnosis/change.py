@@ -32,7 +32,7 @@ def diagnose_change(
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds what `world` lacks in the baseline, then what the other recordings need beyond it.
+    """Find what `world` lacks in the baseline, then what the other recordings need beyond it.
 
     The record's `effects` are the change, `baseline` holds what was found in the baseline; the world has both.
 

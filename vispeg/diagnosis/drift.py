@@ -135,7 +135,7 @@ def _holm(p: Sequence[float]) -> list[float]:
 
 
 def _widened(world: World, free: Sequence[int], factor: float) -> World:
-    """The world with the intervals of some effects `factor` times as wide about their values."""
+    """Give the world with the intervals of some effects `factor` times as wide about their values."""
     effects = list(world.effects)
     for i in free:
         params = {

@@ -86,7 +86,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return [(n, place) for n in names for place in effect(n).targets(self.evidence.model)]
 
     def start(self, world: World, n_fixed: int | None = None) -> Tossed:
-        """The world as it is given."""
+        """Give the world as it is given."""
         return Tossed(world, self.judge.losses([world])[0])
 
     def announce(self, state: Tossed) -> None:
@@ -94,7 +94,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise")
 
     def offers(self, state: Tossed, n_fixed: int) -> list[Tried]:
-        """The best sizes of the screening, fitted and judged; those that pass come first."""
+        """Give the best sizes of the screening, fitted and judged; those that pass come first."""
         starts = self.screened(state.world)
         fits = self.fits([state.world.add(p) for p in starts[:BEST]], n_fixed)
         level = stats.norm.isf(LEVEL / max(len(starts), 1))
@@ -102,7 +102,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return sorted(out, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
 
     def take(self, state: Tossed, trial: Tried, trials: list[Tried], n_fixed: int) -> None:
-        """The fit of a trial, which stands for the state from now on."""
+        """Give the fit of a trial, which stands for the state from now on."""
         state.steps.append((trial, trials))
         state.world, state.loss = trial.world, trial.loss
 
@@ -158,7 +158,8 @@ class ObjectSearch(Loop[Tossed, Tried]):
 
 
 def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
-    """The values of each parameter that held-out tosses do not show beside a world, of each effect that it has not.
+    """Give the values of each parameter that held-out tosses do not show beside a world, of each effect that it has
+    not.
 
     Of the sizes that the search tries, on each side of none: up to the first that passes its tests of the held-out
     error with the probability `POWER`; nearer by as much as that passes easily, its trace growing as its distance, but
@@ -188,7 +189,7 @@ def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
 
 
 def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """The values about none that do not show, of the values that were tried and the multiple of each that would.
+    """Give the values about none that do not show, of the values that were tried and the multiple of each that would.
 
     None where no value shows; up to the end of the range on a side where none does.
     """
@@ -207,7 +208,9 @@ def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, 
 
 
 def kept(progress: Progress, question: str, world: World, work_out: Callable[[], World]) -> World:
-    """A world's effects with the values and intervals that a question gives them: known, or worked out and kept."""
+    """Give a world's effects with the values and intervals that a question gives them: known, or worked out and
+    kept.
+    """
 
     def plain() -> list:
         effects = work_out().effects
@@ -313,7 +316,9 @@ def windows(
     seed: int,
     nthread: int,
 ) -> list[Mapping[str, object]]:
-    """What each length of window says: errors of both models on the held-out tosses, and each parameter's profile."""
+    """Give what each length of window says: errors of both models on the held-out tosses, and each parameter's
+    profile.
+    """
     rows = []
     rng = np.random.default_rng([seed, 41])
     for label, seconds in WINDOWS.items():

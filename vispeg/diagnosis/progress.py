@@ -37,7 +37,7 @@ class Progress:
         self.resumed = len(self.answers)
 
     def recall(self, question: Any, work_out: Callable[[], Any]) -> Any:
-        """The answer (plain JSON data) to a question (JSON data): known, or worked out and kept."""
+        """Give the answer (plain JSON data) to a question (JSON data): known, or worked out and kept."""
         at = _hash(question if self.of is None else [self.of, question])
         if at not in self.answers:
             self.answers[at] = work_out()
@@ -45,7 +45,7 @@ class Progress:
         return self.answers[at]
 
     def part(self, of: str) -> Progress:
-        """The same progress for another diagnosis in the same run: its questions are not mistaken for these."""
+        """Give the same progress for another diagnosis in the same run: its questions are not mistaken for these."""
         other = copy(self)
         other.of = of
         return other
@@ -56,7 +56,7 @@ class Progress:
             write_text_atomic(self.file, text, overwrite=True)
 
     def remove(self) -> None:
-        """The diagnosis is done: nothing is left behind."""
+        """Note that the diagnosis is done: nothing is left behind."""
         if self.file is not None:
             remove_unfinished(self.file)
 

@@ -324,7 +324,7 @@ class Linear:
         return chosen, path
 
     def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
-        """What a set of entries says, with the sizes that suit the laws themselves."""
+        """Give what a set of entries says, with the sizes that suit the laws themselves."""
         c, at, placed = self.score(chosen)[2] * self.prior[self._rows(chosen)], 0, []
         for k in chosen:
             placed.append(self.entries[k].placed(c[at : at + len(self.of[k])].tolist()))
@@ -388,7 +388,7 @@ def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarr
 
 
 def _width(s: Signature) -> np.ndarray:
-    """Standard deviations of the coefficients' priors."""
+    """Give the standard deviations of the coefficients' priors."""
     kind = effect(s.probe.effect)
     sizes = [
         TYPICAL * abs((kind.params[m].start - kind.params[m].null) / (s.probe.params[m].value - kind.params[m].null))

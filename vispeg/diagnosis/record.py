@@ -24,7 +24,7 @@ from vispeg.worlds.world import World
 
 
 def screening(state: State) -> list[Score]:
-    """The ranking of the first step's candidates and of the last screening."""
+    """Give the ranking of the first step's candidates and of the last screening."""
     first = state.steps[0][1] if state.steps else []
     return [t.score for t in first] + state.screening[:20]
 
@@ -39,7 +39,7 @@ def with_origin(
     partial: bool,
     unsure: Collection[str] = (),
 ) -> World:
-    """The world whose effects after the first `n_fixed` say what they were fitted and judged on.
+    """Give the world whose effects after the first `n_fixed` say what they were fitted and judged on.
 
     `unsure` has the labels of those whose names are not certain. An encoder's step is never partial: no fit moves it.
     """
@@ -63,7 +63,7 @@ def with_origin(
 
 
 def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
-    """What was found, each with what these recordings cannot tell it from.
+    """Give what was found, each with what these recordings cannot tell it from.
 
     `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
     """
@@ -110,7 +110,7 @@ def ladder(
 
 
 def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:
-    """What else was tried, and why it was refused."""
+    """Give what else was tried, and why it was refused."""
     out = []
     for best, trials in state.steps:
         for t in trials:

@@ -127,7 +127,7 @@ def torqued(rec: Recording) -> bool:
 
 
 def refuse_numb(rec: Recording) -> None:
-    """Raises UserError for a recording of contact without joint torques, where no wrench was measured either."""
+    """Raise UserError for a recording of contact without joint torques, where no wrench was measured either."""
     if not torqued(rec):
         raise UserError(
             "touches the cell and has no wrench, nor joint torques to tell it from",

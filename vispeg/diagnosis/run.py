@@ -69,7 +69,7 @@ def diagnose(
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds the effects that `world` lacks; every error in the record is on `held_out`, or see `evidence.roles`.
+    """Find the effects that `world` lacks; every error in the record is on `held_out`, or see `evidence.roles`.
 
     `likely` is told within seconds what torques call for, before the search confirms or corrects it (`proposal`).
     `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.

@@ -54,7 +54,7 @@ def sizes(param: Param) -> list[float]:
 
 
 def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str, rng: np.random.Generator) -> Profile:
-    """The profile of one parameter of an effect that is in `world`, about its value there."""
+    """Give the profile of one parameter of an effect that is in `world`, about its value there."""
     param = effect(placed.effect).params[name]
     centre = placed.params[name].value
     if param.null > 0:

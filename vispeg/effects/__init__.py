@@ -10,7 +10,7 @@ for _module in sorted(m.name for m in walk_packages(__path__, f"{__name__}.") if
 
 
 def find(search: str = "", family: Family | None = None) -> list[Effect]:
-    """The registered effects, by name.
+    """Give the registered effects, by name.
 
     Args:
         search: a text that name, first lines or parameters must have in them, in any case.

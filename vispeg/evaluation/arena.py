@@ -22,7 +22,7 @@ _kept: dict[Any, Any] = {}  # the last environment of this worker: jobs that fol
 
 
 def play(job: Job) -> list[Episode]:
-    """The episodes of a job, in the order of its seeds.
+    """Give the episodes of a job, in the order of its seeds.
 
     Raises:
         UserError: a policy made for another observation, a world that cannot be.
@@ -46,7 +46,7 @@ def play(job: Job) -> list[Episode]:
 
 
 def environment(job: Job, render_mode: str | None = None) -> Any:
-    """The vector environment of a job, that of the last job where it is the same."""
+    """Give the vector environment of a job, that of the last job where it is the same."""
     from vispeg.learn.modalities import modality
     from vispeg.task.environments.vector import TaskVec
 
@@ -64,7 +64,7 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
 
 
 def episode(job: Job, outcome: Outcome) -> Episode:
-    """The record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
+    """Give the record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
     info = outcome.info
     forces = np.asarray(info.get("force_profile", ()), float)
     steps = max(1, outcome.steps)

@@ -160,7 +160,9 @@ def part(first: Ends, second: Ends, rng: np.random.Generator, draws: int = 4000)
 
 
 def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> Difference:
-    """The test that a kind's share of the episodes is the same; less `of_failures` times the share of all failures."""
+    """Give the test that a kind's share of the episodes is the same; less `of_failures` times the share of all
+    failures.
+    """
     sides = [
         {
             t: {episode: float(end == name) - of_failures * (end != "success") for episode, end in row.items()}
@@ -173,7 +175,7 @@ def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> D
 
 
 def _over_networks(first: Ends, second: Ends, shares: Mapping[str, float]) -> tuple[float | None, str]:
-    """The p-value that every network's failures are of the same kinds on both sides, or why there is none."""
+    """Give the p-value that every network's failures are of the same kinds on both sides, or why there is none."""
     if len(shares) < 2:
         return 1.0, ""
     tests = [_shares(first, second, name, share) for name, share in shares.items()]

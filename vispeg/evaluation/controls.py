@@ -26,12 +26,12 @@ FIXED = "_fixed"  # ends the name of the control that keeps the goal where it is
 
 
 def controls_of(scene: Scene) -> tuple[str, ...]:
-    """The controls of policies in a cell; that of the goal's place where an effect moves it."""
+    """Give the controls of policies in a cell; that of the goal's place where an effect moves it."""
     return *ON_IMAGES, *([scene.goal + FIXED] if effect(scene.offset).targets(scene) else [])
 
 
 def at_nominal(scene: Scene) -> Change:
-    """What keeps the goal of a cell at its nominal place."""
+    """Give what keeps the goal of a cell at its nominal place."""
     return Change(scene.offset, {"x": 0.0, "y": 0.0, "z": 0.0})
 
 
@@ -63,7 +63,7 @@ class Controlled:
         self.policy.reset(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """What the policy does with the images that the control gives it."""
+        """Give what the policy does with the images that the control gives it."""
         inputs = dict(obs)
         for key in (k for k in obs if kind_of(k) is not None):
             inputs[key] = self._instead(key, obs[key])

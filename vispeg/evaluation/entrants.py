@@ -111,7 +111,7 @@ def entrant(text: str) -> Entrant:
 
 
 def _own(name: str, source: Any) -> Entrant:
-    """A policy of the user's own. Raises UserError: nothing that acts, or that observes what there is."""
+    """Give a policy of the user's own. Raises UserError: nothing that acts, or that observes what there is."""
     target = own.made(source)
     mode, task = own.observes(target, name)
     path, action = own.origin(source), own.acts(source, target)
@@ -208,7 +208,7 @@ def refuse_trained_on(
 
 
 def _stem(path: Path) -> str:
-    """The folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's.
+    """Give the folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's.
 
     Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `LABEL-depth@8000`.
     """

@@ -105,7 +105,7 @@ def summarise(
 
 
 def _shown(exchanged: Sequence[Sense]) -> str:
-    """The sense whose moment is shown: the pictures where there are any, for people see them, else the first."""
+    """Give the sense whose moment is shown: the pictures where there are any, for people see them, else the first."""
     names = [row["sense"] for row in exchanged]
     return senses.PICTURES if senses.PICTURES in names else names[0]
 
@@ -128,7 +128,9 @@ def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
 
 
 def _rate(each: np.ndarray) -> Interval:
-    """The mean over trials (n,) with the interval of as many single episodes, for replays of a start are no more."""
+    """Give the mean over trials (n,) with the interval of as many single episodes, for replays of a start are no
+    more.
+    """
     found = wilson(round(float(each.sum())), len(each)).to_json()
     return {**found, "value": float(each.mean())}
 
@@ -196,7 +198,7 @@ def _cause(
 
 
 def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequence[Measure]) -> list[Rule]:
-    """The article's rules of thumb, each with its number here."""
+    """Give the article's rules of thumb, each with its number here."""
     followed = [f for f in map(_followed, trials, replayed) if f is not None]
     rules: list[Rule] = []
     if followed:

@@ -18,7 +18,9 @@ from vispeg.formats.json_data import read_json
 def workplace(
     out: str | Path | None, result: str, overwrite: bool = False, inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[Path]:
-    """The folder that `prepare` makes, kept from other processes while the body runs; a temporary one without `out`."""
+    """Give the folder that `prepare` makes, kept from other processes while the body runs; a temporary one without
+    `out`.
+    """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:
             yield Path(folder)
@@ -30,7 +32,7 @@ def workplace(
 
 
 def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> None:
-    """Raises UserError where `out` is something else than a folder of such results, or is among the inputs."""
+    """Raise UserError where `out` is something else than a folder of such results, or is among the inputs."""
     kind = Path(result).stem
     apart(out, inputs)
     if out.is_file() or (out.is_dir() and not untouched(out) and _kind(out) not in (kind, "")):
@@ -38,7 +40,7 @@ def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> 
 
 
 def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
-    """Makes the folder, or clears a finished result in it away.
+    """Make the folder, or clear a finished result in it away.
 
     Args:
         out: where.
@@ -67,7 +69,7 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
 
 
 def _kind(out: Path) -> str | None:
-    """What a folder holds by its marker; "" if it is of a version without, None if it is not of a run at all."""
+    """Give what a folder holds by its marker; "" if it is of a version without, None if it is not of a run at all."""
     if (marked := holds(out)) is not None:
         return marked
     try:

@@ -158,7 +158,7 @@ class _Asked:
         return asked
 
     def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
-        """What a policy loses, how it fails, and on a robot how long it takes and how hard it presses."""
+        """Give what a policy loses, how it fails, and on a robot how long it takes and how hard it presses."""
         cells = [Cell(policy, reference), Cell(policy, world)]
         networks = table.networks(cells)
         if not networks:
@@ -191,7 +191,7 @@ def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesi
 
 
 def _beyond(y: Mapping[str, np.ndarray], reference: str, joint: str, factors: Sequence[str]) -> np.ndarray:
-    """What the joint world costs beyond the sum of the factors, an episode and network each."""
+    """Give what the joint world costs beyond the sum of the factors, an episode and network each."""
     return y[reference] - y[joint] - np.sum([y[reference] - y[f] for f in factors], axis=0)
 
 

@@ -78,12 +78,12 @@ class Job:
     replays: Replays | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
-        """The keys of the episodes that it makes, see Episode."""
+        """Give the keys of the episodes that it makes, see Episode."""
         e = self.entrant
         return [(e.name, e.train_seed, self.world_name, self.control, self.configuration, s) for s in self.seeds]
 
     def split(self, size: int) -> list[Job]:
-        """The same in pieces of `size` seeds."""
+        """Give the same in pieces of `size` seeds."""
         pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
         return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
 
@@ -113,7 +113,7 @@ class Setting:
 def make_jobs(
     who: Sequence[Entrant], settings: Sequence[Setting], seeds: Sequence[int], folder: Path, profile: bool = False
 ) -> list[Job]:
-    """A job for every policy in every setting; changed worlds are written into `folder`.
+    """Give a job for every policy in every setting; changed worlds are written into `folder`.
 
     A control on images is left out for policies that see none. Rows are few where images are rendered.
 

@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 
 
 def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> list[Mapping[str, object]]:
-    """The entries under `key` of a file of format `form`, each with a `name` of its own.
+    """Give the entries under `key` of a file of format `form`, each with a `name` of its own.
 
     Raises:
         UserError: naming file, entry and key for anything else.

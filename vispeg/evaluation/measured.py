@@ -50,7 +50,7 @@ def read_csv(
     policies: Mapping[str, Collection[int]] | None = None,
     configurations: Collection[str] = (),
 ) -> Trials:
-    """Reads columns policy, seed, outcome and, where there are, configuration, category, modality, train_seed, time,
+    """Read columns policy, seed, outcome and, where there are, configuration, category, modality, train_seed, time,
     peak_force.
 
     Args:
@@ -107,7 +107,7 @@ def read_measured(
     policies: Mapping[str, Collection[int]] | None = None,
     digests: Mapping[str, tuple[str, int]] | None = None,
 ) -> Trials:
-    """Reads a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
+    """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
     Args:
         path: of either.
@@ -208,7 +208,7 @@ def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
 
 
 def _real(text: str, name: str, where: Mapping[str, Any]) -> float:
-    """The number, NaN where there is none."""
+    """Give the number, NaN where there is none."""
     if text.lower() in ("", "nan"):
         return math.nan
     try:

@@ -35,7 +35,7 @@ class Change:
 def overlay(
     base: str | Path, name: str, folder: Path, changes: Sequence[Change] = (), task: Mapping[str, Any] | None = None
 ) -> WorldFile:
-    """Writes `folder`/NAME.yaml, based on `base`, and loads it. Without a change, the base itself is loaded.
+    """Write `folder`/NAME.yaml, based on `base`, and load it. Without a change, the base itself is loaded.
 
     Raises:
         UserError: as `load_world`: unknown effects, places, parameters, task keys, values out of bounds.

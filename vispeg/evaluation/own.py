@@ -58,7 +58,7 @@ def is_own(text: str) -> bool:
 
 
 def made(source: Any) -> Any:
-    """The policy that a text names, or an object is; a class is called.
+    """Give the policy that a text names, or an object is; a class is called.
 
     Raises:
         UserError: no such module or file, a class that cannot be made, or nothing that acts.
@@ -94,7 +94,7 @@ def called(text: str) -> str:
 
 
 def origin(source: Any) -> Path | None:
-    """The file that a policy named by a text is in; None for an object."""
+    """Give the file that a policy named by a text is in; None for an object."""
     if not isinstance(source, str):
         return None
     source = split(source)[0]
@@ -115,7 +115,7 @@ def _imported(text: str) -> Any:
 
 
 def acts(source: Any, target: Any) -> str | None:
-    """The kind of a policy's actions as `source`, the text that names it, or the policy itself states it.
+    """Give the kind of a policy's actions as `source`, the text that names it, or the policy itself states it.
 
     Raises:
         UserError: an unknown kind, or another than an exported policy states.
@@ -130,7 +130,7 @@ def acts(source: Any, target: Any) -> str | None:
 
 
 def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
-    """What a policy observes, and the settings of the task that it was made for.
+    """Give what a policy observes, and the settings of the task that it was made for.
 
     Raises:
         UserError: no such observation or setting; one that reads the ground truth.
@@ -151,7 +151,7 @@ def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
 
 
 def _stated(i: Interface) -> dict[str, Any]:
-    """The settings of the task that an interface was written for, those of `vispeg.learn.meta.INTERFACE`."""
+    """Give the settings of the task that an interface was written for, those of `vispeg.learn.meta.INTERFACE`."""
     task = {"name": i.task, "stack": i.stack, "dof": i.dof, "policy_period": i.policy_period_s}
     task |= {"offset": i.offset_m, "turn": i.turn_rad}
     if i.images:
@@ -161,7 +161,7 @@ def _stated(i: Interface) -> dict[str, Any]:
 
 
 def made_in(target: Any) -> MadeIn:
-    """The world that a policy says it was trained in; nothing where it does not say."""
+    """Give the world that a policy says it was trained in; nothing where it does not say."""
     if not isinstance(target, Exported):
         return worlds()
     return worlds({"world": target.interface.world, "world_hash": target.interface.world_hash})
@@ -245,7 +245,7 @@ class Own:
         return self.actions.offset(actions, self.actions.seen(obs[MEASURED][:, :nj])).astype(np.float32)
 
     def _fitted(self, key: str, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """The part of an observation as the policy's space has it."""
+        """Give the part of an observation as the policy's space has it."""
         assert self._space is not None
         wanted, value = self._space[key], obs.get(key)
         if value is not None and kind_of(key) is DEPTH and wanted.dtype == np.uint8:
@@ -281,7 +281,7 @@ def plays_alone(target: Any) -> bool:
 
 
 def _where(error: Exception) -> str:
-    """An error of the user's code in a line, with its place."""
+    """Give an error of the user's code in a line, with its place."""
     at = traceback.extract_tb(error.__traceback__)[-1]
     text = (str(error).splitlines() or [""])[0]
     place = "" if at.filename.startswith("<frozen") else f" at {Path(at.filename).name}:{at.lineno}"

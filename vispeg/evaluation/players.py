@@ -17,7 +17,7 @@ from vispeg.task.scripted import Scripted
 
 
 def player(who: Entrant, config: Any) -> Any:
-    """The policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
+    """Give the policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
     if who.source is not None:
         return own_player(who, config)
     if str(who.path) == EXPERT:
@@ -28,7 +28,7 @@ def player(who: Entrant, config: Any) -> Any:
 
 
 def own_player(who: Entrant, config: TaskConfig) -> own.Own:
-    """A policy of the user's own, its actions turned into what the task's controller takes.
+    """Give a policy of the user's own, its actions turned into what the task's controller takes.
 
     Raises:
         UserError: as `vispeg.interface.actions.Actions`, or a task whose actions are its own.
@@ -45,7 +45,7 @@ def own_player(who: Entrant, config: TaskConfig) -> own.Own:
 
 
 def ready(policies: Policies) -> list[Entrant]:
-    """The entrants of these policies, each opened once, before anything is written.
+    """Give the entrants of these policies, each opened once, before anything is written.
 
     Raises:
         UserError: as `entrants`; a policy that cannot be played.

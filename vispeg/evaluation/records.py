@@ -74,7 +74,7 @@ class Episode:
 
 
 def append(path: str | Path, episodes: Iterable[Episode]) -> None:
-    """Adds episodes to a JSON-lines file, which is made if it is not there; whole lines in one write, then synced.
+    """Add episodes to a JSON-lines file, which is made if it is not there; whole lines in one write, then synced.
 
     A half-written last line that a killed run left behind is cut off first.
 
@@ -101,7 +101,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("episodes (JSON lines)", _example)
 def read(path: str | Path) -> list[Episode]:
-    """The episodes of a JSON-lines file, in order; a half-written last line is left out.
+    """Give the episodes of a JSON-lines file, in order; a half-written last line is left out.
 
     Raises:
         UserError: the file cannot be read, a line is not an episode, or two lines are the same episode with different
@@ -121,7 +121,7 @@ def read(path: str | Path) -> list[Episode]:
 
 
 def read_all(paths: Iterable[str | Path]) -> list[Episode]:
-    """The episodes of several files; one may be in two files.
+    """Give the episodes of several files; one may be in two files.
 
     Raises:
         UserError: as `read`; no episode at all; one world name under two hashes; an episode with different outcomes in
@@ -161,7 +161,8 @@ def _end_of_last_line(path: Path) -> int:
 
 
 def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
-    """A measured number of an episode. Raises UserError for what is none, not finite, or negative where that cannot be.
+    """Give a measured number of an episode. Raises UserError for what is none, not finite, or negative where that
+    cannot be.
 
     Args:
         key: what it is; all but `depth` (which is negative above the goal's plane) are 0 or more.

@@ -99,7 +99,7 @@ def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engin
 
 
 def _sendable(who: Entrant) -> None:
-    """Raises UserError for an object that cannot be sent to a process of its own."""
+    """Raise UserError for an object that cannot be sent to a process of its own."""
     try:
         pickle.dumps(who.source)
     except Exception as error:  # pickle and what it calls raise many kinds
@@ -108,7 +108,9 @@ def _sendable(who: Entrant) -> None:
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> str:
-    """The content of run.json: what names stand for. Raises UserError where they stand for something else already."""
+    """Give the content of run.json: what names stand for. Raises UserError where they stand for something else
+    already.
+    """
     worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
     now: dict[str, dict[str, str]] = {
         "policies": {f"{j.entrant.name}/s{j.entrant.train_seed}": j.entrant.digest for j in jobs},
@@ -136,7 +138,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("run.json", _example)
 def read_names(path: Path) -> dict[str, dict[str, str]]:
-    """What the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
+    """Give what the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
 
     Raises:
         UserError: no run.json that a run wrote.

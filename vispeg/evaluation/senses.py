@@ -186,7 +186,7 @@ def _stored(pictures: Images, trial: Trial) -> Images:
 
 
 def _columns(interface: Interface, names: Sequence[str]) -> np.ndarray:
-    """The places of terms in a policy's vector, in all moments of its stack."""
+    """Give the places of terms in a policy's vector, in all moments of its stack."""
     ends = np.cumsum([told.size for told in interface.told])
     told = [range(end - t.size, end) for t, end in zip(interface.told, ends, strict=True) if t.name in names]
     one = np.array([i for some in told for i in some], int)

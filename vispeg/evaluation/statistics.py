@@ -249,15 +249,15 @@ class _Side:
 
 
 def _shared(rows: Mapping[Any, Mapping[Hashable, float]]) -> list[Hashable]:
-    """The episodes that all networks played; none where one that played fewest has some of its own, so that a single
-    number that trials of two networks share does not stand for all of them.
+    """Give the episodes that all networks played; none where one that played fewest has some of its own, so that a
+    single number that trials of two networks share does not stand for all of them.
     """
     shared = set.intersection(*(set(row) for row in rows.values()))
     return sorted(shared, key=repr) if len(shared) == min(map(len, rows.values())) else []
 
 
 def _side(rows: Rows, episodes: Sequence[Hashable]) -> _Side:
-    """These episodes of every network; all of each where there are none that they share."""
+    """Give these episodes of every network; all of each where there are none that they share."""
     if episodes:
         return _Side([np.array([rows[t][e] for e in episodes], float) for t in sorted(rows)], True)
     return _Side([np.array(list(rows[t].values()), float) for t in sorted(rows)], False)
@@ -294,7 +294,7 @@ def _by_t(
     each: int = 1,
     limit: float = 1.0,
 ) -> Difference:
-    """The t test of the sum of the blocks' means."""
+    """Give the t test of the sum of the blocks' means."""
     moments = _moments(blocks, paired, same_networks, each)
     value = moments.value
 
@@ -438,21 +438,23 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False,
 
 
 def _satterthwaite(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """The sum of variances and its degrees of freedom."""
+    """Give the sum of variances and its degrees of freedom."""
     below = sum(v * v / df for v, df in parts)
     total = sum(v for v, _ in parts)
     return total, total**2 / below if below > 0 else 1.0
 
 
 def _rest(y: np.ndarray) -> float:
-    """The mean square of what rows and columns of (k, n) leave."""
+    """Give the mean square of what rows and columns of (k, n) leave."""
     k, n = y.shape
     rest = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
     return float(np.sum(rest**2)) / ((k - 1) * (n - 1))
 
 
 def _least(n: int) -> float:
-    """The variance with which a mean of n outcomes that are all alike is known: Tango's interval at no discordance."""
+    """Give the variance with which a mean of n outcomes that are all alike is known: Tango's interval at no
+    discordance.
+    """
     z = float(norm.ppf(1 - ALPHA / 2))
     return (z / (n + z * z)) ** 2
 

@@ -12,7 +12,7 @@ from vispeg.evaluation.runner import EPISODES, RUN, read_names
 
 
 def check(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable[Path]) -> None:
-    """Raises UserError where `stored`, read from `files`, would stand beside other policies or worlds of the same name.
+    """Raise UserError where `stored`, read from `files`, would stand beside other policies or worlds of the same name.
 
     Which policies they were made with, the run.json beside a file tells; a file without one is believed.
     """
@@ -35,7 +35,7 @@ def check(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable[Path])
 
 
 def take_in(stored: Iterable[Episode], out: Path) -> None:
-    """Writes what is `stored` into the folder of a run, which then has nothing to play for it."""
+    """Write what is `stored` into the folder of a run, which then has nothing to play for it."""
     path = out / EPISODES
     have = {e.key for e in read(path)} if path.exists() else set()
     append(path, [e for e in stored if e.key not in have])

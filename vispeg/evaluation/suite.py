@@ -60,7 +60,7 @@ KEYS = ("name", "task", "effects", "about")
 
 @enrol(LIST.name, lambda folder: copy(HERE / "suite.yaml", folder))
 def configurations(path: Path | None = None) -> list[Configuration]:
-    """The suite that comes with the package, or one of the user's own.
+    """Give the suite that comes with the package, or one of the user's own.
 
     Raises:
         UserError: as `read_list`; a task or an effect that no world can have.
@@ -160,7 +160,7 @@ def _points(e: Interval) -> str:
 
 
 def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
-    """What a correlation over the configurations says: measures, status, words."""
+    """Give what a correlation over the configurations says: measures, status, words."""
     if len(found) < FEWEST_POLICIES:
         return {}, CANNOT_TELL, f"{len(found)} configurations, a correlation needs {FEWEST_POLICIES}"
     x, y = (np.array([r[side]["value"] for r in found], float) for side in ("train", "target"))
@@ -181,7 +181,7 @@ def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tupl
 
 
 def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:
-    """A line a version whose configurations were other worlds than the last version's, or which does not tell.
+    """Give a line a version whose configurations were other worlds than the last version's, or which does not tell.
 
     Raises:
         UserError: the training world or the target was another one, so that the correlations are not of the same thing.

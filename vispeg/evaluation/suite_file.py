@@ -70,7 +70,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(RESULT.name, _example)
 def read_result(folder: Path) -> SuiteRecord:
-    """The record in a folder that `vispeg suite run` wrote.
+    """Give the record in a folder that `vispeg suite run` wrote.
 
     Raises:
         UserError: no such file, another format, or a value that no result has; names the key.

@@ -39,14 +39,14 @@ DECLARED: list[Format] = []
 
 
 def copy(source: Path, folder: Path) -> Path:
-    """An example that comes with the package: a file, or a folder with all that it holds, copied into `folder`."""
+    """Give an example that comes with the package: a file, or a folder with all that it holds, copied into `folder`."""
     if source.is_dir():
         return Path(shutil.copytree(source, folder / source.name))
     return Path(shutil.copy(source, folder / source.name))
 
 
 def enrol(name: str, example: Example, slow: bool = False) -> Callable[[Reader], Reader]:
-    """Decorates the reader of a format, which the tests then feed with damaged copies of the example.
+    """Decorate the reader of a format, which the tests then feed with damaged copies of the example.
 
     Args:
         name: of the format; what its `format` line says, if it has one.
@@ -87,7 +87,7 @@ class Format:
         DECLARED.append(self)
 
     def read(self, path: str | Path) -> dict[str, Any]:
-        """What a file says, without its `format`.
+        """Give what a file says, without its `format`.
 
         Raises:
             UserError: unreadable, another language or format, an unknown or missing key, or beyond the limits.
@@ -96,7 +96,7 @@ class Format:
         return self.open(reader(path, most=self.most, finite=self.finite), path)
 
     def open(self, data: Any, path: str | Path) -> dict[str, Any]:
-        """The same for what has been read already."""
+        """Give the same for what has been read already."""
         if not isinstance(data, dict):
             expected = f"a mapping with 'format: {self.name}'"
             raise UserError(f"is not {self.what}", file=path, expected=expected, got=type(data).__name__)

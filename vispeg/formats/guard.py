@@ -46,7 +46,7 @@ def refuse_special(path: str | Path) -> None:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """A regular file, open for reading.
+    """Give a regular file, open for reading.
 
     Raises:
         UserError: no such file, not a regular one (a folder, pipe or device), or one that cannot be read.
@@ -71,7 +71,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def read_bytes(path: str | Path, most: int = MB) -> bytes:
-    """A file's content.
+    """Give a file's content.
 
     Args:
         path: of the file; a `~` stands for the home directory.
@@ -88,7 +88,7 @@ def read_bytes(path: str | Path, most: int = MB) -> bytes:
 
 
 def read_text(path: str | Path, most: int = MB) -> str:
-    """A file's content as text: UTF-8, with or without a byte-order mark.
+    """Give a file's content as text: UTF-8, with or without a byte-order mark.
 
     Raises:
         UserError: as `read_bytes`; nothing but white space; another encoding.
@@ -107,7 +107,7 @@ def read_text(path: str | Path, most: int = MB) -> str:
 
 
 def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool = True) -> None:
-    """Holds plain data (mappings, lists, numbers, text) to the limits.
+    """Hold plain data (mappings, list, numbers, text) to the limits.
 
     Args:
         data: what was parsed.
@@ -127,7 +127,7 @@ def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool =
 
 
 def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, list[str | int]] | None:
-    """What is wrong, what was expected, and the way there, innermost first; None if nothing is."""
+    """Give what is wrong, what was expected, and the way there, innermost first; None if nothing is."""
     if isinstance(value, float):
         return ("is not finite", "a finite number", []) if finite and not math.isfinite(value) else None
     if isinstance(value, str):
@@ -149,7 +149,7 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
 
 @contextmanager
 def as_written(file: str | Path, command: str, hint: str = "") -> Iterator[None]:
-    """What trips over the content of a file that only the program itself writes trips over a damaged file.
+    """Say that what trips over the content of a file that only the program itself writes trips over a damaged file.
 
     Args:
         file: which.

@@ -15,7 +15,8 @@ DEPTH = 250  # an arm may have a hundred bodies, each in the other
 
 
 def read_xml(path: str | Path, *, most: int = 64 * MB) -> ET.Element:
-    """The root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are refused.
+    """Give the root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are
+    refused.
 
     Raises:
         UserError: unreadable, not XML, nested too deeply, too many elements, or an entity.
@@ -37,7 +38,7 @@ class _Tree:
         self.parser.EntityDeclHandler = self.entity
 
     def read(self, data: bytes) -> ET.Element:
-        """The root element."""
+        """Give the root element."""
         try:
             self.parser.Parse(data, True)
         except expat.ExpatError as error:
@@ -48,7 +49,7 @@ class _Tree:
         return self.builder.close()
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
+        """Note that an element begins."""
         self.depth, self.count = self.depth + 1, self.count + 1
         if self.depth > DEPTH:
             self.refuse("is nested too deeply", f"at most {DEPTH} levels")
@@ -59,12 +60,12 @@ class _Tree:
         self.builder.start(tag, attributes)
 
     def end(self, tag: str) -> None:
-        """An element ends."""
+        """Note that an element ends."""
         self.depth -= 1
         self.builder.end(tag)
 
     def entity(self, *_: object) -> None:
-        """An entity is declared."""
+        """Note that an entity is declared."""
         self.refuse("declares an entity", "XML without entities of its own")
 
     def refuse(self, message: str, expected: str | None = None) -> NoReturn:

@@ -25,7 +25,7 @@ PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where 
 
 
 def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
-    """What a YAML file says.
+    """Give what a YAML file says.
 
     Args:
         path: of the file.
@@ -40,7 +40,7 @@ def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
 
 
 def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
-    """What YAML text says; `file` is what messages name. Raises UserError as `read_yaml` does."""
+    """Give what YAML text says; `file` is what messages name. Raises UserError as `read_yaml` does."""
     try:
         data = _Builder(text, file).document()
     except yaml.YAMLError as error:
@@ -69,7 +69,7 @@ class _Builder:
         self.anchors: dict[str, tuple[Any, int]] = {}  # the value and how many it stands for; 0: not yet complete
 
     def document(self) -> Any:
-        """The only document of the stream."""
+        """Give the only document of the stream."""
         event = next(self.events)
         while not isinstance(event, yaml.DocumentStartEvent):
             if isinstance(event, yaml.StreamEndEvent):
@@ -82,7 +82,7 @@ class _Builder:
         return value
 
     def value(self, event: Any, levels: int) -> Any:
-        """The value that begins with an event; `levels` more may lie in each other."""
+        """Give the value that begins with an event; `levels` more may lie in each other."""
         self.line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor)
@@ -105,7 +105,7 @@ class _Builder:
         return value
 
     def mapping(self, levels: int) -> dict[str, Any]:
-        """A mapping up to its end; `<<` merges others into it, which its own keys override."""
+        """Give a mapping up to its end; `<<` merges others into it, which its own keys override."""
         explicit: dict[str, Any] = {}
         merged: dict[str, Any] = {}
         for event in self.until(yaml.MappingEndEvent):
@@ -144,7 +144,7 @@ class _Builder:
             raise self.error("is not the value that its tag says", got=event.value) from None
 
     def alias(self, anchor: str) -> Any:
-        """A copy of what an anchor stands for."""
+        """Give a copy of what an anchor stands for."""
         if anchor not in self.anchors:
             raise self.error("an alias without its anchor", got=anchor)
         value, count = self.anchors[anchor]
@@ -154,7 +154,7 @@ class _Builder:
         return copy.deepcopy(value)
 
     def take(self, count: int) -> None:
-        """Counts values."""
+        """Count values."""
         self.room -= count
         if self.room < 0:
             raise self.error("holds too many values", expected=f"at most {VALUES}, aliases written out")
@@ -170,5 +170,5 @@ class _Builder:
             raise self.error("a tag beyond plain data", got=event.tag)
 
     def error(self, message: str, **more: Any) -> UserError:
-        """What is wrong, and in which line."""
+        """Give what is wrong, and in which line."""
         return UserError(message, file=self.file, key=f"line {self.line}", **more)

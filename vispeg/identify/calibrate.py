@@ -100,7 +100,7 @@ def labels(fit: Fit) -> list[str]:
 
 
 def _shrunk(world: World, free: Sequence[int], share: float) -> World:
-    """The world with the free effects' magnitudes at `share` of their way from null; shapes stay."""
+    """Give the world with the free effects' magnitudes at `share` of their way from null; shapes stay."""
     effects = list(world.effects)
     for i in free:
         kind, placed = effect(effects[i].effect), effects[i]

@@ -50,18 +50,18 @@ class Trace:
     watch: Callable[[], None] = lambda: None
 
     def chosen(self, costs: list[float]) -> None:
-        """The candidates have been evaluated."""
+        """Note that the candidates have been evaluated."""
         self.candidates = [float(c) for c in costs]
         self.watch()
 
     def generation(self, costs: list[float]) -> None:
-        """A CMA-ES population has been evaluated."""
+        """Note that a CMA-ES population has been evaluated."""
         self.generations.append([float(c) for c in costs])
         self.cost = min(self.cost, *costs)
         self.watch()
 
     def point(self, u: np.ndarray, answer: np.ndarray) -> None:
-        """A point of least squares has been evaluated."""
+        """Note that a point of least squares has been evaluated."""
         self.points.append((u.tolist(), answer.tolist()))
         self.watch()
 
@@ -109,7 +109,7 @@ class Checkpoint:
         write_text_atomic(self.file, text, overwrite=True)
 
     def remove(self) -> None:
-        """The fit is done: nothing is left behind."""
+        """Note that the fit is done: nothing is left behind."""
         remove_unfinished(self.file)
 
 

@@ -20,7 +20,7 @@ def minimise(
     rng: np.random.Generator,
     trace: Trace | None = None,
 ) -> np.ndarray:
-    """The best point found (Hansen's `cma`; N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772).
+    """Give the best point found (Hansen's `cma`; N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772).
 
     Populations whose costs a trace knows are drawn again but not evaluated: the search stands where it stood.
 

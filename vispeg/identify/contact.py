@@ -38,13 +38,13 @@ class Contact:
     torque: np.ndarray
 
     def said(self, name: str) -> str:
-        """A note for the user."""
+        """Give a note for the user."""
         share = f"{100 * float(np.mean(~self.free)):.0f} % of the samples are left out"
         return f"{name}: the tool touches; {share}, and the measured contact force acts on the model's arm there"
 
 
 def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
-    """What the recorded arm touched; None where it touched nothing, or where nothing is said of its force sensor.
+    """Give what the recorded arm touched; None where it touched nothing, or where nothing is said of its force sensor.
 
     Args:
         rec: with `ft`, and `wrench` that says how it is to be read.

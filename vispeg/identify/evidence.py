@@ -128,7 +128,7 @@ class Evidence(Freedom):
         return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
 
     def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
-        """The worlds by the step that they need: one that needs a fine one does not make it for all."""
+        """Give the worlds by the step that they need: one that needs a fine one does not make it for all."""
         steps = np.array([min([self.h_max, *(_stable_step(e) for e in w.effects)]) for w in worlds])
         if np.all(steps == steps[0]):
             return self._rolled_out_at(float(steps[0]), worlds, nthread)
@@ -156,7 +156,9 @@ class Evidence(Freedom):
         return [*self.each_residual(worlds)]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """The same one by one: who keeps none of them needs the memory of a few, however long the recordings are."""
+        """Yield the same one by one: who keeps none of them needs the memory of a few, however long the recordings
+        are.
+        """
         size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals a rollout
         some = max(1, min(ROWS, int(AT_ONCE / size))) * self.nthread
         for start in range(0, len(worlds), some):
@@ -220,7 +222,7 @@ class Evidence(Freedom):
 
 
 def _used(rec: Recording, every: int) -> str:
-    """What is used of a long recording."""
+    """Give what is used of a long recording."""
     said = rec.chosen.said(rec.name) if rec.chosen else f"{rec.name}: all of it is simulated"
     return said if every == 1 else f"{said}; one sample in {every} is compared"
 
@@ -236,7 +238,7 @@ def _stops(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
-    """What a rollout says of a channel, (nworld, m, nj)."""
+    """Give what a rollout says of a channel, (nworld, m, nj)."""
     if channel.kind == "load":
         return np.abs(response.tau_motor) if unsigned(item.recording) else response.tau_motor
     if channel.kind == "torque":

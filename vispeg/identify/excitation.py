@@ -72,7 +72,7 @@ def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
-    """Sums of `harmonics` sines, random in phase; base frequency by default one period a recording, 0.1 Hz at least."""
+    """Sum of `harmonics` sines, random in phase; base frequency by default one period a recording, 0.1 Hz at least."""
     t, nj = room.time, len(room.joints)
     base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
     k = np.arange(1, harmonics + 1)
@@ -221,7 +221,9 @@ def osc_targets(
 def room_of(
     robot: Robot, rate_hz: float, duration: float, centre: Sequence[float] | None = None, share: float = 0.8
 ) -> Room:
-    """The room inside `share` of the limits about a posture (default: clear of the table; mid-range if unknown)."""
+    """Give the room inside `share` of the limits about a posture (default: clear of the table; mid-range if
+    unknown).
+    """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
     count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
     if not (rate_hz > 0.0 and count > 9.5):  # so that nan is none either
@@ -253,7 +255,7 @@ def motion(
     share: float = 0.8,
     **options: Any,
 ) -> Motion:
-    """A commanded motion by name.
+    """Give a commanded motion by name.
 
     Args:
         name: one of `MOTIONS`, or `osc` (which needs `model=` a compiled mujoco.MjModel).

@@ -85,7 +85,7 @@ class Race:
         self.reached.clear()
 
     def check(self, mean_square: float, lap: int) -> None:
-        """Raises StopIteration where a fit is out of the race."""
+        """Raise StopIteration where a fit is out of the race."""
         self.reached.append(mean_square)
         best = min(self.best, mean_square)
         if lap >= self.laps and mean_square - 1.0 > self.ratio * max(best - 1.0, 0.1):
@@ -108,7 +108,7 @@ class Chase(Race):
         self.goal, self.iterations, self.last = goal, iterations, np.inf
 
     def check(self, mean_square: float, lap: int) -> None:
-        """Raises StopIteration where a fit cannot reach the goal."""
+        """Raise StopIteration where a fit cannot reach the goal."""
         before, self.last = self.last, mean_square
         falls = 2.0 ** max(self.iterations - lap, 0) - 1.0
         if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** falls > self.goal:
@@ -129,7 +129,7 @@ def fit_job(
     ended: tuple[Sequence[float], bool] | None = None,
     columns: np.ndarray | None = None,
 ) -> Callable[[Submit], Fit]:
-    """A job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
+    """Give a job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
 
     `trace` is told of each step, and a fit goes on from where a given trace ends. `ended` says where an earlier run of
     the same job ended, in optimizer coordinates, and whether it had converged: then only that point is evaluated.
@@ -227,7 +227,7 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
 def _uncertainty(
     evidence: Evidence, r: np.ndarray, jac: np.ndarray, space: Space
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Standard errors that survive autocorrelated and misfitting residuals.
+    """Give the standard errors that survive autocorrelated and misfitting residuals.
 
     Sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block form), and never less than
     the spread of the estimates that single recordings would give.
@@ -254,7 +254,9 @@ def _uncertainty(
 
 
 def _between(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
-    """Standard error of the mean of the estimates that single recordings give, to first order about the solution."""
+    """Give the standard error of the mean of the estimates that single recordings give, to first order about the
+    solution.
+    """
     shifts, start = [], 0
     for item in evidence.items:
         rows = slice(start, start + item.measured.size)

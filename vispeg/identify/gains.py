@@ -36,7 +36,7 @@ def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.nda
 
 
 def bearable(mobility: np.ndarray, kd: np.ndarray, rate_hz: float) -> np.ndarray:
-    """The greatest damping (nj,) N m s/rad, in proportions like those of `kd`, that is stable in all postures.
+    """Give the greatest damping (nj,) N m s/rad, in proportions like those of `kd`, that is stable in all postures.
 
     A command held for a tick dt multiplies joint velocities by 1 - M^-1 diag(kd) dt: stable while no eigenvalue of
     M^-1 diag(kd) dt reaches 2. They are those of the symmetric A_ij = sqrt(kd_i kd_j) (M^-1)_ij dt, and of diag(s) A

@@ -11,7 +11,7 @@ _ROBOTS: dict[tuple, RobotModel] = {}
 
 
 def robot_of(rec: Recording) -> RobotModel:
-    """The nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
+    """Give the nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
     robot = nominal_robot(rec)
     key = (id(robot), passed(robot, rec.q))
     if key not in _ROBOTS:
@@ -20,7 +20,9 @@ def robot_of(rec: Recording) -> RobotModel:
 
 
 def nominal_robot(rec: Recording) -> RobotModel:
-    """The nominal robot of a recording, its declared tool and tilt included; joints that it lacks are held at rest."""
+    """Give the nominal robot of a recording, its declared tool and tilt included; joints that it lacks are held at
+    rest.
+    """
     key = (rec.robot, rec.joints, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:
         try:

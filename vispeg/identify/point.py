@@ -83,7 +83,7 @@ class Point:
         return self.answers[key]
 
     def _compare(self, u: np.ndarray, answer: np.ndarray) -> None:
-        """Takes note of a point that is better than those before it; ends the fit where only roughness is left."""
+        """Take note of a point that is better than those before it; end the fit where only roughness is left."""
         cost, promised = float(np.sum(answer[:, -1] ** 2)), float(np.sum(answer[:-1, -1] ** 2))
         if cost >= self.least:
             self.refused += 1
@@ -106,7 +106,7 @@ class Point:
         return np.vstack([np.column_stack([upper, along]), rest])
 
     def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
-        """Rolls out a point, where its residual is not known, and one beside it along each coordinate."""
+        """Roll out a point, where its residual is not known, and one beside it along each coordinate."""
         steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
         points = [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
         r, *moved = self.submit([self.space.at(p) for p in [u, *points]]) if r is None else [r, *self._beside(points)]

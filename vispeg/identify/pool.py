@@ -101,6 +101,6 @@ def run_together(
 
 
 def _first(waiting: Mapping[int, Sequence[World]], rows: float) -> list[int]:
-    """The first jobs whose requests have so many rows together; one at least."""
+    """Give the first jobs whose requests have so many rows together; one at least."""
     total = np.cumsum([len(worlds) for worlds in waiting.values()])
     return [*waiting][: max(1, int(np.sum(total <= rows)))]

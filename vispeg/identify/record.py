@@ -34,7 +34,7 @@ def controller(
     kp: np.ndarray | None = None,
     kd: np.ndarray | None = None,
 ) -> Control:
-    """A controller of RECORDING.md with default gains where none are given; nominal gravity is compensated.
+    """Give a controller of RECORDING.md with default gains where none are given; nominal gravity is compensated.
 
     Servos take goals: their loop is their own, and effects are what is said of it.
 
@@ -131,7 +131,7 @@ def _signals(
     row: int,
     torque_sensor: Literal["joint", "motor", "none"],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What the sensors read in a row of a response, and what was commanded."""
+    """Give what the sensors read in a row of a response, and what was commanded."""
     q, dq, tau = response.q[row], response.dq[row], response.tau_motor[row]
     if control.mode == "servo":
         return {"q": q, "load": tau}, {"q_cmd": motion.q_cmd}
@@ -155,7 +155,7 @@ def drive(
     want_ee: bool = False,
     sensed: ReadingNoise | None = None,
 ) -> tuple[Segment, Response]:
-    """What a controller is told, and what the sensors of one world then read, without their noise but `sensed`.
+    """Give what a controller is told, and what the sensors of one world then read, without their noise but `sensed`.
 
     One row, or as many as `sensed` has.
 
@@ -175,7 +175,7 @@ def drive(
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:
-    """The posture (nj,) rad about which motions move."""
+    """Give the posture (nj,) rad about which motions move."""
     return room_of(robot, 100.0, 1.0).centre
 
 

@@ -121,7 +121,7 @@ class Restarts(Evidence):
         self.rollouts = 0.0
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
-        """The windows of each toss, end to end."""
+        """Give the windows of each toss, end to end."""
         out = []
         for toss, rows in enumerate(rec.tosses):
             length = rows.stop - rows.start - 1

@@ -78,7 +78,7 @@ class Space:
         return low, np.array([self.forward(a.param.high, a) for a in self.axes])
 
     def at(self, u: np.ndarray) -> World:
-        """The world at coordinates u."""
+        """Give the world at coordinates u."""
         effects: list[EffectInstance] = list(self.world.effects)
         for axis, value in zip(self.axes, u, strict=True):
             effects[axis.index] = effects[axis.index].with_values(**{axis.name: self.backward(value, axis)})

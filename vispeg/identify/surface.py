@@ -29,7 +29,7 @@ DRAWS = 400
 
 
 def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
-    """Summed squared residual (nworld, nblock) of each block."""
+    """Give the summed squared residual (nworld, nblock) of each block."""
     blocks = evidence.blocks()
     return np.stack([np.bincount(blocks, r * r) for r in evidence.residuals(worlds)])
 
@@ -43,7 +43,7 @@ def coordinates(space: Space) -> np.ndarray:
 
 
 def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: Sequence[float] = SPANS) -> World:
-    """The world after searches along one parameter at a time, the last effect's first."""
+    """Give the world after searches along one parameter at a time, the last effect's first."""
     for span in spans:
         for axis in reversed(range(len(Space(world, free).axes))):
             space = Space(world, free)
@@ -58,7 +58,7 @@ def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: 
 
 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
-    """The world at the lowest point of a quadratic surface, with 95 % intervals over blocks drawn anew.
+    """Give the world at the lowest point of a quadratic surface, with 95 % intervals over blocks drawn anew.
 
     A next surface stands about the last one's lowest point, as wide as its intervals, until that point lies inside.
     """

@@ -33,13 +33,15 @@ TIP = ("tip_x", "tip_y", "tip_z")
 
 
 def split(text: str) -> tuple[str, str | None]:
-    """What a text names, and the kind of actions that `?action=KIND` behind it states; None where there is none."""
+    """Give what a text names, and the kind of actions that `?action=KIND` behind it states; None where there is
+    none.
+    """
     place, stated, kind = text.partition(STATED)
     return place, kind if stated else None
 
 
 def checked(kind: Any, source: Any = None) -> str:
-    """A kind of action as it is. Raises UserError for an unknown one."""
+    """Give a kind of action as it is. Raises UserError for an unknown one."""
     if kind not in KINDS:
         raise UserError("no such kind of action", file=source, key="action", got=kind, choices=KINDS)
     return kind
@@ -119,7 +121,7 @@ class Actions:
         return each.get(self.kind, (self._entries or len(self.joints),))
 
     def check(self, width: int, source: Any = None) -> None:
-        """Raises UserError where actions of this kind do not have so many numbers."""
+        """Raise UserError where actions of this kind do not have so many numbers."""
         if width not in self.widths:
             expected = f"{' or '.join(map(str, self.widths))} numbers: {KINDS[self.kind]}"
             raise UserError(f"no {self.kind}", file=source, key="action", expected=expected, got=width)

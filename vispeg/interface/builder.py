@@ -44,7 +44,7 @@ class Builder:
         self._begun = False
 
     def begin(self, q: np.ndarray, dq: np.ndarray, goal: np.ndarray | None = None) -> None:
-        """An episode begins.
+        """Note that an episode begins.
 
         Args:
             q, dq: (nj,) rad, rad/s: how the arm stands.
@@ -59,15 +59,15 @@ class Builder:
         self._begun = False
 
     def feel(self, wrench: np.ndarray) -> None:
-        """The wrist's sensor read this (6,) N and N m in a control period: what the tool puts on the flange, in its
-        axes and about its origin, the tool's weight included.
+        """Give the wrist's sensor read this (6,) N and N m in a control period: what the tool puts on the flange, in
+        its axes and about its origin, the tool's weight included.
         """
         self._recent.append(np.asarray(wrench, float))
 
     def observe(
         self, q: np.ndarray, dq: np.ndarray, pictures: Mapping[str, Picture] | None = None
     ) -> dict[str, np.ndarray]:
-        """The policy's input, each part with a leading axis of one.
+        """Give the policy's input, each part with a leading axis of one.
 
         Args:
             q, dq: (nj,) rad, rad/s.
@@ -87,14 +87,14 @@ class Builder:
         return {POLICY: told(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
 
     def act(self, action: np.ndarray) -> np.ndarray:
-        """The flange pose (7,) m and w x y z in the base that an action (d,) or (1, d) asks for."""
+        """Give the flange pose (7,) m and w x y z in the base that an action (d,) or (1, d) asks for."""
         o = self.observer
         o.hold(*o.offset_by(o.asked(np.reshape(action, (1, -1)))))
         return np.concatenate([o.goal[0], o.rot[0]])
 
 
 def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, np.ndarray]:
-    """The image parts of an observation, (1, C, H, W) each. Raises UserError as `Builder.observe`."""
+    """Give the image parts of an observation, (1, C, H, W) each. Raises UserError as `Builder.observe`."""
     out = {}
     for key, seen in interface.images.items():
         name, eye = camera_of(key), seen.eye
@@ -117,8 +117,8 @@ def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, n
 
 
 def seen_by(eye: Camera, picture: Picture) -> Picture:
-    """A picture as another camera in its place would have taken it: another lens, size or field of view. What lies
-    outside is black and without depth.
+    """Give a picture as another camera in its place would have taken it: another lens, size or field of view. What
+    lies outside is black and without depth.
     """
     import cv2
 

@@ -65,7 +65,7 @@ class Exported:
         self.reset(1)
 
     def _check(self) -> None:
-        """The network's inputs are those that its interface states."""
+        """Check that the network's inputs are those that its interface states."""
         i = self.interface
         expected: dict[str, tuple[int, ...]] = {"policy": (i.stack * sum(t.size for t in i.told),)}
         expected |= {key: seen.shape for key, seen in i.images.items()}

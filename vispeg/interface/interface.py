@@ -211,7 +211,7 @@ class Interface(_Part):
         return tuple(out)
 
     def observer(self, n: int = 1) -> Observer:
-        """An observer of this arm. Raises UserError: actions that mean something of a task's own."""
+        """Give an observer of this arm. Raises UserError: actions that mean something of a task's own."""
         if self.law != OFFSET:
             raise UserError("actions of a task's own law", key="law", expected=OFFSET, got=self.law)
         size = sum(told.size for told in self.told)
@@ -223,7 +223,7 @@ class Interface(_Part):
 
 
 def read(text: str, file: Any) -> Interface:
-    """The interface that a file's metadata hold.
+    """Give the interface that a file's metadata hold.
 
     Raises:
         UserError: no JSON, or an entry that is missing or cannot be; names the file and the key.

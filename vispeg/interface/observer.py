@@ -72,13 +72,13 @@ class Observer:
 
     # Measured -------------------------------------------------------------------------------------------------
     def see(self, q: np.ndarray, dq: np.ndarray) -> None:
-        """The arms stand at q and move at dq, (n, nj) rad and rad/s."""
+        """Note that the arms stand at q and move at dq, (n, nj) rad and rad/s."""
         self.measured = q, dq
         self.flange, self.turn, self.twist, self.jac = self.chain.pose(q, dq)
 
     def feel(self, recent: np.ndarray) -> None:
-        """The wrist's sensors read `recent` (k, n, 6), the last RECENT control periods: what the tool puts on the
-        flange, in its axes and about its origin. To be said after `see`.
+        """Give the wrist's sensors read `recent` (k, n, 6), the last RECENT control periods: what the tool puts on
+        the flange, in its axes and about its origin. To be said after `see`.
         """
         wrench, turn = np.nan_to_num(recent.mean(axis=0)), self.turn
         self.wrench = np.concatenate([rotated(turn, wrench[:, :3]) - self.weight, rotated(turn, wrench[:, 3:])], axis=1)
@@ -93,8 +93,8 @@ class Observer:
         return self.flange + self.lever(self.turn) if self.turns else self.flange - [0, 0, self.length]
 
     def readings(self) -> np.ndarray:
-        """Readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of the
-        joints, place and velocity of the tool's tip in the base, force and torque at the flange.
+        """Give readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of
+        the joints, place and velocity of the tool's tip in the base, force and torque at the flange.
         """
         return np.concatenate([self.measured[0], self.tip(), self.twist[:, :3], self.wrench], axis=1)
 
@@ -106,7 +106,7 @@ class Observer:
         self.action[rows], self.wrench[rows], self.clipped[rows] = 0.0, 0.0, 0
 
     def asked(self, action: np.ndarray) -> np.ndarray:
-        """Takes note of an action (n, len(dof)); returns it within +-1 among all directions, (n, 6)."""
+        """Take note of an action (n, len(dof)); return it within +-1 among all directions, (n, 6)."""
         wanted = np.nan_to_num(np.asarray(action, float))
         self.action = np.clip(wanted, -1.0, 1.0)
         self.clipped += (np.abs(wanted - self.action) > BEYOND).any(axis=1)
@@ -127,7 +127,9 @@ class Observer:
         return held, rot
 
     def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
-        """The action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by` undone."""
+        """Give the action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by`
+        undone.
+        """
         motion = np.zeros((self.n, 6))
         motion[:, :3] = (tip - self.tip()) / self.settings.offset
         if turn is not None:
@@ -136,7 +138,7 @@ class Observer:
         return motion
 
     def hold(self, held: np.ndarray, rot: np.ndarray) -> None:
-        """The held point is asked to be at `held` (n, 3) m, the flange turned by `rot` (n, 4)."""
+        """Note that the held point is asked to be at `held` (n, 3) m, the flange turned by `rot` (n, 4)."""
         self.held, self.rot = held, rot
         self.goal = held - self.lever(rot)
 

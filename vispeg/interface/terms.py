@@ -50,7 +50,7 @@ SENSED: dict[str, Sensed] = {}
 
 
 def enrol(term: Sensed) -> Sensed:
-    """Makes a term known by its name. Raises UserError where another has it."""
+    """Make a term known by its name. Raises UserError where another has it."""
     if SENSED.setdefault(term.name, term) is not term:
         raise UserError("two observation terms share a name", got=term.name)
     return term
@@ -108,5 +108,5 @@ def scaled(
 
 
 def told(stack: Stack) -> np.ndarray:
-    """The part POLICY of an observation: (n, depth size) float32 within +-LIMIT."""
+    """Give the part POLICY of an observation: (n, depth size) float32 within +-LIMIT."""
     return np.clip(stack.flat(), -LIMIT, LIMIT).astype(np.float32)

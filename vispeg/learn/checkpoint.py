@@ -41,7 +41,7 @@ class Counters(TypedDict):
 
 
 def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
-    """Writes weights, optimizers, temperature, replay, random states and counters into an existing folder.
+    """Write weights, optimizers, temperature, replay, random states and counters into an existing folder.
 
     What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
     depends on it.
@@ -66,7 +66,7 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
 
 
 def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
-    """Puts a model made by the same settings into the state that `save_state` wrote; returns its counters.
+    """Put a model made by the same settings into the state that `save_state` wrote; return its counters.
 
     Raises:
         UserError: a file is missing or damaged, or from a model of other shapes.

@@ -72,14 +72,14 @@ class CoarseToFine:
         return np.where(self.fine_has[:, None], self.fine.act(observation), action)
 
     def _told(self, vector: np.ndarray) -> np.ndarray:
-        """The stacked observations (n, stack d) with positions relative to the goal that was seen."""
+        """Give the stacked observations (n, stack d) with positions relative to the goal that was seen."""
         out = vector.reshape(len(vector), -1, self.observed.policy_size).copy()
         out[:, :, self.tip][:, :, :2] -= (self.goal / self.unit)[:, None]
         return out.reshape(vector.shape)
 
 
 def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool = False) -> None:
-    """Writes both policies' files and when one takes over into one folder, which `open_policy` reads.
+    """Write both policies' files and when one takes over into one folder, which `open_policy` reads.
 
     Raises:
         UserError: a folder that is no policy's, policies that do not fit, OUT is there.
@@ -94,7 +94,9 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
 
 
 def open_policy(folder: str | Path) -> Policy:
-    """What a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load` does."""
+    """Give what a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load`
+    does.
+    """
     path = policy_folder(folder)
     record = read_record(path)
     if "within" not in record:

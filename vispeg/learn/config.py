@@ -114,7 +114,7 @@ class TrainConfig:
         return self.task.partition("-")[2]
 
     def write(self, path: Path) -> None:
-        """Writes YAML."""
+        """Write YAML."""
         data = {"format": FORMAT, **asdict(self)}
         data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
         data["stages"] = [stage.plain() for stage in self.stages]
@@ -135,7 +135,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def read_config(path: Path) -> TrainConfig:
-    """Reads what `TrainConfig.write` wrote.
+    """Read what `TrainConfig.write` wrote.
 
     Raises:
         UserError: no such file, not YAML, an unknown key, or a value that a run cannot have.
@@ -149,7 +149,7 @@ def read_config(path: Path) -> TrainConfig:
 
 
 def _stage(entry: object) -> object:
-    """An entry of `stages` as `Stage` has it; what is no mapping is left to who checks it."""
+    """Give an entry of `stages` as `Stage` has it; what is no mapping is left to who checks it."""
     if not isinstance(entry, Mapping):
         return entry
     settings = {key: value for key, value in entry.items() if key not in ("radius", "level") and value is not None}

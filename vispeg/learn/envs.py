@@ -18,7 +18,7 @@ HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds 
 
 
 def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
-    """Makes environments of a world's task in a modality; for a policy with a memory, without a stack.
+    """Make environments of a world's task in a modality; for a policy with a memory, without a stack.
 
     An episode that diverges is written into `dump`, so that it can be played again.
     """
@@ -36,7 +36,7 @@ def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Pa
 
 
 def describe(env: Any) -> Origin:
-    """What a policy's record says of the world and task it was trained in; empty for other environments."""
+    """Give what a policy's record says of the world and task it was trained in; empty for other environments."""
     config = getattr(env, "config", None)
     if config is None:
         return {}
@@ -52,12 +52,12 @@ def describe(env: Any) -> Origin:
 
 
 def home(policy: Policy) -> str:
-    """The world that a policy was trained in: a built-in name or a file; `nominal` where its record has none."""
+    """Give the world that a policy was trained in: a built-in name or a file; `nominal` where its record has none."""
     return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
 
 
 def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
-    """Makes the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
+    """Make the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
     policy_settings = interface(policy.meta)
     make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
     return lambda rows, settings: make(rows, {**policy_settings, **settings})

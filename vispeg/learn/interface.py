@@ -13,7 +13,7 @@ from vispeg.task.interface import interface_in
 
 
 def interface_of_policy(policy: Policy, world: str | None = None, digest: str = "") -> Interface:
-    """What a policy sees and does on the arm of a world.
+    """Give what a policy sees and does on the arm of a world.
 
     Args:
         policy: as `vispeg.learn.policy.load` gives it.

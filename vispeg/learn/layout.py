@@ -39,7 +39,7 @@ class Layout:
     def of(
         cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: tuple[int, ...] = ()
     ) -> Layout:
-        """The layout of an environment's spaces for one environment, of which images of these kinds are seen.
+        """Give the layout of an environment's spaces for one environment, of which images of these kinds are seen.
 
         Args:
             observation_space: gymnasium Dict with `policy` and perhaps images.
@@ -102,7 +102,7 @@ class Layout:
 
     @classmethod
     def from_json(cls, entries: Mapping[str, Any]) -> Layout:
-        """The inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
+        """Give the inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
         try:
             images = {str(key): _chw(shape) for key, shape in entries["images"].items()}
             lengths = [_count(entries["vector"], 1), _count(entries["action"], 1), _count(entries.get("truth", 0), 0)]
@@ -122,7 +122,7 @@ def _chw(shape: Any) -> tuple[int, int, int]:
 
 
 def _count(value: Any, least: int) -> int:
-    """The value. Raises ValueError for what is no count, or one that no policy can have."""
+    """Give the value. Raises ValueError for what is no count, or one that no policy can have."""
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MOST:
         raise ValueError(value)
     return value

@@ -14,25 +14,27 @@ INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras
 
 
 def interface(meta: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
+    """Give the part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
     task = meta.get("task") or {}
     stated = {key: task[key] for key in INTERFACE if task.get(key) is not None}
     return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
 
 
 def observed(meta: Mapping[str, Any]) -> Observation:
-    """The observation terms of the task that a policy was made for; those of the task's defaults as far as not said."""
+    """Give the observation terms of the task that a policy was made for; those of the task's defaults as far as not
+    said.
+    """
     config = config_of(interface(meta))
     return Observation(task_of(config).terms, config)
 
 
 def tolerance_of(meta: Mapping[str, Any]) -> float | None:
-    """The tolerance (`TaskConfig.tolerance`) that a policy was made for; None where its record does not say."""
+    """Give the tolerance (`TaskConfig.tolerance`) that a policy was made for; None where its record does not say."""
     return next(iter(made_for(meta).values()), None)
 
 
 def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
-    """Settings of the task that a policy was made for, where they may differ from those of its world."""
+    """Give the settings of the task that a policy was made for, where they may differ from those of its world."""
     task = meta.get("task") or {}
     tolerance = kind_of(task).tolerance if task else None
     stated = None if tolerance is None else task.get(tolerance.setting)
@@ -63,7 +65,7 @@ class MadeIn(TypedDict):
 
 
 def worlds(*metas: Mapping[str, Any]) -> MadeIn:
-    """The worlds that policies of these records were trained or fine-tuned in, ready for a record.
+    """Give the worlds that policies of these records were trained or fine-tuned in, ready for a record.
 
     Records that do not say what their worlds are put together from are taken to mean the built-in world that they name.
 

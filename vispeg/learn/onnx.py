@@ -35,7 +35,7 @@ class _Positional(nn.Module):
 
 
 def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning: Interface | None = None) -> Path:
-    """Writes the policy's deterministic action as an ONNX model.
+    """Write the policy's deterministic action as an ONNX model.
 
     Inputs are the observation's parts by their keys, (n, ...) with n free, float32 except `rgb_*` in uint8; a
     recurrent policy also takes `hidden` and `cell` (1, n, width), zeros at an episode's start, and gives `hidden_next`
@@ -85,7 +85,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning
 
 
 def _stating(model: bytes, meaning: Interface | None) -> bytes:
-    """The model with its meaning in its metadata."""
+    """Give the model with its meaning in its metadata."""
     if meaning is None:
         return model
     import onnx

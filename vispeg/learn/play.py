@@ -54,7 +54,7 @@ def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
 
 
 def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, action: np.ndarray) -> np.ndarray:
-    """The outside view (H, W, 3) with the policy's images in a column beside it, and its estimate in words.
+    """Give the outside view (H, W, 3) with the policy's images in a column beside it, and its estimate in words.
 
     Args:
         outside: (H, W, 3) uint8.
@@ -75,7 +75,7 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
 
 
 def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
-    """The outside view with where the policy thinks the tip to be in the goal's frame, and where it is, in words.
+    """Give the outside view with where the policy thinks the tip to be in the goal's frame, and where it is, in words.
 
     Args:
         outside: (H, W, 3) uint8.
@@ -98,7 +98,7 @@ def enlarged(image: np.ndarray, size: int) -> np.ndarray:
 
 
 def write(picture: np.ndarray, text: str, at: tuple[int, int], colour: tuple[int, int, int]) -> None:
-    """Writes a line of text into the picture, its lower left corner at (x, y)."""
+    """Write a line of text into the picture, its lower left corner at (x, y)."""
     import cv2
 
     font = cv2.FONT_HERSHEY_PLAIN

@@ -107,7 +107,7 @@ class NetPolicy:
         return torch.cat(actions).cpu().numpy().astype(np.float32)
 
     def _row(self, parts: Mapping[str, Tensor], row: slice) -> tuple[Any, Any, Any, Any]:
-        """Action, offset, hidden and cell state of one row; a copy begins where torch lets all memory begin."""
+        """Give action, offset, hidden and cell state of one row; a copy begins where torch lets all memory begin."""
         state = None if self._state is None else tuple(x[:, row].clone() for x in self._state)
         features = self.actor.features({key: x[row].clone() for key, x in parts.items()})
         latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def one_thread() -> Iterator[None]:
 
 
 def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any]) -> None:
-    """Writes policy.safetensors and policy.json, over what an earlier `save` left there.
+    """Write policy.safetensors and policy.json, over what an earlier `save` left there.
 
     Args:
         folder: made if need be.
@@ -151,7 +151,7 @@ def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any
 
 @enrol("policy's weights", lambda folder: copy(assets() / "policies" / "state-3mm", folder))
 def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
-    """Reads a policy's folder, or the shipped policy of that name; nothing in it is executed.
+    """Read a policy's folder, or the shipped policy of that name; nothing in it is executed.
 
     Raises:
         UserError: no such folder, a file is missing or damaged, weights that are not finite or not those of what the
@@ -179,7 +179,7 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
 
 
 def _actor(layout: Layout, modality: Modality, net: Mapping[str, Any], path: Path) -> Actor:
-    """The network that a record describes, its weights still any."""
+    """Give the network that a record describes, its weights still any."""
     try:
         return Actor(layout, modality, tuple(net["hidden"]), net["recurrent"])
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:  # such as images too small for the encoder

@@ -59,7 +59,7 @@ class PolicyRecord(TypedDict):
 @enrol(PAIR.name, _example_of_two)
 @enrol(NETWORK.name, _example)
 def read_record(folder: Path) -> PolicyRecord:
-    """The content of a policy's policy.json, of one network or of two; `format` says which.
+    """Give the content of a policy's policy.json, of one network or of two; `format` says which.
 
     Raises:
         UserError: not a policy's folder, or a record that cannot be; names the key.
@@ -97,7 +97,7 @@ def read_record(folder: Path) -> PolicyRecord:
 
 
 def check_weights(folder: Path, record: PolicyRecord) -> None:
-    """Raises UserError where the weights are others than the record was written with; older records do not say."""
+    """Raise UserError where the weights are others than the record was written with; older records do not say."""
     path = folder / WEIGHTS
     if not is_file(path):
         raise UserError("is missing, or no file", file=path, expected="the policy's weights")
@@ -112,7 +112,7 @@ def _says(path: Path) -> Any:
 
 
 def _meta(meta: Any, path: Path) -> None:
-    """Raises UserError for a record of origin that later readers could not use."""
+    """Raise UserError for a record of origin that later readers could not use."""
     if not isinstance(meta, dict):
         raise UserError("not a mapping", file=path, key="meta", got=meta)
     tuned = meta.get("finetuned")
@@ -134,7 +134,7 @@ def _meta(meta: Any, path: Path) -> None:
 
 
 def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
-    """Raises UserError where a policy sees something else than the task shows that it says to be made for."""
+    """Raise UserError where a policy sees something else than the task shows that it says to be made for."""
     task, stated = config_of(interface(meta)), interface(meta)
     length = task.stack * observed(meta).policy_size
     if {"stack", "dof"} <= stated.keys() and layout.vector != length:

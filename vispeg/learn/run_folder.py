@@ -19,14 +19,14 @@ FROZEN = 5_000  # critic updates before a distilled actor moves: critics that kn
 
 
 def settled(config: TrainConfig) -> TrainConfig:
-    """The configuration as its run's file has it: a recipe that begins with a teacher has no random actions."""
+    """Give the configuration as its run's file has it: a recipe that begins with a teacher has no random actions."""
     if config.recipe == "sac":
         return config
     return replace(config, sac=replace(config.sac, warmup=0, actor_frozen=config.sac.actor_frozen or FROZEN))
 
 
 def begin(config: TrainConfig, folder: Path) -> None:
-    """Makes the folder of a run, or clears what one that was stopped before its first checkpoint left."""
+    """Make the folder of a run, or clear what one that was stopped before its first checkpoint left."""
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / "tensorboard").is_dir():
         shutil.rmtree(folder / "tensorboard", ignore_errors=True)
@@ -39,7 +39,7 @@ def begin(config: TrainConfig, folder: Path) -> None:
 
 
 def begun_by(folder: Path) -> str | None:
-    """The command that began the run in a folder, as its policies tell it; None where that is not known."""
+    """Give the command that began the run in a folder, as its policies tell it; None where that is not known."""
     try:
         return str(json.loads((folder / BEGUN).read_text(encoding="utf-8"))["command"])
     except (OSError, ValueError, KeyError, TypeError):

@@ -40,11 +40,11 @@ class Sb3Env(VecEnv):
         return obs
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keeps the actions (n, action) for `step_wait`."""
+        """Keep the actions (n, action) for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> Any:
-        """Steps all rows; see the class for what happens to rows that end."""
+        """Step all rows; see the class for what happens to rows that end."""
         obs, reward, terminated, truncated, info = self.env.step(self._actions)
         done = np.asarray(terminated | truncated)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -59,25 +59,25 @@ class Sb3Env(VecEnv):
         return obs, np.asarray(reward, np.float32), done, infos
 
     def _begin(self, rows: np.ndarray) -> dict[str, Any]:
-        """The options with which rows (n,) bool begin anew."""
+        """Give the options with which rows (n,) bool begin anew."""
         if self._starts is None:
             return {"reset_mask": rows}
         return {"reset_mask": rows, "start": [next(self._starts) if row else None for row in rows]}
 
     def close(self) -> None:
-        """Closes the environment beneath."""
+        """Close the environment beneath."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of the one environment beneath, once a row."""
+        """Give the attribute of the one environment beneath, once a row."""
         return [getattr(self.env, attr_name) for _ in self._rows(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Sets the attribute of the environment beneath, for all rows."""
+        """Set the attribute of the environment beneath, for all rows."""
         setattr(self.env, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Calls the method of the environment beneath, once for all rows."""
+        """Call the method of the environment beneath, once for all rows."""
         return [getattr(self.env, method_name)(*args, **kwargs)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:

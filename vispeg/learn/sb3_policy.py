@@ -27,7 +27,7 @@ BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  #
 
 
 def opened(path: Path) -> Any:
-    """The policy in a .zip by Stable-Baselines3, ready to `predict`.
+    """Give the policy in a .zip by Stable-Baselines3, ready to `predict`.
 
     Raises:
         UserError: no such file, none of that library's, or one whose parts are stored as pickled code.

@@ -64,5 +64,5 @@ class SacSettings:
 
 
 def defaults(sees: bool) -> SacSettings:
-    """The settings to start from, for policies that see images and those that do not."""
+    """Give the settings to start from, for policies that see images and those that do not."""
     return SacSettings(lr=1e-3, batch=128, critic_per_actor=2, replay=100_000, utd=1.0) if sees else SacSettings()

@@ -17,7 +17,7 @@ def names() -> list[str]:
 
 
 def policy_folder(place: str | Path, others: Sequence[str] = ()) -> Path:
-    """The folder that is meant: one that is there, else a shipped policy's of that name.
+    """Give the folder that is meant: one that is there, else a shipped policy's of that name.
 
     Args:
         place: a folder, or a name.

@@ -26,12 +26,12 @@ class Teacher(Protocol):
         ...
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """A student's observation with ground truth (n, ...) -> actions (n, action) within +-1."""
+        """Give a student's observation with ground truth (n, ...) -> actions (n, action) within +-1."""
         ...
 
 
 def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, np.ndarray]:
-    """A student's observation as a `state` policy would have it that believes the truth about the goal.
+    """Give a student's observation as a `state` policy would have it that believes the truth about the goal.
 
     A student's relative position counts from the goal's nominal place; a teacher's from where the goal is. The two
     differ by the goal's displacement, the same in every stacked observation. Who believes the truth makes no mistake
@@ -67,7 +67,7 @@ class Tare:
             self.age[rows], self.free[rows], self.sum[rows] = 0, 0.0, 0.0
 
     def __call__(self, stack: np.ndarray, touch: np.ndarray) -> np.ndarray:
-        """The stack with its readings tared. To be asked once a step.
+        """Give the stack with its readings tared. To be asked once a step.
 
         Args:
             stack: (n, depth, size) observations, newest first. What an episode begins with is no reading and stays.
@@ -111,7 +111,7 @@ class StateTeacher:
 
 
 def teacher_of(source: str | Path, config: Any) -> StateTeacher:
-    """A teacher for students of a task.
+    """Give a teacher for students of a task.
 
     Args:
         source: folder of a policy of modality `state` or `privileged`, or `expert` for the scripted one.

@@ -22,7 +22,7 @@ WINDOW = 1.5  # s of a held-out step that are compared
 
 
 def alone(servo: Servo, inertia_kgm2: float, viscous: float = 0.0) -> tuple[Loop, np.ndarray]:
-    """The loop of a joint that turns this inertia alone, with viscous friction (N m s/rad) of its own.
+    """Give the loop of a joint that turns this inertia alone, with viscous friction (N m s/rad) of its own.
 
     Returns:
         The loop, and (4, 4) the slopes of its `numbers` over those of the servo.
@@ -41,7 +41,7 @@ def parameters(loop: Loop) -> dict[str, list[float]]:
 
 
 def element(loop: Loop, joint: str) -> str:
-    """The `<general>` element."""
+    """Give the `<general>` element."""
     words = {key: " ".join(f"{x:.8g}" for x in value) for key, value in parameters(loop).items()}
     late = ""
     if loop.delay >= TIMESTEP:
@@ -53,7 +53,7 @@ def element(loop: Loop, joint: str) -> str:
 
 
 def text(servo: Servo, loop: Loop, joint: str, about: Sequence[str]) -> str:
-    """An MJCF file with the actuator alone, to be included; sentences `about` it stand in a comment."""
+    """Give an MJCF file with the actuator alone, to be included; sentences `about` it stand in a comment."""
     said = "".join(f"\n       {line}" for line in about)
     comment = (
         f"  <!-- {joint} answers with K {servo.gain:.4g}, natural frequency {servo.natural_frequency:.4g} rad/s, "

@@ -46,7 +46,7 @@ class Loop:
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> Loop:
-        """The loop of `numbers`."""
+        """Give the loop of `numbers`."""
         gain, stiffness, damping, delay = (float(x) for x in numbers)
         return cls(gain, float(np.exp(stiffness)), float(np.exp(damping)), delay)
 
@@ -80,7 +80,7 @@ class Arm:
         return float(self.inertia[self.joint, self.joint])
 
     def with_friction(self, viscous: float) -> Arm:
-        """The same with viscous friction, N m s/rad, in the joint."""
+        """Give the same with viscous friction, N m s/rad, in the joint."""
         return replace(self, passive=self.passive + viscous * np.eye(len(self.passive))[self.joint])
 
     def modes(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, float]:
@@ -106,7 +106,7 @@ class Arm:
         )
 
     def answer(self, t: np.ndarray, loop: Loop) -> np.ndarray:
-        """The joint's answer (n,) at t s to a unit step of its goal at 0."""
+        """Give the joint's answer (n,) at t s to a unit step of its goal at 0."""
         poles, shares, end = self.modes(loop)
         late = t - loop.delay
         return np.where(late > 0, end + np.real(np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares), 0.0)
@@ -114,7 +114,7 @@ class Arm:
     def dry(
         self, loop: Loop, friction: float, goals: np.ndarray, dt: float, wound: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What the joint does from rest, with dry friction; without the loop's delay.
+        """Give what the joint does from rest, with dry friction; without the loop's delay.
 
         Args:
             loop: of the joint.
@@ -173,7 +173,7 @@ class Arm:
         return (end + (s / (s - poles)) @ shares) * np.exp(-s[:, 0] * loop.delay)
 
     def effect(self, loop: Loop) -> dict[str, float]:
-        """The parameters of the effect `servo` that are this loop."""
+        """Give the parameters of the effect `servo` that are this loop."""
         wn = float(np.sqrt(loop.stiffness / self.reference))
         return {
             "natural_frequency": wn,
@@ -183,7 +183,7 @@ class Arm:
 
 
 def arm_of(rec: Recording, joint: str) -> Arm:
-    """The arm of a recording about its median posture; the other joints have the loops that it states.
+    """Give the arm of a recording about its median posture; the other joints have the loops that it states.
 
     Raises:
         UserError: an unknown robot.
@@ -222,7 +222,7 @@ def about(robot: RobotModel, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def inferred(servo: Servo, arm: Arm, look: Callable[[Loop], Servo]) -> tuple[Loop, np.ndarray]:
-    """The loop with which the arm looks like `servo`, and how it moves with it.
+    """Give the loop with which the arm looks like `servo`, and how it moves with it.
 
     Args:
         servo: as fitted to the recordings.

@@ -27,7 +27,7 @@ def scaled(quantity: Quantity, where: str, nominal: float) -> EffectInstance:
 
 
 def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantity) -> EffectInstance:
-    """The effect with these values and its other parameters as they usually are.
+    """Give the effect with these values and its other parameters as they usually are.
 
     Raises:
         UserError: a value beyond the effect's bounds.
@@ -51,7 +51,7 @@ def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantit
 
 
 def payload(results: Sequence[Quantity], mass: Quantity | None, axes: Sequence[str] = "xyz") -> EffectInstance:
-    """A payload at the flange from a mass and, where there is one, its centre of mass.
+    """Give a payload at the flange from a mass and, where there is one, its centre of mass.
 
     Args:
         results: of `mass` or `com`.

@@ -118,11 +118,11 @@ class _Fit:
         return float(len(self.y) - len(self.x))
 
     def u(self, k: int) -> float:
-        """The standard uncertainty of x_k from the scatter."""
+        """Give the standard uncertainty of x_k from the scatter."""
         return float(np.sqrt(self.rest / self.dof) * np.linalg.norm(self.inverse[k]))
 
     def left(self, y: np.ndarray) -> float:
-        """The residual's squares of another y (3 n,)."""
+        """Give the residual's squares of another y (3 n,)."""
         return float(y @ y - np.sum((self.base.T @ y) ** 2))
 
     def moved(self, by: np.ndarray) -> np.ndarray:
@@ -160,7 +160,7 @@ def _moment(g: np.ndarray) -> np.ndarray:
 def _instruments(
     r: Readings, wrench: np.ndarray, down: np.ndarray, force: _Fit, torque: _Fit
 ) -> tuple[dict[str, tuple[float, np.ndarray]], dict[str, tuple[float, np.ndarray]]]:
-    """What the instruments leave open, as half widths: source -> (of the mass kg, of the moment (3,) kg m).
+    """Give what the instruments leave open, as half widths: source -> (of the mass kg, of the moment (3,) kg m).
 
     Half a digit is off in each row anew, so that its shares add in squares over the rows. A limit of error is taken as
     one of scale, reached at the largest reading, for a constant one is the sensor's bias, which is fitted beside. An
@@ -202,7 +202,7 @@ def _instruments(
 
 
 def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
-    """Raises UserError where one row's gravity, turned round, makes the forces (n, 3) those of a mass."""
+    """Raise UserError where one row's gravity, turned round, make the forces (n, 3) those of a mass."""
     n = len(down)
     fixed = float(np.sum((force - force.mean(axis=0)) ** 2))
 
@@ -220,7 +220,7 @@ def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
 
 
 def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:
-    """Raises UserError where the columns in another order, or with other signs, are those of a mass."""
+    """Raise UserError where the columns in another order, or with other signs, are those of a mass."""
     y, others = fit.y.reshape(-1, 3), {}
     for order in permutations(range(3)):
         for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)):  # all of them turned is the reaction
@@ -240,7 +240,9 @@ def _surely(left: float, other: float, dof: float, tried: int) -> bool:
 
 
 def _apart(down: np.ndarray) -> float:
-    """The greatest angle between unit vectors (n, 3), rad: from those that are outermost in thirteen directions."""
+    """Give the greatest angle between unit vectors (n, 3), rad: from those that are outermost in thirteen
+    directions.
+    """
     ways = np.array([w for w in product((-1, 0, 1), repeat=3) if w > (0, 0, 0)], float)
     along = down @ ways.T
     outer = np.unique([along.argmin(axis=0), along.argmax(axis=0)])
@@ -286,7 +288,7 @@ def _lines(r: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _cross(line: dict[tuple[str, int], np.ndarray | float], count: int) -> tuple[Any, Any]:
-    """The point (x, y) nearest to all lines, of floats or arrays alike: 2x2 normal equations by Cramer's rule."""
+    """Give the point (x, y) nearest to all lines, of floats or arrays alike: 2x2 normal equations by Cramer's rule."""
     a = b = c = p = q = np.float64(0.0)
     for at in range(count):
         nx, ny = -np.sin(line["angle", at]), np.cos(line["angle", at])

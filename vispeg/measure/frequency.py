@@ -118,7 +118,7 @@ def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
 
 
 def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
-    """A second-order servo through the coherent points; None below four of them.
+    """Give a second-order servo through the coherent points; None below four of them.
 
     Returns:
         The servo, the covariance (4, 4) of K, ln wn, ln zeta and the delay, its degrees of freedom.

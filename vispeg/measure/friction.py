@@ -26,7 +26,7 @@ FORMS = {
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """The coefficient of friction, static or kinetic as the columns say.
+    """Give the coefficient of friction, static or kinetic as the columns say.
 
     Args:
         readings: `angle` (rad); or also `distance` (m) and `time` (s); or `normal` and `tangential` (N); and `place`.

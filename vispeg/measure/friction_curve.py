@@ -80,7 +80,7 @@ def friction(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
-    """Adds Coulomb and viscous friction to `results`, or their sum where all strokes have one speed."""
+    """Add Coulomb and viscous friction to `results`, or their sum where all strokes have one speed."""
     height = np.array([s.friction for s in strokes], float)
     if not separable(strokes):
         if len(strokes) >= 2:
@@ -112,7 +112,7 @@ def friction(
 
 
 def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> tuple[Line, float, float] | None:
-    """The curve with Stribeck's term, its height in N m and velocity in rad/s, where an F test prefers it."""
+    """Give the curve with Stribeck's term, its height in N m and velocity in rad/s, where an F test prefers it."""
     if straight.dof < 5 or np.ptp(height) == 0:
         return None
     columns, speed = _columns(strokes, True), np.array([s.speed for s in strokes])
@@ -139,7 +139,7 @@ def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> 
 
 
 def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[Input]:
-    """What the log does not say of the time between its rows, as errors of the viscous friction, N m s/rad.
+    """Give what the log does not say of the time between its rows, as errors of the viscous friction, N m s/rad.
 
     A row's torque may be up to a row older or younger than its angle: gravity has changed by then. And a servo's own
     loop is faster than the log: its torque jumps with each command and falls until the next, so that the torque at the

@@ -46,7 +46,7 @@ def at_rest(paths: Sequence[Path]) -> Readings:
 
 
 def slides(paths: Sequence[Path]) -> Readings:
-    """Normal (along the flange's z) and tangential force, N, of every stroke; `place` is the recording.
+    """Give the normal (along the flange's z) and the tangential force, N, of every stroke; `place` is the recording.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or in which nothing slides.
@@ -104,7 +104,7 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
 
 
 def _opened(path: Path) -> tuple[Recording, np.ndarray]:
-    """The recording, and the flange's pose (n, 7) in the base: measured, or else of the robot's model."""
+    """Give the recording, and the flange's pose (n, 7) in the base: measured, or else of the robot's model."""
     rec = load(path)
     check_units(rec)
     if rec.ft is None:
@@ -153,7 +153,7 @@ def _rotation(quat: np.ndarray) -> np.ndarray:
 
 
 def _gravity(rec: Recording) -> np.ndarray:
-    """Unit vector (3,) of gravity in the base frame."""
+    """Give the unit vector (3,) of gravity in the base frame."""
     from vispeg.robots.model import tilted
 
     return tilted(np.array([0.0, 0.0, -1.0]), *rec.base_tilt)

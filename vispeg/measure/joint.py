@@ -113,7 +113,9 @@ def measure(
 
 
 def effects(joint: str, measured: Joint) -> list[EffectInstance]:
-    """What the numbers become: the joint's friction and backlash, where they are above nothing, and its own servo."""
+    """Give what the numbers become: the joint's friction and backlash, where they are above nothing, and its own
+    servo.
+    """
     by_name = {q.quantity: q for q in measured.results}
     out = []
     for quantity, name, key in (
@@ -144,7 +146,7 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
 
 
 def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:
-    """Steps beyond twice the lost motion: what is smaller shows friction and play, not the servo."""
+    """Step beyond twice the lost motion: what is smaller shows friction and play, not the servo."""
     lost = next((q.value for q in loop if q.quantity == "lost_motion"), 0.0)
     small = [s for s in responses if abs(s.size) < 2.0 * lost]
     if small:
@@ -161,7 +163,7 @@ def _limited(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> list[Step]:
-    """Adds the drive's torque limit where the steps show it; those that do not reach it, if there are two."""
+    """Add the drive's torque limit where the steps show it; those that do not reach it, if there are two."""
     given = [t for t in traces if not t.asked]
     table = saturation.by_speed(given)
     if not table:
@@ -198,7 +200,9 @@ def _of_steps(
     notes: list[str],
     rng: np.random.Generator,
 ) -> None:
-    """The servo that the joint answers like, the band in which it rests, and the bandwidth; groups as `through` has."""
+    """Give the servo that the joint answers like, the band in which it rests, and the bandwidth; groups as `through`
+    has.
+    """
     count = len(responses)
     for name, unit in steps.NAMES.items():
         results.append(_over_sizes(name, unit, groups[name], _half(traces), rng, count))
@@ -235,7 +239,7 @@ def _noise(traces: Sequence[Trace]) -> float:
 
 
 def _viscous(friction: Sequence[Quantity]) -> Quantity | None:
-    """The viscous friction where it is an effect of its own, and so none of the servo's damping."""
+    """Give the viscous friction where it is an effect of its own, and so none of the servo's damping."""
     return next((q for q in friction if q.quantity == "viscous_friction" and q.low > 0), None)
 
 
@@ -310,7 +314,7 @@ def _loop_of_frequencies(
     results: list[Quantity],
     rng: np.random.Generator,
 ) -> Loop:
-    """The same from a frequency response and its fit."""
+    """Give the same from a frequency response and its fit."""
     servo, covariance, dof = fit
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
@@ -356,7 +360,7 @@ def _of_loop(
     rng: np.random.Generator,
     repeats: int,
 ) -> None:
-    """Adds stiffness and damping of a loop and, in an arm, the numbers of the effect `servo`. `inputs` as `WORDS`."""
+    """Add stiffness and damping of a loop and, in an arm, the numbers of the effect `servo`. `inputs` as `WORDS`."""
     gain, stiff, damp, late, ratio = inputs
     errors = []
     if viscous is not None:  # it is taken off the damping with its value, and is off by its error
@@ -385,7 +389,7 @@ def _of_loop(
 
 
 def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Callable[[Loop], Servo]:
-    """The servo that a linear arm looks like through the longest of these steps, for a loop of its joint."""
+    """Give the servo that a linear arm looks like through the longest of these steps, for a loop of its joint."""
     by_name = {t.name: t for t in traces}
     spans = [(by_name[s.trace], *steps.rows(by_name[s.trace], s)) for s in responses]
     longest, a, b = max(spans, key=lambda span: span[2] - span[1])
@@ -404,7 +408,7 @@ def _moved(arm: Arm, loop: Loop, band: float) -> Moved:
 def _of_frequencies(
     points: list[Point], results: list[Quantity], notes: list[str], rng: np.random.Generator
 ) -> tuple[Servo, np.ndarray, int] | None:
-    """The servo through the frequency response, where there are no steps, as `frequency.fit` gives it."""
+    """Give the servo through the frequency response, where there are no steps, as `frequency.fit` gives it."""
     fit = frequency.fit(points)
     if fit is None:
         return None
@@ -423,7 +427,7 @@ def _of_frequencies(
 def _over_sizes(
     name: str, unit: str, means: np.ndarray, half: float, rng: np.random.Generator, repeats: int
 ) -> Quantity:
-    """The mean over sizes and directions: of what is positive and spreads in proportion, that of its logarithm."""
+    """Give the mean over sizes and directions: of what is positive and spreads in proportion, that of its logarithm."""
     if name in steps.POSITIVE or unit == "Hz":
         inputs = [repeated("logarithm over sizes and directions", np.log(means))]
         return propagate(name, unit, np.exp, inputs, rng, repeats=repeats)
@@ -433,7 +437,7 @@ def _over_sizes(
 
 
 def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
-    """The error on the steps of the middle size, simulated with a servo from the others alone."""
+    """Give the error on the steps of the middle size, simulated with a servo from the others alone."""
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
         return
@@ -461,7 +465,7 @@ def _bode(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
-    """The Bode table, and the bandwidth of the amplitude with the most frequencies."""
+    """Give the Bode table, and the bandwidth of the amplitude with the most frequencies."""
     if not points:
         return
     details["bode"] = [

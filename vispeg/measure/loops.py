@@ -104,7 +104,7 @@ def _shares(trace: Trace, rows: list[np.ndarray], sign: float) -> np.ndarray:
 
 
 def _speeds(trace: Trace, rows: np.ndarray) -> tuple[float, float]:
-    """The joint's speed in the first and in the last third of these rows, rad/s."""
+    """Give the joint's speed in the first and in the last third of these rows, rad/s."""
     t, q, third = trace.time[rows], trace.q[rows], len(rows) // 3
     first, last = (float(np.polyfit(t[p] - t[p][0], q[p], 1)[0]) for p in (slice(0, third), slice(-third, None)))
     return first, last
@@ -118,7 +118,7 @@ def _stiffness(trace: Trace, rows: np.ndarray, velocity: np.ndarray) -> float:
 
 
 def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | None:
-    """The width of the loop at no torque: from its widths between +-1/2 and +-1/4 of `top` N m, as a line to 0.
+    """Give the width of the loop at no torque: from its widths between +-1/2 and +-1/4 of `top` N m, as a line to 0.
 
     Between such levels the gear also winds up, in proportion to them.
     """
@@ -132,7 +132,9 @@ def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | N
 
 
 def _between(q: np.ndarray, tau: np.ndarray, level: float, width: int) -> float | None:
-    """The angle turned between the last time that tau (n,) is above a level and the first that it is below minus it."""
+    """Give the angle turned between the last time that tau (n,) is above a level and the first that it is below
+    minus it.
+    """
     above, below = np.flatnonzero(tau > level), np.flatnonzero(tau < -level)
     below = below[below > above[0]] if len(above) else below[:0]
     if not len(below):

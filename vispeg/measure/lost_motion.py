@@ -24,7 +24,7 @@ def summarise(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
-    """Adds lost motion, friction and backlash to `results`, remarks to `notes`, the table of strokes to `details`."""
+    """Add lost motion, friction and backlash to `results`, remarks to `notes`, the table of strokes to `details`."""
     if not strokes:
         return
     details["torque_speed"] = [

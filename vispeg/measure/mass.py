@@ -14,7 +14,7 @@ WEIGHINGS = 5
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """The mass in kg.
+    """Give the mass in kg.
 
     Args:
         readings: `mass` (kg), and `tare` (kg) of the empty scale before each.

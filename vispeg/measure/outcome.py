@@ -27,7 +27,7 @@ class Outcome:
 
 
 def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, object]:
-    """The mean, spread and number of readings at each place, for the file's `details`."""
+    """Give the mean, spread and number of readings at each place, for the file's `details`."""
     if place is None:
         return {}
     rows = [
@@ -44,7 +44,7 @@ def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, objec
 
 
 def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
-    """A note where there are fewer of a thing (in the singular) than the protocol asks for.
+    """Give a note where there are fewer of a thing (in the singular) than the protocol asks for.
 
     Args:
         count, wanted: how many.

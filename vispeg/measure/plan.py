@@ -30,7 +30,8 @@ class Part:
 def plan(
     robot: RobotModel, joint: str, middle: float, size: float, rate_hz: float, rng: np.random.Generator
 ) -> list[Part]:
-    """The motions in the order to run them: the greatest steps first and last, which shows a drift, the rest mixed.
+    """Give the motions in the order to run them: the greatest steps first and last, which shows a drift, the rest
+    mixed.
 
     Args:
         robot: gives the joint's range and speed.
@@ -119,7 +120,9 @@ def _ladder(fast: float, reach: float, rate: float, rng: np.random.Generator) ->
 
 
 def table(part: Part, joints: Sequence[str], posture: np.ndarray, joint: str) -> str:
-    """The motion as CSV: time, q_cmd.* (rad) and dq_cmd.* of 0, so that the angle alone commands. posture (nj,) rad."""
+    """Give the motion as CSV: time, q_cmd.* (rad) and dq_cmd.* of 0, so that the angle alone commands. posture (nj,)
+    rad.
+    """
     j = list(joints).index(joint)
     head = ",".join(["time", *(f"q_cmd.{n}" for n in joints), *(f"dq_cmd.{n}" for n in joints)])
     before = ",".join(f"{x:.9g}" for x in posture[:j])

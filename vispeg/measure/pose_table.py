@@ -246,13 +246,13 @@ def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, flo
 
 
 def _words(name: str) -> list[str]:
-    """The words of a name without its unit: `tip_x [mm]` -> tip, x."""
+    """Give the words of a name without its unit: `tip_x [mm]` -> tip, x."""
     bare = re.sub(r"[\[(].*?[\])]", "", name).strip()
     return [word for word in split(bare) if word not in (*LENGTHS, *ANGLES, "degrees", "radians")]
 
 
 def _word(name: str, with_w: bool) -> str:
-    """What a name says of a pose: `tip_x` x, `ee.qw` qw, `orientation.x` qx where there is a w, else rx."""
+    """Give what a name says of a pose: `tip_x` x, `ee.qw` qw, `orientation.x` qx where there is a w, else rx."""
     words = _words(name)
     if not words:
         return ""
@@ -320,7 +320,7 @@ def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> 
 
 
 def _units(names: Sequence[str], units: Mapping[str, float], file: Path) -> list[str]:
-    """The units that names state, or all of them."""
+    """Give the units that names state, or all of them."""
     patterns = {"rad": "rad(ians)?", "deg": "deg(rees)?|°"}
     found = set()
     for name in names:

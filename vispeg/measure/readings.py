@@ -41,7 +41,7 @@ class Readings:
         return self.columns[name]
 
     def place(self) -> np.ndarray | None:
-        """The column `place`, (n,), or None."""
+        """Give the column `place`, (n,), or None."""
         return self.columns.get("place")
 
     def instrument(self, name: str, times: int = 1) -> list[Input]:
@@ -60,7 +60,7 @@ class Readings:
 
 
 def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
-    """The readings in a .csv, .csv.gz or .parquet table.
+    """Give the readings in a .csv, .csv.gz or .parquet table.
 
     Args:
         file: columns named as the protocol says, SI, or with a unit at the end (`angle_deg`, `mass_g`, `h1_mm`).
@@ -81,7 +81,7 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
 
 
 def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
-    """The readings with what is stated of the instruments, in place of what they had for those columns.
+    """Give the readings with what is stated of the instruments, in place of what they had for those columns.
 
     Raises:
         UserError: an unknown name or a number below 0.
@@ -94,7 +94,7 @@ def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iter
 
 
 def bare(name: str) -> tuple[str, float]:
-    """A column's name without its unit, and the factor to SI: `angle_deg` -> angle, 0.01745."""
+    """Give a column's name without its unit, and the factor to SI: `angle_deg` -> angle, 0.01745."""
     for suffix, factor in SUFFIXES.items():
         if name.endswith(suffix) and len(name) > len(suffix):
             return name[: -len(suffix)], factor
@@ -119,7 +119,7 @@ def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
 def instrument_law(
     readings: Readings, names: Sequence[str], function: Callable[..., float]
 ) -> tuple[list[Input], Callable[..., float]]:
-    """What the instruments' errors do to a function of the mean readings.
+    """Give what the instruments' errors do to a function of the mean readings.
 
     Returns:
         (errors, law): inputs of value 0, and `law(*errors)` = function(mean readings + errors).
@@ -137,7 +137,7 @@ def instrument_law(
 
 
 def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) -> None:
-    """Raises UserError where the readings rise or fall in their order by more than chance allows.
+    """Raise UserError where the readings rise or fall in their order by more than chance allows.
 
     Either the first and the last, taken alike, are apart by more than the spread of those between says, or a line
     through all of them has a slope; at least five readings are needed to tell. Scatter is not less than the digit's.

@@ -23,7 +23,7 @@ BY_HAND = 0.01  # m within which heights that are set by hand are one, where no 
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """The coefficient of restitution.
+    """Give the coefficient of restitution.
 
     Args:
         readings: `t1`, `t2`, `t3` (s) of three touches, or `flight1`, `flight2` (s), or `drop` and `bounce` (m); with
@@ -69,7 +69,9 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _heights(drop: np.ndarray, apart: float) -> np.ndarray:
-    """The mean (n,) m of the heights that each of drop (n,) m is one of: sorted, a new one begins beyond `apart` m."""
+    """Give the mean (n,) m of the heights that each of drop (n,) m is one of: sorted, a new one begins beyond
+    `apart` m.
+    """
     order = np.argsort(drop)
     number = np.concatenate([[0], np.cumsum(np.diff(drop[order]) > apart)])
     out = np.empty(len(drop))

@@ -44,13 +44,13 @@ class Limit:
     reached: list[Step]
 
     def inputs(self) -> list[Input]:
-        """What the limit at rest is the sum of."""
+        """Give what the limit at rest is the sum of."""
         if len(self.stall) < 2:
             return [rectangular("noise of the torque", 2.0 * self.noise, float(self.stall[0]))]
         return [repeated("steps at the limit", self.stall), rectangular("time of a row", self.row[0])]
 
     def inputs_of_slope(self) -> list[Input]:
-        """What the slope is the sum of."""
+        """Give what the slope is the sum of."""
         return [repeated("slope over the steps at the limit", self.slope), rectangular("time of a row", self.row[1])]
 
 
@@ -66,12 +66,12 @@ class _Rows:
     step: np.ndarray  # (n,) whose
 
     def asked(self, law: np.ndarray) -> np.ndarray:
-        """The torque (n,) that a law (3,) asks for."""
+        """Give the torque (n,) that a law (3,) asks for."""
         return self.rest + self.law @ law
 
 
 def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
-    """The limit at which the motor works in some of these steps; None where none shows."""
+    """Give the limit at which the motor works in some of these steps; None where none shows."""
     by_name = {t.name: t for t in traces if t.tau is not None and t.signed() and not t.asked}
     steps = [s for s in responses if s.trace in by_name]
     if len(steps) < 2:
@@ -116,7 +116,7 @@ def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
 
 
 def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
-    """The rows of the steps, with the delay of the command that leaves the law the least error."""
+    """Give the rows of the steps, with the delay of the command that leaves the law the least error."""
     spans = [(by_name[s.trace], rows(by_name[s.trace], s)[0]) for s in steps]
     rates = {name: np.gradient(t.q, t.time) for name, t in by_name.items()}
     period = max(t.period for t, _ in spans)
@@ -150,19 +150,19 @@ def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
 
 
 def _through(r: _Rows, top: float) -> np.ndarray:
-    """The law (3,) through the torques below `top`."""
+    """Give the law (3,) through the torques below `top`."""
     low = np.abs(r.tau) < top
     return np.linalg.lstsq(r.law[low], (r.tau - r.rest)[low], rcond=None)[0]
 
 
 def _most(x: np.ndarray, r: _Rows) -> np.ndarray:
-    """The limit (n,) N m, in the direction in which the law asks."""
+    """Give the limit (n,) N m, in the direction in which the law asks."""
     forward = np.maximum(r.speed * np.sign(r.asked(x[2:])), 0.0)
     return x[0] * np.maximum(1.0 - x[1] * forward, 0.0)
 
 
 def _given(x: np.ndarray, r: _Rows) -> np.ndarray:
-    """The torque (n,) N m that law and limit give."""
+    """Give the torque (n,) N m that law and limit give."""
     most = _most(x, r)
     return np.clip(r.asked(x[2:]), -most, most)
 
@@ -183,7 +183,7 @@ def _line(size: np.ndarray, forward: np.ndarray) -> np.ndarray:
 
 
 def by_speed(traces: Sequence[Trace]) -> list[dict[str, float]]:
-    """The greatest torque (N m) that the motor gave, by speed (rad/s) in the torque's direction."""
+    """Give the greatest torque (N m) that the motor gave, by speed (rad/s) in the torque's direction."""
     pairs = [(t.tau, np.gradient(t.q, t.time)) for t in traces if t.tau is not None and t.signed()]
     if not pairs:
         return []

@@ -58,7 +58,7 @@ class Step:
 
 
 def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
-    """Unit step response (n,) at t s; 0 before."""
+    """Give the unit step response (n,) at t s; 0 before."""
     root = np.sqrt(complex(zeta**2 - 1.0))
     root = root if abs(root) > 1e-6 else 1e-6 + 0j
     p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
@@ -73,7 +73,7 @@ def fitted(trace: Trace) -> list[Step]:
 
 
 def before(trace: Trace, first: int) -> float:
-    """The angle at which the joint rested before the command changed in row `first`, rad."""
+    """Give the angle at which the joint rested before the command changed in row `first`, rad."""
     ago = trace.time[first] - trace.time
     return float(trace.q[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean())
 
@@ -101,7 +101,7 @@ def wound(servo: Servo, band: float, traces: Sequence[Trace], responses: Sequenc
 
 
 def fit(trace: Trace, first: int, last: int) -> Step:
-    """The second-order servo without friction that rows `first` to `last` of a trace look like."""
+    """Give the second-order servo without friction that rows `first` to `last` of a trace look like."""
     t = trace.time[first:last] - trace.time[first]
     size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
     change = np.diff(trace.q_cmd[first - 1 : last]) / size
@@ -134,7 +134,7 @@ def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
 
 
 def groups(responses: Sequence[Step]) -> dict[float, list[Step]]:
-    """Steps of one size and direction: signed size -> steps; sizes within 5 % are one."""
+    """Step of one size and direction: signed size -> steps; sizes within 5 % are one."""
     out: dict[float, list[Step]] = {}
     for step in sorted(responses, key=lambda s: s.size):
         near = [size for size in out if abs(size - step.size) <= 0.05 * abs(step.size)]
@@ -154,7 +154,7 @@ def parameters(responses: Sequence[Step]) -> dict[str, np.ndarray]:
 
 
 def mean_servo(responses: Sequence[Step]) -> Servo:
-    """The mean over groups, as one servo."""
+    """Give the mean over groups, as one servo."""
     return Servo(**{name: _mean(name, values) for name, values in parameters(responses).items()})
 
 
@@ -170,7 +170,7 @@ def _mean(name: str, values: Sequence[float] | np.ndarray) -> float:
 
 
 def sizes(responses: Sequence[Step]) -> list[float]:
-    """The sizes that there are, both directions as one, rad, rising."""
+    """Give the sizes that there are, both directions as one, rad, rising."""
     out: list[float] = []
     for size in sorted(abs(s.size) for s in responses):
         if not out or size > 1.05 * out[-1]:
@@ -179,7 +179,7 @@ def sizes(responses: Sequence[Step]) -> list[float]:
 
 
 def refuse_drift(responses: Sequence[Step], file: str) -> None:
-    """Raises UserError where the same steps, taken again in a later recording, answer otherwise by three sigma."""
+    """Raise UserError where the same steps, taken again in a later recording, answer otherwise by three sigma."""
     for size, group in groups(responses).items():
         names = list(dict.fromkeys(s.trace for s in group))
         if len(names) < 2:

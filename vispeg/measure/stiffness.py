@@ -20,7 +20,7 @@ POSES, LEAST, RAMP = 2, 5.0, 3  # poses; N, below which the contact itself still
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """The stiffness in N/m, and the compliance in m/N that it is the inverse of.
+    """Give the stiffness in N/m, and the compliance in m/N that it is the inverse of.
 
     Args:
         readings: `force` (N), `depth` (m), `on` (0 a rigid stop, 1 the fixture); `pose` and `ramp` (numbers) where
@@ -86,7 +86,7 @@ def _spread(values: list[float]) -> np.ndarray:
 
 
 def _mean(means: np.ndarray, spreads: list[np.ndarray]) -> Input:
-    """The mean over poses; its spread from the poses, or from the ramps where there is one pose."""
+    """Give the mean over poses; its spread from the poses, or from the ramps where there is one pose."""
     if len(means) > 1:
         between = repeated(f"{len(means)} arm poses", means)
         within = float(np.sqrt(sum(s for s, _ in spreads))) / len(means)

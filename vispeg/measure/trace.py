@@ -65,7 +65,7 @@ class Trace:
 
 
 def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str]:
-    """The traces of a recording, one an episode; the joint, that which moves most where none is named; the robot.
+    """Give the traces of a recording, one an episode; the joint, that which moves most where none is named; the robot.
 
     Raises:
         UserError: unreadable, in units that cannot be true, without commanded angles, or without that joint.
@@ -93,7 +93,7 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
 
 
 def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
-    """What the motor of joint j gives, (n,) N m, before the gear's friction; or None and why not.
+    """Give what the motor of joint j gives, (n,) N m, before the gear's friction; or None and why not.
 
     The motor's own sensor; else the recorded control law, where it is known and its torque acts at once. A sensor
     behind the gear sees what the friction has left.
@@ -120,7 +120,7 @@ def _weight(rec: Recording, j: int) -> np.ndarray:
 
 
 def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
-    """The trace in a .csv, .csv.gz or .parquet table.
+    """Give the trace in a .csv, .csv.gz or .parquet table.
 
     Args:
         path: of the table.
@@ -285,7 +285,7 @@ def sines(trace: Trace) -> list[tuple[float, float, float, int]]:
 
 
 def _pure(trace: Trace, first: int, last: int, count: int) -> tuple[float, float, float, int] | None:
-    """The stretch if it is a sine, its period refined by least squares."""
+    """Give the stretch if it is a sine, its period refined by least squares."""
     from scipy.optimize import minimize_scalar
 
     t, x = trace.time[first : last + 1] - trace.time[first], trace.q_cmd[first : last + 1]

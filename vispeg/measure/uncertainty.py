@@ -52,7 +52,7 @@ class Input:
 
 
 def repeated(name: str, values: np.ndarray) -> Input:
-    """The mean of repeats (n,), n >= 2: u = s / sqrt(n) with n - 1 degrees of freedom (GUM 4.2.3)."""
+    """Give the mean of repeats (n,), n >= 2: u = s / sqrt(n) with n - 1 degrees of freedom (GUM 4.2.3)."""
     x = np.asarray(values, float)
     if len(x) < 2:
         raise UserError("one value alone has no spread", key=name, expected="2 repeats or more", got=len(x))
@@ -60,12 +60,12 @@ def repeated(name: str, values: np.ndarray) -> Input:
 
 
 def rectangular(name: str, half: float, value: float = 0.0) -> Input:
-    """What lies within +-half, anywhere: u = half / sqrt(3) (GUM 4.3.7). Half a digit for a resolution."""
+    """Give the uncertainty within +-half: u = half / sqrt(3) (GUM 4.3.7). Of a resolution, half a digit."""
     return Input(name, value, half / np.sqrt(3.0), "B", np.inf, "rectangular")
 
 
 def stated(name: str, u: float, value: float = 0.0, dof: float = np.inf) -> Input:
-    """A standard uncertainty from a certificate or another measurement."""
+    """Give a standard uncertainty from a certificate or another measurement."""
     return Input(name, value, u, "B", dof, "normal" if np.isinf(dof) else "t")
 
 
@@ -79,7 +79,7 @@ def propagate(
     repeats: int = 0,
     draws: int = DRAWS,
 ) -> Quantity:
-    """The number `function(*inputs)` with its budget and its 95 % interval.
+    """Give the number `function(*inputs)` with its budget and its 95 % interval.
 
     Args:
         name, unit: of the number.
@@ -136,12 +136,12 @@ def effective(rows: Sequence[BudgetRow]) -> float:
 
 
 def coverage(dof: float, level: float = LEVEL) -> float:
-    """The coverage factor k: Student's t for `dof`, 1.96 for very many at 95 % (GUM G.3.2)."""
+    """Give the coverage factor k: Student's t for `dof`, 1.96 for very many at 95 % (GUM G.3.2)."""
     return float(stats.t.ppf(0.5 + level / 2, dof) if np.isfinite(dof) else stats.norm.ppf(0.5 + level / 2))
 
 
 def places(name: str, values: np.ndarray, place: np.ndarray | None) -> Input:
-    """The mean over places of the means at each: what differs between places is the uncertainty of that mean.
+    """Give the mean over places of the means at each: what differs between places is the uncertainty of that mean.
 
     With one place (or none named) the repeats themselves. An analysis of variance as in GUM H.5, whose mean square
     between groups holds the spread inside them too; never pooled, so that the interval holds either way.

@@ -250,7 +250,7 @@ def _start(poses: Poses, flange: np.ndarray, base_known: bool, tool_known: bool)
 def _alternated(
     poses: Poses, flange: np.ndarray, base: np.ndarray, tool: np.ndarray, turns: int, base_known: bool, tool_known: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The base that is best for the tool and the tool that is best for the base, in turn."""
+    """Give the base that is best for the tool and the tool that is best for the base, in turn."""
     for _ in range(turns):
         base = base if base_known else _base(poses, flange, tool)
         tool = tool if tool_known else _tool(poses, flange, base)
@@ -274,7 +274,7 @@ def _points() -> list[np.ndarray]:
 
 
 def _turned() -> list[np.ndarray]:
-    """The 24 ways in which a cube's frame may lie on the flange."""
+    """Give the 24 ways in which a cube's frame may lie on the flange."""
     out = []
     for turn in Rotation.create_group("O").as_matrix():
         tool = np.eye(4)
@@ -284,7 +284,7 @@ def _turned() -> list[np.ndarray]:
 
 
 def _base(poses: Poses, flange: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    """The base that takes the tips nearest to where they were measured."""
+    """Give the base that takes the tips nearest to where they were measured."""
     tip = flange @ tool
     here, there = tip[:, :3, 3], poses.position
     spread = (there - there.mean(axis=0)).T @ (here - here.mean(axis=0))
@@ -297,7 +297,7 @@ def _base(poses: Poses, flange: np.ndarray, tool: np.ndarray) -> np.ndarray:
 
 
 def _tool(poses: Poses, flange: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """The tip on the flange that does."""
+    """Give the tip on the flange that does."""
     at = base @ flange
     out = np.eye(4)
     if poses.turn is not None:
@@ -307,6 +307,6 @@ def _tool(poses: Poses, flange: np.ndarray, base: np.ndarray) -> np.ndarray:
 
 
 def _nearest(matrix: np.ndarray) -> np.ndarray:
-    """The rotation nearest to a matrix (3, 3)."""
+    """Give the rotation nearest to a matrix (3, 3)."""
     left, _, right = np.linalg.svd(matrix)
     return left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right

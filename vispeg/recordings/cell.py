@@ -93,7 +93,7 @@ class Outcome:
 
 
 def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.ndarray:
-    """What the flange exerts on the tool, about the flange's origin and in its axes.
+    """Give what the flange exerts on the tool, about the flange's origin and in its axes.
 
     Args:
         ft: (n, 6) N and N m as recorded.

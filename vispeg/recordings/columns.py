@@ -32,5 +32,5 @@ UNITS = {
 
 
 def columns_of(signal: str, joints: Sequence[str]) -> list[str]:
-    """The column names of a signal, in order: `q` -> q.joint1, q.joint2, ...; `ee` -> ee.x ... ee.qz."""
+    """Give the column names of a signal, in order: `q` -> q.joint1, q.joint2, ...; `ee` -> ee.x ... ee.qz."""
     return [f"{signal}.{tail}" for tail in SPATIAL_SIGNALS.get(signal, joints)]

@@ -54,7 +54,7 @@ def load(
     signals: Callable[[Header], Collection[str]] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """The recording in a folder with recording.yaml, samples.csv or samples.parquet, and maybe frames/.
+    """Give the recording in a folder with recording.yaml, samples.csv or samples.parquet, and maybe frames/.
 
     Values are taken as they are: no resampling, no normalisation, NaN for empty cells. Unknown keys and columns are
     ignored with one warning each that names them.
@@ -85,7 +85,9 @@ def load(
 
 
 def needed(header: Header) -> tuple[str, ...]:
-    """What a recording with this header is compared by: torque and wrench where it says what they are, and commands."""
+    """Give what a recording with this header is compared by: torque and wrench where it says what they are, and
+    commands.
+    """
     torque = ("tau",) if header.torque_sensor != "none" else ()
     rates = {"position": ("dq_cmd",), "osc": ("dq",), "servo": ("load",)}.get(header.control.mode, ())
     wrench = ("ft",) if header.wrench is not None else ()
@@ -93,7 +95,7 @@ def needed(header: Header) -> tuple[str, ...]:
 
 
 def _reading(joints: list[str], keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
-    """Reads the columns of the signals; those that are not kept are looked at block by block."""
+    """Read the columns of the signals; those that are not kept are looked at block by block."""
     retained = SIGNALS if keep is None else tuple(s for s in SIGNALS if s == "q" or s in keep)
     passing = tuple(s for s in SIGNALS if s not in retained)
 
@@ -114,7 +116,7 @@ def _reading(joints: list[str], keep: Collection[str] | None, progress: Callable
 def assemble(
     header: Header, table: Table, folder: Path, header_file: Path, keep: Collection[str] | None = None
 ) -> Recording:
-    """A checked recording from a header and a table, wherever they come from.
+    """Give a checked recording from a header and a table, wherever they come from.
 
     Args:
         header: what recording.yaml says.
@@ -178,7 +180,7 @@ def _files(folder: Path) -> tuple[Path, Path]:
 
 
 def _robot(robot: str, folder: Path, file: Path) -> str:
-    """A name as it is; a path (it has a suffix or a slash) absolute."""
+    """Give a name as it is; a path (it has a suffix or a slash) absolute."""
     if "/" not in robot and not robot.lower().endswith((".xml", ".urdf", ".mjcf")):
         return robot
     try:
@@ -192,7 +194,7 @@ def _robot(robot: str, folder: Path, file: Path) -> str:
 
 
 def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Control:
-    """Checks the gains against the mode: one a joint for position, six for osc."""
+    """Check the gains against the mode: one a joint for position, six for osc."""
     size = {"position": nj, "osc": 6}.get(section.mode)
     gains: dict[str, np.ndarray | None] = {}
     for name in ("kp", "kd"):

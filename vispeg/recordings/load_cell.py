@@ -14,7 +14,7 @@ from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
 
 
 def cell(section: CellSection | None, file: Path) -> CellBelief | None:
-    """The belief, a world file's path made absolute; what it says is checked by whoever builds the cell.
+    """Give the belief, a world file's path made absolute; what it says is checked by whoever builds the cell.
 
     Args:
         section: what recording.yaml says.
@@ -45,7 +45,7 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
 
 
 def _robot(stated: Any, file: Path) -> Any:
-    """The robot that a cell states, a file's path seen from the folder of what states it."""
+    """Give the robot that a cell states, a file's path seen from the folder of what states it."""
     model = stated.get("model") if isinstance(stated, Mapping) else stated
     if not isinstance(model, str) or not Path(model).suffix or Path(model).expanduser().is_absolute():
         return stated

@@ -43,7 +43,9 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
 
 
 def _pooled(sigma: np.ndarray, least: float) -> np.ndarray:
-    """A joint that shows no noise (it stands on one step of its encoder) is taken to be as noisy as the others are."""
+    """Give a joint that shows no noise (it stands on one step of its encoder) is taken to be as noisy as the others
+    are.
+    """
     noisy = sigma > least
     usual = float(np.median(sigma[noisy])) if noisy.any() else least
     return np.where(noisy, sigma, usual)
@@ -86,7 +88,8 @@ def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarr
 
 
 def noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    """Readings (n, k) with white noise of the 1-sigma that `noise` states for this signal; none where it states none.
+    """Give readings (n, k) with white noise of the 1-sigma that `noise` states for this signal; none where it states
+    none.
 
     A load has the torques' noise; the orientation of `ee` is taken as exact, so that quaternions stay of unit length;
     the torques of `ft` have their own, `ft_torque`.

@@ -98,7 +98,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_object_recording(path: Path | str) -> ObjectRecording:
-    """The recording in a folder with recording.yaml and samples.csv or samples.parquet.
+    """Give the recording in a folder with recording.yaml and samples.csv or samples.parquet.
 
     Where the table has no velocities they are taken from the poses by central differences.
 
@@ -170,7 +170,7 @@ def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def write_object(recording: ObjectRecording, folder: Path | str, overwrite: bool = False, inputs: Any = ()) -> Path:
-    """Writes recording.yaml and samples.csv; reading gives the same numbers.
+    """Write recording.yaml and samples.csv; reading gives the same numbers.
 
     Raises:
         UserError: the folder exists already or cannot be written.

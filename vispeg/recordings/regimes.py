@@ -45,7 +45,7 @@ def regimes(
     inside: np.ndarray | None = None,
     thresholds: Thresholds | None = None,
 ) -> np.ndarray:
-    """The regime of each sample of one episode.
+    """Give the regime of each sample of one episode.
 
     Args:
         time: (n,) s, increasing.

@@ -34,7 +34,7 @@ def _unit(quat: list[float]) -> list[float]:
 
 
 def _named_cell(word: str) -> Mapping[str, object] | None:
-    """A world's name or path in place of a mapping; `none` for no cell."""
+    """Give a world's name or path in place of a mapping; `none` for no cell."""
     return None if word == "none" else {"world": word}
 
 
@@ -170,12 +170,12 @@ class Header(CellOf):
 
 
 def read_header(file: Path) -> Header:
-    """Reads and validates recording.yaml. Raises UserError; warns once about keys that this version does not know."""
+    """Read and validates recording.yaml. Raises UserError; warns once about keys that this version does not know."""
     return header_from(read_yaml(file), file)
 
 
 def header_from(data: Any, file: Path) -> Header:
-    """Validates what recording.yaml, or something that stands for it, holds; `file` is what messages name."""
+    """Validate what recording.yaml, or something that stands for it, hold; `file` is what messages name."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected=f"'format: {FORMAT}' and further keys", got=data)
     header = typed(Header, data, file)
@@ -186,7 +186,7 @@ def header_from(data: Any, file: Path) -> Header:
 
 
 def plain(section: BaseModel) -> Mapping[str, Any]:
-    """What is given of a section, without keys that this version does not know."""
+    """Give what is given of a section, without keys that this version does not know."""
     return section.model_dump(exclude_none=True, include=set(type(section).model_fields))
 
 

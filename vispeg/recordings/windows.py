@@ -69,12 +69,12 @@ class Chosen:
 
 
 def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
-    """What was chosen, for a record; empty where every recording is used whole."""
+    """Give what was chosen, for a record; empty where every recording is used whole."""
     return [{"recording": r.name} | asdict(r.chosen) | {"said": r.chosen.said(r.name)} for r in recordings if r.chosen]
 
 
 def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
-    """A recording that lasts no longer than `seconds`: itself, or the windows of it that show the most.
+    """Give a recording that lasts no longer than `seconds`: itself, or the windows of it that show the most.
 
     Each window counts how long each joint spends in cells of signed speed, of acceleration and of load while it moves,
     and how often it turns back. Windows are taken one by one, each time the one that adds most to the sum over cells of
@@ -144,7 +144,7 @@ def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
 
 
 def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
-    """The recording with these spans of its rows (first, stop) alone, each an episode, each in its own time."""
+    """Give the recording with these spans of its rows (first, stop) alone, each an episode, each in its own time."""
     rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
     number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
     cut = {name: value[rows] for name in ("time", *SIGNALS) if (value := getattr(rec, name)) is not None}

@@ -29,7 +29,7 @@ def write(
     table: Literal["csv", "parquet"] = "csv",
     inputs: Iterable[str | Path | None] = (),
 ) -> Path:
-    """Writes recording.yaml, the samples and the frames; the folder appears whole or not at all.
+    """Write recording.yaml, the samples and the frames; the folder appears whole or not at all.
 
     Args:
         recording: what to write; numbers are written so that reading gives the same bits, NaN as an empty cell.
@@ -51,7 +51,7 @@ def write(
 
 
 def fill(part: Path, recording: Recording, target: Path, table: Literal["csv", "parquet"] = "csv") -> None:
-    """Writes the files of a recording into the folder `part`, which will be called `target`. Raises as `write`."""
+    """Write the files of a recording into the folder `part`, which will be called `target`. Raises as `write`."""
     samples = _samples(recording)
     text = yaml.safe_dump(_header(recording, target), sort_keys=False, allow_unicode=True, width=120)
     (part / "recording.yaml").write_text(text, encoding="utf-8")
@@ -81,7 +81,7 @@ def _samples(rec: Recording) -> dict[str, np.ndarray]:
 
 
 def write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
-    """Writes columns as a table. `repr` of a float is the shortest text that reads back to the same bits."""
+    """Write columns as a table. `repr` of a float is the shortest text that reads back to the same bits."""
     rows = len(columns["time"])
     with file.open("w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(columns) + "\n")

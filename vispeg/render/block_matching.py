@@ -46,7 +46,7 @@ def depth(
     rng: np.random.Generator,
     qpos: np.ndarray | None = None,
 ) -> np.ndarray:
-    """What the matcher makes of the scene as the renderer has it, lens distortion rectified.
+    """Give what the matcher makes of the scene as the renderer has it, lens distortion rectified.
 
     Args:
         renderer: dressed in the world's look; its cameras are the same afterwards.
@@ -81,7 +81,9 @@ def depth(
 
 
 def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[Camera, Camera, int]:
-    """The two eyes, `scale` times as fine as the camera, and how many px wider to the left and searched (whole 16s)."""
+    """Give the two eyes, `scale` times as fine as the camera, and how many px wider to the left and searched (whole
+    16s).
+    """
     fx = camera.fx * scale
     span = 16 * int(np.ceil(fx * baseline / nearest / 16))
     left = camera.moved(
@@ -100,7 +102,7 @@ def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[C
 
 
 def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    """The picture (H, W) uint8 of one eye, `offset` m to the right of the projector."""
+    """Give the picture (H, W) uint8 of one eye, `offset` m to the right of the projector."""
     import cv2
 
     light = to_linear(shot.rgb.astype(np.float32) / 255) @ LUMA
@@ -148,7 +150,7 @@ def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.nd
 
 
 def _median(fine: np.ndarray, scale: int) -> np.ndarray:
-    """The lower median of the readings in each block of scale x scale px; 0 where fewer than half have one."""
+    """Give the lower median of the readings in each block of scale x scale px; 0 where fewer than half have one."""
     height, width = fine.shape[0] // scale, fine.shape[1] // scale
     blocks = fine.reshape(height, scale, width, scale).swapaxes(1, 2).reshape(height, width, scale * scale)
     ordered = np.sort(np.where(blocks > 0, blocks, np.inf), axis=-1)

@@ -110,7 +110,8 @@ def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) 
 
 
 def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World) -> dict[str, Shot]:
-    """The shots in the colours that cameras of a drawn world deliver: exposure, white balance, brightness and so on.
+    """Give the shots in the colours that cameras of a drawn world deliver: exposure, white balance, brightness and so
+    on.
 
     Noise, blur and what else moves or hides single pixels are left out, so that segmentation still fits.
 

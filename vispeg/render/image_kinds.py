@@ -121,7 +121,7 @@ GOAL_TOLD = ("state",)  # modes whose policy is told where the goal is believed 
 
 
 def enrol(kind: ImageKind, mode: str) -> ImageKind:
-    """Adds a kind, and a mode of observation that holds it alone. Raises UserError where a name is taken."""
+    """Add a kind, and a mode of observation that holds it alone. Raises UserError where a name is taken."""
     for name, names in ((kind.name, KINDS), (mode, MODES)):
         if name in names:
             raise UserError("two kinds of images share a name", got=name, choices=names)
@@ -132,13 +132,13 @@ def enrol(kind: ImageKind, mode: str) -> ImageKind:
 
 
 def kind_of(key: str) -> ImageKind | None:
-    """The kind of an observation's part; None for one that is no image."""
+    """Give the kind of an observation's part; None for one that is no image."""
     kind, dash, camera = key.partition("_")
     return KINDS.get(kind) if dash and camera else None
 
 
 def camera_of(key: str) -> str:
-    """The camera of an image."""
+    """Give the camera of an image."""
     return key.partition("_")[2]
 
 
@@ -148,7 +148,7 @@ def key_of(kind: ImageKind, camera: str) -> str:
 
 
 def picture_of(key: str, image: np.ndarray) -> np.ndarray:
-    """An observed image (C, H, W) as people see it, (H, W, 3) uint8."""
+    """Give an observed image (C, H, W) as people see it, (H, W, 3) uint8."""
     kind = kind_of(key)
     if kind is None:
         raise ValueError(f"{key} is not an image")

@@ -44,7 +44,7 @@ class Fields:
 def dress(
     renderer: Renderer, scene: Any, world: World, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
 ) -> list[int]:
-    """Puts the looks of a world on a renderer: its effects of kind `appearance`, and what of `camera` moves a camera.
+    """Put the looks of a world on a renderer: its effects of kind `appearance`, and what of `camera` moves a camera.
 
     Bodies are placed first, for a look may go by them: distractors keep away from the fixture.
 
@@ -82,7 +82,7 @@ def dress(
 
 
 def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
-    """The effects of a world that write a look, each with its places, in the order in which they act."""
+    """Give the effects of a world that write a look, each with its places, in the order in which they act."""
     placed_by: dict[str, list[EffectInstance]] = {}
     for placed in world.effects:
         kind = effect(placed.effect)

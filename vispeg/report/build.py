@@ -20,7 +20,7 @@ KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of 
 
 
 def write_report(out: Path, *, overwrite: bool = False) -> Path:
-    """Reads the record in OUT (see `load_record`) and OUT/evidence.npz, writes OUT/report.html; returns its path.
+    """Read the record in OUT (see `load_record`) and OUT/evidence.npz, write OUT/report.html; return its path.
 
     Raises:
         UserError: no record in `out`, a file that cannot be read, or a report there already while `overwrite` is False.
@@ -63,14 +63,16 @@ def _example(folder: Path) -> Path:
 
 @enrol("vispeg-diagnosis/1", _example, slow=True)
 def read(out: Path) -> str:
-    """The page of a folder that `vispeg diagnose` or `vispeg compare` wrote. Raises UserError as `write_report`."""
+    """Give the page of a folder that `vispeg diagnose` or `vispeg compare` wrote. Raises UserError as
+    `write_report`.
+    """
     record = load_record(out)
     with as_written(out / f"{record.kind}.json", f"vispeg {record.kind.replace('diagnosis', 'diagnose')}"):
         return render(record)
 
 
 def render(record: Record) -> str:
-    """The whole page as text: no link that leaves it, no request."""
+    """Give the whole page as text: no link that leaves it, no request."""
     channels = record.rows("by_channel")
     several = channels and record.kind == "diagnosis"  # a comparison shows its lead, then the others
     names = CHANNELS if several else _names(record)
@@ -84,7 +86,7 @@ def render(record: Record) -> str:
 
 
 def _names(record: Record) -> tuple[str, ...]:
-    """The sections that a record of one kind of evidence is shown in."""
+    """Give the sections that a record of one kind of evidence is shown in."""
     values, contact = record.values, record.values.get("evidence") == "contact"
     diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
     compare = CONTACT_COMPARE if contact else COMPARE
@@ -107,7 +109,7 @@ def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[S
 
 
 def _channel(record: Record, said: Mapping[str, Any]) -> list[Section]:
-    """What a channel has to show: its verdict, and the sections of its kind of evidence."""
+    """Give what a channel has to show: its verdict, and the sections of its kind of evidence."""
     name = str(said.get("channel"))
     own = Record(record.kind, said.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
     values = channel_section.context(own, name)

@@ -128,7 +128,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("evidence.npz", _example)
 def load_evidence(path: Path) -> Evidence:
-    """Reads `evidence.npz`; an absent file is no evidence, a broken one or a wrong shape is a UserError."""
+    """Read `evidence.npz`; an absent file is no evidence, a broken one or a wrong shape is a UserError."""
     if not path.exists():
         return Evidence()
     arrays = read_arrays(path)

@@ -47,7 +47,7 @@ class FitRecord(TypedDict):
 def fit_record(
     nominal: World, calibration: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
 ) -> tuple[FitRecord, World]:
-    """What fit.json says, and the fitted world with where its values come from.
+    """Give what fit.json says, and the fitted world with where its values come from.
 
     Args:
         nominal: the user's model.
@@ -93,7 +93,7 @@ def fit_record(
 
 
 def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[EffectInstance]:
-    """The effects, fitted intervals widened by the share of the error that the fit leaves (see `widened`)."""
+    """Give the effects, fitted intervals widened by the share of the error that the fit leaves (see `widened`)."""
     fixed = [i for i in range(len(world.effects)) if i not in free]
     order = [*fixed, *free]
     if after <= 1.0 or before <= max(1.0, after):  # nothing is left, or the fit had nothing to explain
@@ -110,7 +110,7 @@ def fit_summary(record: Mapping[str, Any]) -> list[Block]:
 
 
 def print_fit(record: Mapping[str, Any], out: Path) -> None:
-    """Prints the summary and where the model lies."""
+    """Print the summary and where the model lies."""
     print_summary([*fit_summary(record), Line(f"model: {out / 'model.yaml'}", path=True)])
 
 

@@ -34,7 +34,7 @@ class Section:
 
 
 def page(title: str, kind: str, sections: Sequence[Section]) -> str:
-    """The whole page as text.
+    """Give the whole page as text.
 
     Args:
         title: of the document.
@@ -56,13 +56,15 @@ def page(title: str, kind: str, sections: Sequence[Section]) -> str:
 
 @cache
 def source(name: str) -> str:
-    """The text of a file of templates/."""
+    """Give the text of a file of templates/."""
     return (files("vispeg.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache
 def templates(room: str = "vispeg.report") -> Environment:
-    """A room's templates: what they are given is text unless it says that it is markup; what is missing is an error."""
+    """Give a room's templates: what they are given is text unless it says that it is markup; what is missing is an
+    error.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup, escape
 

@@ -36,11 +36,11 @@ class Record:
     robot: bytes | None = None
 
     def rows(self, key: str) -> list[Mapping[str, Any]]:
-        """The list of mappings under `key`; empty where it is absent or null."""
+        """Give the list of mappings under `key`; empty where it is absent or null."""
         return rows(self.values, key)
 
     def mapping(self, key: str) -> Mapping[str, Any]:
-        """The mapping under `key`; empty where it is absent or null."""
+        """Give the mapping under `key`; empty where it is absent or null."""
         value = self.values.get(key)
         return value if isinstance(value, dict) else {}
 
@@ -51,13 +51,13 @@ class Record:
 
 
 def rows(values: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    """The mappings in the list under `key`; empty where it is absent or null."""
+    """Give the mappings in the list under `key`; empty where it is absent or null."""
     value = values.get(key)
     return [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
 
 
 def params_of(effect: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    """An effect's parameters, name -> {value, low, high, unit}; a bare number stands for its value."""
+    """Give an effect's parameters, name -> {value, low, high, unit}; a bare number stands for its value."""
     params = effect.get("params")
     pairs = params.items() if isinstance(params, dict) else ()
     return {str(name): p if isinstance(p, dict) else {"value": p} for name, p in pairs}
@@ -70,12 +70,12 @@ def label(row: Mapping[str, Any]) -> str:
 
 
 def data_link(png: bytes) -> str:
-    """A picture as a `data:` link, so that the page needs no file beside it."""
+    """Give a picture as a `data:` link, so that the page needs no file beside it."""
     return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def still(image: np.ndarray) -> str:
-    """A picture (H, W, 3) uint8 as a `data:` link, as JPEG."""
+    """Give a picture (H, W, 3) uint8 as a `data:` link, as JPEG."""
     import cv2
 
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 88])
@@ -85,7 +85,7 @@ def still(image: np.ndarray) -> str:
 
 
 def load_record(out: Path) -> Record:
-    """Reads OUT/diagnosis.json, else OUT/compare.json, else OUT/fit.json, with OUT/evidence.npz.
+    """Read OUT/diagnosis.json, else OUT/compare.json, else OUT/fit.json, with OUT/evidence.npz.
 
     Raises:
         UserError: neither file is there, or one of them cannot be read.
@@ -100,7 +100,7 @@ def load_record(out: Path) -> Record:
 
 
 def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A fit's record as its page shows it: where nothing was held out, its errors are those of what was fitted."""
+    """Give a fit's record as its page shows it: where nothing was held out, its errors are those of what was fitted."""
     ladder = rows(values, "ladder")
     if any(number(row.get("heldout_error")) is not None for row in ladder):
         return values
@@ -116,7 +116,7 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def renamed(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A record with today's names of its keys: a channel was called a room."""
+    """Give a record with today's names of its keys: a channel was called a room."""
     if "rooms" not in values:
         return values
 

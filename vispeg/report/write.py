@@ -15,7 +15,7 @@ from vispeg.worlds.world import World
 
 
 def write_diagnosis(folder: Path, record: Mapping[str, object], world: World, arrays: Mapping[str, np.ndarray]) -> None:
-    """Writes `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
+    """Write `diagnosis.json`, `evidence.npz`, `model.yaml`, `report.html` and the next motion into an empty folder."""
     write_json(folder / "diagnosis.json", record)
     (folder / "model.yaml").write_text(model_text(world), encoding="utf-8")
     _write_arrays(folder / "evidence.npz", arrays)
@@ -25,14 +25,14 @@ def write_diagnosis(folder: Path, record: Mapping[str, object], world: World, ar
 
 
 def write_comparison(folder: Path, record: Mapping[str, object], arrays: Mapping[str, np.ndarray]) -> None:
-    """Writes `compare.json`, `evidence.npz` and `report.html` into an empty folder."""
+    """Write `compare.json`, `evidence.npz` and `report.html` into an empty folder."""
     write_json(folder / "compare.json", record)
     _write_arrays(folder / "evidence.npz", arrays)
     write_report(folder)
 
 
 def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
-    """Writes `fit.json`, `report.html` and, of joints, `evidence.npz` into an empty folder."""
+    """Write `fit.json`, `report.html` and, of joints, `evidence.npz` into an empty folder."""
     write_json(folder / "fit.json", dict(record))
     if arrays:
         _write_arrays(folder / "evidence.npz", dict(arrays))
@@ -40,7 +40,7 @@ def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.n
 
 
 def write_json(path: Path, record: Mapping[str, object]) -> None:
-    """Writes a record into a folder that is not finished yet; what is not finite becomes null."""
+    """Write a record into a folder that is not finished yet; what is not finite becomes null."""
     path.write_text(json.dumps(finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -51,7 +51,7 @@ def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """The commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
+    """Give the commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
     folder.mkdir()
     joints = [str(j) for j in arrays["joints"]]
     columns = ["time", *(f"q_cmd.{j}" for j in joints), *(f"dq_cmd.{j}" for j in joints)]

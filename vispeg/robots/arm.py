@@ -104,7 +104,7 @@ def prepare(
 
 
 def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
-    """A model of a copy of `spec`; MuJoCo's complaint becomes a UserError."""
+    """Give a model of a copy of `spec`; MuJoCo's complaint becomes a UserError."""
     try:
         model = spec.copy().compile()
     except REFUSALS as error:
@@ -114,7 +114,7 @@ def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
 
 
 def _sound(model: mujoco.MjModel, label: str) -> None:
-    """Raises UserError for a body or joint with a number that is not finite, or that no arm has."""
+    """Raise UserError for a body or joint with a number that is not finite, or that no arm has."""
     if not np.isfinite(model.opt.gravity).all():
         raise UserError("gravity is not finite", file=label, got=model.opt.gravity.tolist())
     limited = np.where(model.jnt_limited[:, None], model.jnt_range, 0.0)
@@ -132,7 +132,7 @@ def _sound(model: mujoco.MjModel, label: str) -> None:
 
 
 def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
-    """Deletes these bodies, what they carry, and what speaks of it."""
+    """Delete these bodies, what they carry, and what speaks of it."""
     for name in names:
         body = spec.body(name)
         if body is None or name == "world":
@@ -157,7 +157,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
 
 
 def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
-    """Fixes joints where they stand; tendons and couplings, which need them, go."""
+    """Fix joints where they stand; tendons and couplings, which need them, go."""
     if not joints:
         return
     gone = {joint.name for joint in joints}

@@ -19,7 +19,7 @@ ARM = "arm"  # the part that is the arm with its tool
 
 @lru_cache(maxsize=32)
 def bench(robot: RobotModel) -> Scene:
-    """The scene of a robot's own file; the same robot gives the same scene.
+    """Give the scene of a robot's own file; the same robot gives the same scene.
 
     Args:
         robot: with its tool; its cameras are left out: those of a recording take their place.

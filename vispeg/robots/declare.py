@@ -81,7 +81,7 @@ class RobotConfig:
         return BANDS.get(self.model, ANYWHERE)
 
     def check(self, nj: int, label: str) -> None:
-        """Raises UserError for a list that is not of one number a joint."""
+        """Raise UserError for a list that is not of one number a joint."""
         for f in fields(self):
             value = getattr(self, f.name)
             if f.type == "tuple[float, ...]" and value and len(value) != nj:

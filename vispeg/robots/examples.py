@@ -39,7 +39,7 @@ MJCF = """<mujoco model="small">
 
 
 def write_urdf(folder: Path) -> Path:
-    """Writes small.urdf and its mesh; returns the former."""
+    """Write small.urdf and its mesh; return the former."""
     _stl(folder)
     links = LINK.format("upper", "skin.stl") + LINK.format("lower", "package://gone/gone.stl")
     links += LINK.format("finger", "gone.dae")
@@ -51,7 +51,7 @@ def write_urdf(folder: Path) -> Path:
 
 
 def write_mjcf(folder: Path) -> Path:
-    """Writes small.xml, what it includes and its mesh; returns the first."""
+    """Write small.xml, what it includes and its mesh; return the first."""
     _stl(folder)
     (folder / "more.xml").write_text('<mujoco><option gravity="0 0 -9.81"/></mujoco>\n', encoding="utf-8")
     (folder / "small.xml").write_text(MJCF, encoding="utf-8")

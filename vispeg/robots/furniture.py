@@ -51,7 +51,7 @@ def options(spec: mujoco.MjSpec) -> None:
 
 
 def material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float]) -> None:
-    """Adds a part's material and texture."""
+    """Add a part's material and texture."""
     texture = spec.add_texture(
         name=part, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXTURE, height=TEXTURE, nchannel=3
     )
@@ -63,7 +63,7 @@ def material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float])
 
 
 def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tuple[str, ...]]:
-    """Adds table, floor, wall and distractors, the user's things where there are any; geom names of each part."""
+    """Add table, floor, wall and distractors, the user's things where there are any; geom names of each part."""
     world = spec.worldbody
     world.add_geom(
         name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT
@@ -83,7 +83,7 @@ def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tup
 
 
 def lights(spec: mujoco.MjSpec) -> None:
-    """Adds the lights and the sky."""
+    """Add the lights and the sky."""
     for i, (name, (pos, direction)) in enumerate(LIGHTS.items()):
         light = spec.worldbody.add_light(name=name, pos=pos, dir=direction)
         light.castshadow = False

@@ -46,7 +46,7 @@ class Gripper:
     data: mujoco.MjData
 
     def add(self, spec: mujoco.MjSpec, body: Any) -> None:
-        """Gives a body its shapes: those to be seen as gripper0, ...; they touch the scene but not the arm."""
+        """Give a body its shapes: those to be seen as gripper0, ...; they touch the scene but not the arm."""
         m, quat = self.model, np.empty(4)
         touches = (m.geom_contype | m.geom_conaffinity) != 0
         shown = m.geom_group < 3
@@ -73,7 +73,7 @@ class Gripper:
 
 
 def of(tool: str) -> tuple[Gripper, str] | None:
-    """The gripper that a tool's name means, and the peg behind a `+`; None for one that is no file.
+    """Give the gripper that a tool's name means, and the peg behind a `+`; None for one that is no file.
 
     Raises:
         UserError: no such file, no gripper, no site `grasp` on the flange's axis.

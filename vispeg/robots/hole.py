@@ -38,7 +38,7 @@ def polygon(n: int, apothem: float) -> np.ndarray:
 
 
 def cut(outline: np.ndarray, normal: tuple[float, float], reach: float = 0.0) -> np.ndarray:
-    """The convex outline (k, 2) where `normal . x >= reach` (Sutherland and Hodgman 1974)."""
+    """Give the convex outline (k, 2) where `normal . x >= reach` (Sutherland and Hodgman 1974)."""
     above = outline @ np.array(normal) - reach
     out = []
     for p, q, a, b in zip(outline, np.roll(outline, -1, 0), above, np.roll(above, -1), strict=True):
@@ -67,7 +67,7 @@ def wedge(i: int, n: int, apothem: float, outline: np.ndarray, depth: float, cha
 
 
 def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, depth: float, chamfer: float) -> None:
-    """Adds the wedges, the plates and the bottom of the hole to `body`, for contact only (group 3)."""
+    """Add the wedges, the plates and the bottom of the hole to `body`, for contact only (group 3)."""
     square, block = polygon(4, apothem + chamfer + FLAT), polygon(n, outer)
     fits = np.hypot(*square[0]) < outer
     corners = [wedge(i, n, apothem, square if fits else block, depth, chamfer) for i in range(n // 4)]

@@ -61,7 +61,7 @@ PARTS = (("", GREY), ("_ring", ORANGE))  # mesh file suffix and colour
 
 
 def build() -> mujoco.MjSpec:
-    """The bare arm: bodies, hinges and visual meshes; the caller adds actuators and the flange site."""
+    """Give the bare arm: bodies, hinges and visual meshes; the caller adds actuators and the flange site."""
     spec = mujoco.MjSpec()
     spec.modelname = "iiwa14"
     spec.compiler.degree = False

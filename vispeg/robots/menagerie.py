@@ -70,7 +70,7 @@ def state(robot: str) -> str:
 
 
 def find(robot: str) -> Path | None:
-    """The file of a robot's name: a short one, a folder, or FOLDER/ENTRY; None where nobody here knows it.
+    """Give the file of a robot's name: a short one, a folder, or FOLDER/ENTRY; None where nobody here knows it.
 
     Raises:
         UserError: a name that Menagerie has, but not here; a folder without that entry.
@@ -102,7 +102,7 @@ def _entry(folder: Path, entry: str) -> Path:
 
 
 def _package() -> Any:
-    """The package `mujoco-menagerie`; None where it is not installed."""
+    """Give the package `mujoco-menagerie`; None where it is not installed."""
     try:
         import mujoco_menagerie  # type: ignore[import-not-found]
     except ImportError:
@@ -111,7 +111,7 @@ def _package() -> Any:
 
 
 def _downloaded(folder: str) -> Path | None:
-    """The folder that the package `mujoco-menagerie` has, or None without the package or for a name it has not.
+    """Give the folder that the package `mujoco-menagerie` has, or None without the package or for a name it has not.
 
     Raises:
         UserError: the download failed.

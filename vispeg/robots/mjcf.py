@@ -13,7 +13,7 @@ from vispeg.robots.resources import check_resources
 
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
-    """The arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the actuators it had.
+    """Give the arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the actuators it had.
 
     Damping, armature and friction that the file states are kept. Meshes, height fields and textures that are missing
     are dropped with the shapes that use them.

@@ -60,7 +60,7 @@ class RobotModel:
     home: tuple[float, ...] = ()
 
     def spec(self) -> mujoco.MjSpec:
-        """A spec of the caller's own, with one motor a joint (named as the joint; N m in, no limits)."""
+        """Give a spec of the caller's own, with one motor a joint (named as the joint; N m in, no limits)."""
         return self.build()
 
     def compile(self) -> mujoco.MjModel:
@@ -77,7 +77,7 @@ def load(
     declared: RobotConfig | None = None,
     moved: tuple[str, ...] | None = None,
 ) -> RobotModel:
-    """A robot by name or by file; the same arguments give the same object.
+    """Give a robot by name or by file; the same arguments give the same object.
 
     Args:
         robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: a short name (`vispeg
@@ -106,7 +106,8 @@ def load(
 def load_for(
     joints: Sequence[str], robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)
 ) -> RobotModel:
-    """The robot of a log with these joints: those that the log lacks are held at rest, with one note that names them.
+    """Give the robot of a log with these joints: those that the log lacks are held at rest, with one note that names
+    them.
 
     Args:
         joints: of the log.
@@ -180,7 +181,7 @@ def tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
 
 
 def _tool_key(tool: Mapping[str, Any]) -> str:
-    """The numbers of a tool mapping as text, so that equal tools share one cached robot."""
+    """Give the numbers of a tool mapping as text, so that equal tools share one cached robot."""
     mass, com, inertia = tools.stated(tool)
     return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
 
@@ -207,7 +208,7 @@ def _unknown(robot: str, file: Path | None = None, key: str | None = None) -> Us
 
 
 def _file(robot: str) -> Path | None:
-    """The file that a robot's name means; None for a robot that is built in."""
+    """Give the file that a robot's name means; None for a robot that is built in."""
     if robot == BUILT_IN:
         return None
     if Path(robot).suffix.lower() in SUFFIXES:

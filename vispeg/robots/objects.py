@@ -57,7 +57,7 @@ class ObjectModel:
         return (self.name,)
 
     def compile(self, step: float) -> mujoco.MjModel:
-        """The model with a physics step in s."""
+        """Give the model with a physics step in s."""
         spec = self.build()
         spec.option.timestep = step
         return spec.compile()
@@ -83,7 +83,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("MJCF of an object", _example)
 def load_object(source: str | Path) -> ObjectModel:
-    """The object of an MJCF file.
+    """Give the object of an MJCF file.
 
     Raises:
         UserError: unreadable, no free body or more than one, other joints, or a body without a name, mass or shape.

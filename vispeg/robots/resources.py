@@ -24,7 +24,7 @@ NAMES = ("name", "class", "childclass", "file", "prefix", "content", "meshdir", 
 
 
 def check_resources(path: Path) -> None:
-    """Looks through an MJCF and the files that it includes.
+    """Look through an MJCF and the files that it includes.
 
     Raises:
         UserError: a file that cannot be read or includes itself, one that is no regular file, NaN or an infinite number
@@ -36,7 +36,7 @@ def check_resources(path: Path) -> None:
 
 
 def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
-    """Number of elements in a file, those that it includes and copies counted."""
+    """Give the number of elements in a file, those that it includes and copies counted."""
     if path.resolve() in above:
         raise UserError("includes itself", file=path)
     read_text(path, 64 * MB)  # MuJoCo knows UTF-8 only

@@ -93,7 +93,7 @@ class Scene(RobotModel):
 
 
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
-    """The cell for a configuration; equal configurations give the same object.
+    """Give the cell for a configuration; equal configurations give the same object.
 
     Args:
         config: its geometry; by default the default cell.
@@ -148,7 +148,7 @@ def _build(
 
 
 def _check_names(robot: RobotConfig) -> None:
-    """Raises UserError for a robot with a part of a name that the cell gives to one of its own."""
+    """Raise UserError for a robot with a part of a name that the cell gives to one of its own."""
     spec = load(robot.model, declared=robot).spec()
     _say_flange(spec, robot)
     for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):

@@ -154,7 +154,7 @@ def _gripper(grip: float) -> list[Shape]:
 
 
 def _solid(body: Any, shapes: list[Shape]) -> None:
-    """Gives a body these shapes as geoms and their joint inertia; they touch the scene but not the arm."""
+    """Give a body these shapes as geoms and their joint inertia; they touch the scene but not the arm."""
     mass = sum(s.mass for s in shapes)
     com = np.sum([s.mass * np.array(s.pos) for s in shapes], axis=0) / mass
     inertia = np.zeros((3, 3))
@@ -177,7 +177,7 @@ def _solid(body: Any, shapes: list[Shape]) -> None:
 
 
 def _set(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
-    """Writes mass (kg), centre of mass (3,) and inertia (3, 3) about it, off-diagonal only where needed."""
+    """Write mass (kg), centre of mass (3,) and inertia (3, 3) about it, off-diagonal only where needed."""
     body.mass, body.ipos, body.explicitinertial = mass, com, True
     off = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     if np.abs(off).max() > 1e-12 * np.trace(inertia):

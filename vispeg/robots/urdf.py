@@ -33,7 +33,7 @@ USUAL = {"inertiafromgeom": "false"}
 
 
 def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
-    """The arm as a spec, and {joint: (effort limit in N m, velocity limit in rad/s)} where the file states them.
+    """Give the arm as a spec, and {joint: (effort limit in N m, velocity limit in rad/s)} where the file states them.
 
     Raises:
         UserError: not a URDF, or MuJoCo cannot read it.
@@ -82,14 +82,14 @@ def _limits(joint: ET.Element, path: Path) -> tuple[float, float]:
 
 
 def _refuse_xacro(root: ET.Element, path: Path) -> None:
-    """Raises UserError for a file that is a program which writes a URDF."""
+    """Raise UserError for a file that is a program which writes a URDF."""
     if any(str(element.tag).startswith("xacro:") for element in root.iter()):
         out = path.name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=path, expected=f"its result: xacro {path.name} > {out}")
 
 
 def _options(root: ET.Element, path: Path) -> dict[str, str]:
-    """What the file tells MuJoCo's compiler. Raises UserError: a number that is not finite."""
+    """Give what the file tells MuJoCo's compiler. Raises UserError: a number that is not finite."""
     out: dict[str, str] = {}
     for compiler in root.findall("mujoco/compiler"):
         out |= compiler.attrib
@@ -104,7 +104,7 @@ def _options(root: ET.Element, path: Path) -> dict[str, str]:
 
 
 def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
-    """Replaces inertias that MuJoCo refuses by those of its own cures, and names the links.
+    """Replace inertias that MuJoCo refuses by those of its own cures, and name the links.
 
     `balanceinertia` gives all three moments their mean where the largest exceeds the sum of the others, `boundinertia`
     raises what is too small; a moment below zero is raised too, which neither of them does. What the file asks for
@@ -139,7 +139,7 @@ def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
 
 
 def _strip(root: ET.Element, path: Path, meshes: str) -> None:
-    """Makes mesh paths absolute; drops shapes whose file is missing or of a kind that MuJoCo does not read.
+    """Make mesh paths absolute; drop shapes whose file is missing or of a kind that MuJoCo does not read.
 
     `meshes` is the file's own `meshdir`, where a mesh is looked for by its path or by its name alone.
     """
@@ -159,7 +159,7 @@ def _strip(root: ET.Element, path: Path, meshes: str) -> None:
 
 
 def locate(name: str, folder: Path) -> Path | None:
-    """The file that a URDF's `filename` means, or None.
+    """Give the file that a URDF's `filename` means, or None.
 
     `package://NAME/rest` is looked for in every folder of ROS_PACKAGE_PATH and in `folder` and those above it, as
     `NAME/rest` or, inside the package itself, as `rest`.

@@ -26,7 +26,7 @@ NUMBERS = {
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Raises UserError for a name given twice, a joint of another kind, or a number that no arm has."""
+    """Raise UserError for a name given twice, a joint of another kind, or a number that no arm has."""
     for tag in ("link", "joint"):
         names: set[str] = set()
         for element in root.findall(tag):

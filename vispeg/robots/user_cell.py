@@ -57,7 +57,7 @@ def things(config: SceneConfig) -> tuple[UserThing, ...]:
 
 
 def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
-    """Raises UserError for a peg of a size (3,) m that the gripper cannot hold or bring to the bottom."""
+    """Raise UserError for a peg of a size (3,) m that the gripper cannot hold or bring to the bottom."""
     low, high = WIDTH
     at = {"file": config.peg_mesh, "key": "peg_mesh", "got": _mm(extent)}
     if not low <= extent[0] <= high:
@@ -89,7 +89,7 @@ def _mm(extent: np.ndarray) -> str:
 
 
 def placed(config: SceneConfig, block: UserShape | None) -> SceneConfig:
-    """The configuration with a block from a file standing on the table."""
+    """Give the configuration with a block from a file standing on the table."""
     return config if block is None else replace(config, fixture=(*config.fixture[:2], _below(config, block)))
 
 
@@ -102,7 +102,7 @@ def _below(config: SceneConfig, block: UserShape) -> float:
 
 
 def arm_with(config: SceneConfig, peg: str) -> RobotModel:
-    """The cell's arm with its gripper holding a built-in peg, as its controller knows it.
+    """Give the cell's arm with its gripper holding a built-in peg, as its controller knows it.
 
     Raises:
         UserError: no gripper, or a robot that cannot be used.
@@ -113,7 +113,9 @@ def arm_with(config: SceneConfig, peg: str) -> RobotModel:
 
 
 def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
-    """The arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange, m."""
+    """Give the arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange,
+    m.
+    """
     width, length = float(peg.extent[0]), float(peg.extent[2])
     arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
     tip = grasp(config) + length
@@ -132,7 +134,8 @@ def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
 
 
 def fitted(config: SceneConfig) -> float:
-    """The clearance of a cell with a peg or a hole from a file, mm: the stated one, or the measured one where none is.
+    """Give the clearance of a cell with a peg or a hole from a file, mm: the stated one, or the measured one where none
+    is.
 
     Raises:
         UserError: files that cannot be used, a peg that does not fit, pieces that take more than half of the room, a
@@ -204,6 +207,6 @@ def _play(
 
 
 def _ring(n: int, apothem: float) -> np.ndarray:
-    """A regular outline (n, 2, 2), as `UserShape.section`."""
+    """Give a regular outline (n, 2, 2), as `UserShape.section`."""
     corners = hole.polygon(n, apothem)
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

@@ -63,7 +63,7 @@ class UserShape:
         return np.asarray(segments)[..., :2]
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
-        """Adds geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
+        """Add geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
         add_seen(spec, body, name, place(self.vertices), self.faces, visual)
         for i, piece in enumerate(self.pieces):
             spec.add_mesh(name=f"{name}_piece{i}", uservert=place(piece).ravel().tolist())
@@ -121,7 +121,7 @@ def _thing(file: str, stamp: int, key: str, scale: float) -> UserThing:
 def read(
     file: str, key: str, scale: float, concavity: float, origin: tuple[float, ...] = (), tip: bool = False
 ) -> UserShape:
-    """The shape in a mesh file (STL, OBJ, PLY, OFF, GLB).
+    """Give the shape in a mesh file (STL, OBJ, PLY, OFF, GLB).
 
     Args:
         file: its path.
@@ -153,7 +153,7 @@ def _found(file: str, key: str) -> tuple[str, int]:
 
 @lru_cache(maxsize=16)
 def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) -> Any:
-    """The mesh of a file, in m; `closed` refuses one with gaps."""
+    """Give the mesh of a file, in m; `closed` refuses one with gaps."""
     import trimesh
 
     data = Path(file).read_bytes()

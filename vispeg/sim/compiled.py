@@ -16,7 +16,7 @@ ARMS = 4096  # simulated at once for what follows from their posture alone: MuJo
 
 
 def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
-    """The robot's compiled model with the solver settings of rollouts; kept for the robots used last.
+    """Give the robot's compiled model with the solver settings of rollouts; kept for the robots used last.
 
     `parts` names effects: those that build something are built in.
     """

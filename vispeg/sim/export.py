@@ -65,14 +65,16 @@ class Exported:
 
 
 def compiled_with(world: World, robot: RobotModel | None = None) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
-    """A model, compiled with the effects that MuJoCo has elements for, and those that it has none for, as `to_mjcf`."""
+    """Give a model, compiled with the effects that MuJoCo has elements for, and those that it has none for, as
+    `to_mjcf`.
+    """
     made = to_mjcf(world, "meshes", robot)
     assets = {name: file.read_bytes() for name, file in made.meshes.items()}
     return mujoco.MjModel.from_xml_string(made.xml, assets), made.left_out
 
 
 def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = None, step: float = STEP) -> Exported:
-    """An arm, or the scene around it, with a world's effects.
+    """Give an arm, or the scene around it, with a world's effects.
 
     Args:
         world: robot, tool and effects with values.
@@ -115,7 +117,7 @@ def is_native(kind: Effect) -> bool:
 
 
 def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
-    """Writes what effects have made of the model's numbers into the elements they belong to."""
+    """Write what effects have made of the model's numbers into the elements they belong to."""
     model = plant.model
 
     def value(field: str) -> np.ndarray | None:
@@ -163,7 +165,7 @@ def _inertials(spec: mujoco.MjSpec, model: mujoco.MjModel, changed: dict[str, np
 
 
 def _motors(spec: mujoco.MjSpec, robot: RobotModel, active: Mapping[str, Active]) -> None:
-    """Writes gain, bias and limit of each motor, and the loop of servos."""
+    """Write gain, bias and limit of each motor, and the loop of servos."""
     nj = len(robot.joints)
 
     def number(name: str, key: str, null: float) -> np.ndarray:
@@ -197,7 +199,7 @@ def _relative(xml: str, files: dict[str, Path]) -> str:
 
 
 def listed(left_out: tuple[EffectInstance, ...], who: str = "MuJoCo") -> str:
-    """A comment that says what the model has and a file has not; empty where it has all."""
+    """Give a comment that says what the model has and a file has not; empty where it has all."""
     lines = []
     for e in left_out:
         values = ", ".join(f"{k} {v.value:g} {effect(e.effect).params[k].unit}" for k, v in e.params.items())

@@ -68,7 +68,7 @@ class External:
 
 
 def external(rec: Recording, arm: RobotModel) -> External:
-    """The wrench on the tool of a recorded arm.
+    """Give the wrench on the tool of a recorded arm.
 
     Args:
         rec: with `tau`; nothing is touched in the first second of an episode.

@@ -22,7 +22,7 @@ ROUND = 1e-3  # rad
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
-    """The declared home posture (nj,) rad, or one that is solved for the flange at `pos` (3,) m, `quat` (4,) wxyz.
+    """Give the declared home posture (nj,) rad, or one that is solved for the flange at `pos` (3,) m, `quat` (4,) wxyz.
 
     Raises:
         UserError: no posture within the joint limits holds the flange there.

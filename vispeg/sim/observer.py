@@ -38,7 +38,7 @@ class Observer:
         self.spring = observer_spring(robot, apparent)
 
     def torque(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Holding torque (nsim, nj) N m at tick k for what the encoders read."""
+        """Give the holding torque (nsim, nj) N m at tick k for what the encoders read."""
         e, de = self.reference[0][k] - q, self.reference[1][k] - dq
         return np.einsum("nij,nj->ni", self.mass[k], OBSERVER**2 * e + 2 * OBSERVER * de) + (
             self.spring[0] * e + self.spring[1] * de

@@ -126,13 +126,13 @@ class EffectLoop:
         return out
 
     def read(self, q: np.ndarray, dq: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
-        """What the encoders make of q (nsim, nj) rad and dq rad/s."""
+        """Give what the encoders make of q (nsim, nj) rad and dq rad/s."""
         for a in self.senses:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
         return q, dq
 
     def goal(self, goal: np.ndarray, x: DriveState) -> np.ndarray:
-        """What reaches the servos' loops of goals (nsim, nj) rad that were sent."""
+        """Give what reaches the servos' loops of goals (nsim, nj) rad that were sent."""
         for a in self.goals:
             goal = a.effect.goal(self.states[a.effect.name], goal, x, a.p)
         return goal
@@ -145,20 +145,20 @@ class EffectLoop:
         return q, dq
 
     def feel(self, wrench: np.ndarray, x: DriveState) -> np.ndarray:
-        """What the wrist's force sensor makes of a wrench (nsim, 6) N, N m; to be asked once a control tick."""
+        """Give what the wrist's force sensor makes of a wrench (nsim, 6) N, N m; to be asked once a control tick."""
         for a in self.wrists:
             wrench = a.effect.wrench(self.states[a.effect.name], wrench, x, a.p)
         return wrench
 
     def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
-        """What a torque sensor (`joint` or `motor`) reads (n, nj) where the link needs `needed`, N m."""
+        """Give what a torque sensor (`joint` or `motor`) reads (n, nj) where the link needs `needed`, N m."""
         for a in self.inverses:
             needed = a.effect.inverse(needed, sensor, a.p)
         return needed
 
 
 def total(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
-    """The sum of two torques that may be absent."""
+    """Give the sum of two torques that may be absent."""
     return b if a is None else a if b is None else a + b
 
 
@@ -172,7 +172,7 @@ def exact(batch: Any) -> None:
 
 
 def firm(batch: Any, model: Any, joint: str) -> None:
-    """Keeps a joint that dry friction holds from creeping: what it may slip at, and how, stays.
+    """Keep a joint that dry friction holds from creeping: what it may slip at, and how, stays.
 
     MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w, and d is 0.9999 at most: under
     a force f a joint at rest moves on at `f R / b`, 20 um/s for a held part under 25 N, where dry friction does not
@@ -196,7 +196,7 @@ def derive(batch: Any, fields: Fields) -> None:
 
 
 def merged(old: Any, new: Any, rows: np.ndarray) -> Any:
-    """The effect state `old` with `rows` (indices) taken from `new`, a state that `start` made for all rows.
+    """Give the effect state `old` with `rows` (indices) taken from `new`, a state that `start` made for all rows.
 
     States are None, arrays whose leading axis is the simulation, delay lines, or dicts and tuples of these.
 

@@ -79,7 +79,7 @@ class Plant:
         return value[:, self.vadr]
 
     def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
-        """Puts the arms where their encoders read q (nsim, nj) rad, moving at dq rad/s.
+        """Put the arms where their encoders read q (nsim, nj) rad, moving at dq rad/s.
 
         Args:
             q, dq: measured motion at the first tick.
@@ -103,7 +103,7 @@ class Plant:
             self.loop.begin(self.x)
 
     def read(self) -> None:
-        """True joint motion at this instant, into `x`."""
+        """Put the true joint motion of this instant into `x`."""
         self.x.q = self.qpos[:, self.qadr].copy()
         self.x.ddq = self.acc
         self.half = 0.5 * self.h * self.acc
@@ -112,11 +112,11 @@ class Plant:
     def measure(
         self, noise: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] = lambda q, dq: (q, dq)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What the encoders make of `x`, with `noise` on it: (nsim, nj) rad and rad/s."""
+        """Give what the encoders make of `x`, with `noise` on it: (nsim, nj) rad and rad/s."""
         return self.loop.read(*noise(self.x.q, self.x.dq), self.x)
 
     def forces(self, command: np.ndarray) -> Forces:
-        """What the effects make of `command` (nsim, nj) N m in the step that comes; sets the dry friction."""
+        """Give what the effects make of `command` (nsim, nj) N m in the step that comes; sets the dry friction."""
         forces = self.loop.forces(command, self.x, self.dry)
         if forces.friction is not None:
             self.loss[:, self.vadr] = forces.friction

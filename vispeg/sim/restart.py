@@ -15,7 +15,7 @@ class RowFields:
         self.values: dict[str, np.ndarray] = {}
 
     def expand(self, name: str) -> np.ndarray:
-        """A writable copy of the model's field, one a row."""
+        """Give a writable copy of the model's field, one a row."""
         if name not in self.values:
             owner = self.model.opt if name.startswith("opt.") else self.model
             value = np.asarray(getattr(owner, name.removeprefix("opt.")))

@@ -59,7 +59,7 @@ class ReadingNoise:
     sensed: bool = False
 
     def add(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """This tick's readings of q and dq (nsegment * nworld, nj)."""
+        """Add this tick's readings of q and dq (nsegment * nworld, nj)."""
         copies = len(q) // len(self.q)
         first, second = self.rng.standard_normal((2, *q.shape))
         return q + np.tile(self.q, (copies, 1)) * first, dq + np.tile(self.dq, (copies, 1)) * second
@@ -134,7 +134,7 @@ class _Run:
             self.observer = Observer(robot, self.rows, self.reference, self.inertia)
 
     def responses(self, want_ee: bool, noise: ReadingNoise | None) -> list[Response]:
-        """Runs all ticks."""
+        """Run all ticks."""
         plant, ticks = self.plant, self.rows.ticks
         q0, dq0 = self.reference[0][0], self.reference[1][0]
         # a robot that starts in equilibrium carries its weight
@@ -166,7 +166,7 @@ class _Run:
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
 
     def _ends(self, k: int) -> None:
-        """Notes which rows ran wild in the segments that end at tick k: what a shorter one does later says nothing."""
+        """Note which rows ran wild in the segments that end at tick k: what a shorter one does later says nothing."""
         for i, s in enumerate(self.rows.segments):
             if s.ticks == k + 1:
                 rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)

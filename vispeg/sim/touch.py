@@ -62,7 +62,7 @@ class Touch:
 
 
 def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = None) -> Touch | None:
-    """What the recorded tool touched; None where no wrench was recorded.
+    """Give what the recorded tool touched; None where no wrench was recorded.
 
     The sensor's zero, in its own axes, is what it reads beyond the tool's weight in the first half second of each
     episode, in which nothing may be touched.
@@ -108,7 +108,9 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
 
 
 def _surface(force: np.ndarray) -> np.ndarray:
-    """The axis (n, 3) of the base that the contact force is nearest to: friction tilts the force, not the surface."""
+    """Give the axis (n, 3) of the base that the contact force is nearest to: friction tilts the force, not the
+    surface.
+    """
     out = np.zeros_like(force)
     out[np.arange(len(force)), np.nan_to_num(np.abs(force)).argmax(axis=1)] = 1.0
     return out

@@ -18,7 +18,9 @@ from vispeg.sim.nominal import UNUSED
 
 
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
-    """The model's inverse dynamics, N m, of a motion (n, nj) rad, rad/s, rad/s^2; None for some of its joints alone."""
+    """Give the model's inverse dynamics, N m, of a motion (n, nj) rad, rad/s, rad/s^2; None for some of its joints
+    alone.
+    """
     if tuple(rec.joints) != robot.joints:
         return None
 
@@ -40,7 +42,7 @@ def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
 
 
 def check_units(rec: Recording) -> None:
-    """The rule of every command that compares or measures; a robot that cannot be read tells nothing.
+    """Give the rule of every command that compares or measures; a robot that cannot be read tells nothing.
 
     Raises:
         UserError: two signals exclude each other, or torques what the arm needs. Where only the robot's stated limits

@@ -48,7 +48,7 @@ class Believed:
 
 
 def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str | None = None) -> Believed:
-    """Builds a belief; None and OPEN_CELL stand for the default cell. The same belief gives the same scene.
+    """Build a belief; None and OPEN_CELL stand for the default cell. The same belief gives the same scene.
 
     Args:
         cell: what is believed.
@@ -87,22 +87,22 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
 
 
 def recorded_cell(rec: Recording) -> Believed:
-    """The task's cell that a recording states, with its robot. Raises UserError as `believed`, naming its file."""
+    """Give the task's cell that a recording states, with its robot. Raises UserError as `believed`, naming its file."""
     return believed(rec.cell, rec.path / "recording.yaml", rec.robot)
 
 
 def model_cell(world: World) -> Believed:
-    """The task's cell of a model, with its robot. Raises UserError as `believed`."""
+    """Give the task's cell of a model, with its robot. Raises UserError as `believed`."""
     return believed(world.cell, robot=world.robot)
 
 
 def bench_of(world: World) -> Scene:
-    """What a model without a task's cell shows: its robot's own file, the arm in it and what stands about."""
+    """Give what a model without a task's cell shows: its robot's own file, the arm in it and what stands about."""
     return bench(load(world.robot, tool=world.tool))
 
 
 def scene_of(world: World, rec: Recording) -> Scene:
-    """What stands before the cameras of a recording as a model has it: the model's cell, or its robot's own bench.
+    """Give what stands before the cameras of a recording as a model has it: the model's cell, or its robot's own bench.
 
     Raises:
         UserError: as `believed`.
@@ -119,7 +119,7 @@ def _same(robot: str, other: str) -> bool:
 
 
 def fixed(world: RandomizedWorld) -> list[EffectInstance]:
-    """The effects of a world that are the same in every episode; what is drawn is nobody's belief."""
+    """Give the effects of a world that are the same in every episode; what is drawn is nobody's belief."""
     same = [r for r in world.ranges if r.chance == 1.0 and all(isinstance(v, int | float) for v in r.params.values())]
     return [*world.base.effects, *(EffectInstance.of(r.effect, r.where, **dict(r.params)) for r in same)]  # type: ignore[arg-type]
 
@@ -138,7 +138,8 @@ def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | No
 
 
 def cell_of(world: World, rec: Recording) -> CellBelief | None:
-    """The cell of a recording under a model: the model's, or where that leaves it open (OPEN_CELL) the recording's.
+    """Give the cell of a recording under a model: the model's, or where that leaves it open (OPEN_CELL) the
+    recording's.
 
     None where the model has no task's cell: what it shows is its robot's own file.
     """
@@ -148,7 +149,7 @@ def cell_of(world: World, rec: Recording) -> CellBelief | None:
 
 
 def of_world(name: str) -> World:
-    """The model that a world's name or file is: its arm with what the arm carries, and its cell as the belief.
+    """Give the model that a world's name or file is: its arm with what the arm carries, and its cell as the belief.
 
     Raises:
         UserError: as for `believed`.
@@ -160,7 +161,7 @@ def of_world(name: str) -> World:
 
 
 def robot_of_world(world: World) -> RobotModel:
-    """What a model's effects are placed on: the scene of its cell or of its robot's own file, or the arm alone."""
+    """Give what a model's effects are placed on: the scene of its cell or of its robot's own file, or the arm alone."""
     if world.cell is not None:
         return model_cell(world).scene
     scene = bench_of(world)

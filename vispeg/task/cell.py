@@ -130,8 +130,9 @@ class Cell(Plant):
             firm(self.batch, self.model, self._held_by)
 
     def felt(self) -> np.ndarray:
-        """What the wrist's force sensor says of the last step, or of the mean of the last tick where it is `filtered`:
-        (nsim, 6) N and N m that the tool puts on the flange, in the flange's frame. To be asked once a control tick.
+        """Give what the wrist's force sensor says of the last step, or of the mean of the last tick where it is
+        `filtered`: (nsim, 6) N and N m that the tool puts on the flange, in the flange's frame. To be asked once a
+        control tick.
         """
         return self.loop.feel(reaction(self.read_out[:, :6]), self.x)
 
@@ -178,7 +179,7 @@ class Cell(Plant):
             self.x.tau = self._geared(forces.link)
 
     def _move(self, tau: np.ndarray, nstep: int = 1) -> None:
-        """Steps under the torque `tau` (nsim, nj) N m; the first kick spans half of the last step, half of this one."""
+        """Step under the torque `tau` (nsim, nj) N m; the first kick spans half of the last step, half of this one."""
         self.ctrl[:, self.u] = 0.5 * (tau + self.last)
         self.last = tau
         before = self.qvel[:, self.vadr].copy()

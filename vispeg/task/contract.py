@@ -31,7 +31,7 @@ class Expert(Protocol):
     """A scripted policy for n rows, which acts on what a `state` policy sees."""
 
     def reset(self, rows: np.ndarray) -> None:
-        """These rows (indices or mask) begin a new episode."""
+        """Let these rows (indices or mask) begin a new episode."""
         ...
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -65,7 +65,7 @@ class Task(ABC):
     # Cell -----------------------------------------------------------------------------------------------------
     @abstractmethod
     def cell(self, config: Any, cameras: tuple[str, ...] | None = None) -> Scene:
-        """The cell that these settings ask for, with cameras of these names (by default all standard ones)."""
+        """Give the cell that these settings ask for, with cameras of these names (by default all standard ones)."""
 
     def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
         """Whether every episode of a world can be begun.
@@ -86,7 +86,8 @@ class Task(ABC):
         return np.array([*aside, rng.uniform(*config.start_height)])
 
     def command(self, sim: TaskSimulation, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The controller's target of a policy step: the point that is held (n, 3) m, the flange's turn (n, 4) wxyz.
+        """Give the controller's target of a policy step: the point that is held (n, 3) m, the flange's turn (n, 4)
+        wxyz.
 
         An action is an offset from where the arm is, along the directions that the policy moves; the others are held.
 
@@ -102,14 +103,15 @@ class Task(ABC):
 
     @abstractmethod
     def track(self) -> Track:
-        """The judge of one episode."""
+        """Give the judge of one episode."""
 
     def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
-        """What the judge sees beside forces and the tip: arrays (n,) by keyword of `Track.add`."""
+        """Give what the judge sees beside forces and the tip: arrays (n,) by keyword of `Track.add`."""
         return {}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome] | None:
-        """A recorded episode run again by a world's arm under the controller that ran; None where a task has no way.
+        """Give a recorded episode run again by a world's arm under the controller that ran; None where a task has no
+        way.
 
         Args:
             rec: one episode, with its cell.
@@ -127,4 +129,4 @@ class Task(ABC):
 
     @abstractmethod
     def expert(self, config: Any, nsim: int) -> Expert:
-        """The scripted expert for n rows."""
+        """Give the scripted expert for n rows."""

@@ -31,7 +31,7 @@ def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Spac
 
 
 def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> tuple[Camera, ...]:
-    """The cameras of a task.
+    """Give the cameras of a task.
 
     Args:
         scene: in which they stand.
@@ -58,7 +58,7 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
 
 
 def resized(camera: Camera, size: int) -> Camera:
-    """The camera with `size` px along its shorter side and the same field of view."""
+    """Give the camera with `size` px along its shorter side and the same field of view."""
     s = size / min(camera.width, camera.height)
     return camera.moved(
         width=round(camera.width * s),
@@ -80,7 +80,7 @@ def rig_of(
     backend: str = "auto",
     look_seed: Callable[[int], int] | None = None,
 ) -> CameraRig:
-    """The cameras of `rows` cells of a task; none where its observations hold no pictures.
+    """Give the cameras of `rows` cells of a task; none where its observations hold no pictures.
 
     Args:
         scene: the cell.

@@ -43,7 +43,7 @@ class Guards:
             raise UserError("a guard without limits", key="guard_velocity", expected=expected)
 
     def reset(self, rows: np.ndarray) -> None:
-        """These rows begin anew."""
+        """Let these rows begin anew."""
         for i in rows:
             self.stopped[i] = None
 
@@ -55,7 +55,7 @@ class Guards:
             self._stop(np.flatnonzero(((q < self.low) | (q > self.high)).any(axis=1)), LIMIT)
 
     def pose(self, jac: np.ndarray) -> None:
-        """The flange's Jacobian (nsim, 6, nj) after a policy step."""
+        """Give the flange's Jacobian (nsim, 6, nj) after a policy step."""
         if self.least > 0:
             fine = np.flatnonzero(np.isfinite(jac).all(axis=(1, 2)))  # the others diverge
             self._stop(fine[singular(jac[fine]) < self.least], SINGULARITY)

@@ -28,7 +28,7 @@ from vispeg.task.world_file import WorldFile
 def interface_in(
     config: TaskConfig, file: WorldFile | None, obs_mode: str, images: Iterable[str] | None = None, **origin: Any
 ) -> Interface:
-    """The meaning of what a policy sees and does in a world.
+    """Give the meaning of what a policy sees and does in a world.
 
     Args:
         config: of the world's task.
@@ -47,7 +47,7 @@ def interface_in(
 def interface_of(
     config: TaskConfig, scene: Scene, obs_mode: str, cameras: Sequence[Camera], images: Iterable[str], **origin: Any
 ) -> Interface:
-    """The meaning of what policies of a task see and do.
+    """Give the meaning of what policies of a task see and do.
 
     Args:
         config: of the task.

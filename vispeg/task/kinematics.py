@@ -15,7 +15,7 @@ from vispeg.sim.compiled import compiled
 
 @lru_cache(maxsize=64)
 def chain_of(robot: RobotModel) -> Chain:
-    """The arm's kinematics without MuJoCo: its nominal model's, base to flange."""
+    """Give the arm's kinematics without MuJoCo: its nominal model's, base to flange."""
     model = compiled(robot)
     order = {int(model.joint(name).id): i for i, name in enumerate(robot.joints)}
     site = model.site(robot.flange).id

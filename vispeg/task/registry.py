@@ -29,7 +29,7 @@ OURS: dict[str, str] = {name: room.TASK for name, room in ROOMS.items()}
 
 @cache
 def task(name: str) -> Task:
-    """The task of that name.
+    """Give the task of that name.
 
     Raises:
         UserError: no such task, a module that cannot be imported, or a class that is no task.
@@ -52,12 +52,12 @@ def task(name: str) -> Task:
 
 
 def task_of(config: TaskConfig) -> Task:
-    """The task that these settings are of."""
+    """Give the task that these settings are of."""
     return task(config.name)
 
 
 def kind_of(settings: Mapping[str, Any], file: str | None = None) -> type[TaskConfig]:
-    """The class of the settings that a mapping (a world file's `task:`) states. Raises UserError: no such task."""
+    """Give the class of the settings that a mapping (a world file's `task:`) states. Raises UserError: no such task."""
     name = settings.get("name", FIRST)
     if not isinstance(name, str):
         raise UserError("wrong type", file=file, key="task.name", expected="a text", got=name)
@@ -68,7 +68,7 @@ def kind_of(settings: Mapping[str, Any], file: str | None = None) -> type[TaskCo
 
 
 def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfig:
-    """The settings that a mapping states.
+    """Give the settings that a mapping states.
 
     Raises:
         UserError: no such task, an unknown key, a wrong type or value.
@@ -77,7 +77,9 @@ def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfi
 
 
 def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[str, float]:
-    """The setting that gives a world's task another tolerance; none for None. Raises UserError: it has no tolerance."""
+    """Give the setting that gives a world's task another tolerance; none for None. Raises UserError: it has no
+    tolerance.
+    """
     if value is None:
         return {}
     tolerance = kind_of(settings).tolerance
@@ -87,7 +89,7 @@ def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[
 
 
 def scene_of(settings: Mapping[str, Any]) -> Scene:
-    """The cell that the settings of a world's task ask for. Raises UserError as `config_of`."""
+    """Give the cell that the settings of a world's task ask for. Raises UserError as `config_of`."""
     config = config_of(settings)
     return task_of(config).cell(config)
 

@@ -91,7 +91,7 @@ class Rewards:
     named: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def of(self, choice: str | tuple[tuple[str, float], ...]) -> Reward:
-        """The reward of a name, or of weights by term.
+        """Give the reward of a name, or of weights by term.
 
         Raises:
             UserError: an unknown reward or term, a weight that is not finite.
@@ -112,7 +112,7 @@ class Rewards:
         return Reward(dense, weights.get(SUCCESS, 0.0), weights.get(ABORT, 0.0))
 
     def read(self, value: Any, file: str | None, key: str) -> str | tuple[tuple[str, float], ...]:
-        """A reward as a file states it: a name, a mapping of weights, or their pairs as JSON keeps them.
+        """Give a reward as a file states it: a name, a mapping of weights, or their pairs as JSON keeps them.
 
         Raises:
             UserError: something else.

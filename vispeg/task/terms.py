@@ -50,7 +50,7 @@ class Term:
 
     @classmethod
     def sensed(cls, term: Sensed) -> Term:
-        """The term of a task that tells its policies this."""
+        """Give the term of a task that tells its policies this."""
         size = term.size or (lambda config: len(config.dof))
         when = (lambda config: config.turns) if term.turning else (lambda config: True)
         return cls(term.name, term.read, size, term.unit, term.scale, POLICY, term.about, when=when)
@@ -110,7 +110,7 @@ class Observation:
         return self._places[name]
 
     def term(self, name: str) -> Term:
-        """The term of that name. Raises UserError that lists the choices."""
+        """Give the term of that name. Raises UserError that lists the choices."""
         self[name]
         return next(t for t in self.terms if t.name == name)
 
@@ -122,7 +122,7 @@ class Observation:
 
 
 def _noise(sim: TaskSimulation) -> Callable[[Term, np.ndarray], np.ndarray]:
-    """Adds to a term's values the noise that its episodes' seeds draw for it."""
+    """Add to a term's values the noise that its episodes' seeds draw for it."""
 
     def noisy(term: Term, value: np.ndarray) -> np.ndarray:
         if not term.noise:

@@ -116,7 +116,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_world(source: str | Path) -> WorldFile:
-    """A world by name or by file.
+    """Give a world by name or by file.
 
     Raises:
         UserError: with file, key, value and choices.
@@ -161,7 +161,7 @@ def world_hash(
 
 
 def world_text(file: WorldFile) -> str:
-    """The file that gives this world back, whatever it was put together from."""
+    """Give the file that gives this world back, whatever it was put together from."""
     entries = [entry_dict(r) for r in file.world.ranges]
     entries += [_fixed(e) for e in file.world.base.effects]
     task = {k: v for k, v in file.task.items() if k != "robot"}
@@ -176,7 +176,7 @@ def _fixed(e: EffectInstance) -> Mapping[str, object]:
 
 
 def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
-    """Adds what a file says to `parts`: its bases first, then its model, then its own words. Gives its name."""
+    """Add what a file says to `parts`: its bases first, then its model, then its own words. Gives its name."""
     if path in above:
         raise UserError("the world is based on itself", file=path, key="base", got=path.stem)
     parts.files += 1
@@ -239,7 +239,9 @@ def _lay(
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
-    """A built-in world's file, or for a base also a part's, or the file named, seen from the file that names it."""
+    """Give a built-in world's file, or for a base also a part's, or the file named, seen from the file that names
+    it.
+    """
     text = str(source)
     if not isinstance(source, str | Path) or not text:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
@@ -261,14 +263,16 @@ def _beside(text: str, file: Path) -> Path:
 
 
 def _placed(stated: Any, file: Path) -> Any:
-    """The files that a setting of the task names, from wherever its world is read again; what is no path as it is."""
+    """Give the files that a setting of the task names, from wherever its world is read again; what is no path as it
+    is.
+    """
     if isinstance(stated, list | tuple):
         return [_placed(one, file) for one in stated]
     return str(_beside(stated, file).resolve()) if isinstance(stated, str) and stated else stated
 
 
 def _given(data: Mapping[str, Any], key: str, otherwise: Any) -> Any:
-    """What a key says; `otherwise` where it is absent or left empty."""
+    """Give what a key says; `otherwise` where it is absent or left empty."""
     return otherwise if data.get(key) is None else data[key]
 
 
@@ -303,7 +307,7 @@ def _renderer(section: Any, path: Path) -> Mapping[str, Any]:
 
 
 def _digests(stated: str | Sequence[str]) -> str | list[str]:
-    """What is in the file that a setting names, or in each of several."""
+    """Give what is in the file that a setting names, or in each of several."""
     return _digest(stated) if isinstance(stated, str) else [_digest(file) for file in stated]
 
 
@@ -312,7 +316,7 @@ def _digest(file: str) -> str:
 
 
 def parts(source: str | Path) -> dict[str, str]:
-    """What a world that loads is put together from: SHA-256 (hex) of what a file adds of its own, and its name.
+    """Give what a world that loads is put together from: SHA-256 (hex) of what a file adds of its own, and its name.
 
     Only effects and models count: the names, task and renderer that two worlds share tell neither of the other, and a
     file that only joins others adds nothing.

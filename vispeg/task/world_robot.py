@@ -14,7 +14,7 @@ from vispeg.robots.model import SUFFIXES
 
 
 def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
+    """Give what a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
 
     Args:
         stated: a name or path alone, which is another robot; or a mapping, whose keys replace those of `base` singly.
@@ -40,7 +40,7 @@ def _beside(model: str, file: Path) -> str:
 
 
 def identity(model: str) -> str:
-    """A robot's name, or the SHA-256 (hex) of its file: the same arm in another folder makes the same world."""
+    """Give a robot's name, or the SHA-256 (hex) of its file: the same arm in another folder makes the same world."""
     return hashlib.sha256(read_bytes(model)).hexdigest() if is_path(model) else model
 
 

@@ -55,11 +55,11 @@ class Driver(Protocol):
     """A robot."""
 
     def connect(self, interface: Interface, seed: int) -> Connected | None:
-        """An episode is about to begin: the robot holds the pose that it is in. `seed` numbers the episodes."""
+        """Note that an episode begins: the robot holds the pose that it is in. `seed` numbers the episodes."""
         ...
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """The newest reading, with pictures of these cameras. Called once a control period: returns at once."""
+        """Give the newest reading, with pictures of these cameras. Called once a control period: returns at once."""
         ...
 
     def command(self, pose: np.ndarray) -> None:

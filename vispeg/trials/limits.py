@@ -39,7 +39,7 @@ class Limits:
                 raise UserError("out of bounds", key=f"--{key}", expected=f"above 0, up to {most:g}", got=value)
 
     def broken(self, interface: Interface, seen: Observer, force: float) -> str | None:
-        """The limit that the arm is beyond as it is seen now, with this force (N) on the wrist; or None."""
+        """Give the limit that the arm is beyond as it is seen now, with this force (N) on the wrist; or None."""
         arm, (q, dq) = interface.arm, seen.measured
         if not (np.isfinite(q).all() and np.isfinite(dq).all() and np.isfinite(force)):
             return WATCHDOG

@@ -44,7 +44,7 @@ class Clock:
         return time.monotonic()
 
     def wait(self, until: float) -> None:
-        """Returns at `until`, or at once where that has gone by."""
+        """Return at `until`, or at once where that has gone by."""
         left = until - time.monotonic()
         if left > 0:
             time.sleep(left)
@@ -108,7 +108,7 @@ class Watchdog:
         return self
 
     def beat(self) -> None:
-        """The loop has come round."""
+        """Note that the loop has come round."""
         self._last = time.monotonic()
 
     def __exit__(self, *_: object) -> None:
@@ -140,7 +140,7 @@ def run_episode(
     key: Callable[[], bool] = lambda: False,
     watch: bool = True,
 ) -> Trial:
-    """Runs one episode.
+    """Run one episode.
 
     Args:
         policy: acts on one robot.
@@ -273,7 +273,7 @@ class _Loop:
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
 
     def _wrench(self, reading: Reading) -> np.ndarray:
-        """What the tool puts on the flange, in its axes and about its origin, its weight included."""
+        """Give what the tool puts on the flange, in its axes and about its origin, its weight included."""
         sensor, wrench = self.connected.wrench, np.asarray(reading.wrench, float)
         if sensor == WrenchSensor(acts_on="flange"):
             return wrench
@@ -307,7 +307,7 @@ class _Loop:
         return None
 
     def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
-        """The episode as a trial. Raises UserError: it ended before it began."""
+        """Give the episode as a trial. Raises UserError: it ended before it began."""
         if self.first is None:
             raise UserError("the robot gave no reading", key="--robot", got=name)
         if not len(self.tape.late):

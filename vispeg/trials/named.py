@@ -15,7 +15,7 @@ SIMULATED, ROS2, PYTHON = "sim", "ros2", "python"
 
 
 def driver(text: str) -> Driver:
-    """The driver that `--robot` names: `sim:WORLD`, `ros2`, `ros2:FILE.yaml`, or `python:MODULE:CALLABLE`.
+    """Give the driver that `--robot` names: `sim:WORLD`, `ros2`, `ros2:FILE.yaml`, or `python:MODULE:CALLABLE`.
 
     Raises:
         UserError: no such kind, module, file or world, no ROS 2, or an object without the four calls.

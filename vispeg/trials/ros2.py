@@ -112,7 +112,9 @@ class Topics(_Part):
 
 
 def read_topics(file: str | Path) -> Topics:
-    """What a file says of topics. Raises UserError: no such file, not YAML, an unknown key, an impossible value."""
+    """Give what a file says of topics. Raises UserError: no such file, not YAML, an unknown key, an impossible
+    value.
+    """
     return typed(Topics, read_yaml(Path(file).expanduser()) or {}, file)
 
 
@@ -160,7 +162,7 @@ class Link:
             self._executor.spin()
 
     def listen(self, kind: type, topic: str, wanted: Any = None) -> str:
-        """Keeps the newest message of a topic, of those that are `wanted(message)`; its whole name."""
+        """Keep the newest message of a topic, of those that are `wanted(message)`; its whole name."""
         name = self.node.resolve_topic_name(topic)
 
         def hear(message: Any) -> None:
@@ -171,15 +173,15 @@ class Link:
         return name
 
     def speak(self, kind: type, topic: str) -> Any:
-        """A publisher to which both who wants every message and who wants the newest can listen."""
+        """Give a publisher to which both who wants every message and who wants the newest can listen."""
         return self.node.create_publisher(kind, topic, 1)
 
     def stamp(self, moment: float) -> Any:
-        """A moment, s since 1970, as messages state it."""
+        """Give a moment, s since 1970, as messages state it."""
         return self._time(nanoseconds=round(1e9 * moment)).to_msg()
 
     def newest(self, name: str, silence: float = np.inf) -> Any:
-        """The newest message of a topic. Raises TimeoutError: none for `silence` s."""
+        """Give the newest message of a topic. Raises TimeoutError: none for `silence` s."""
         message, at = self._heard.get(name, (None, -np.inf))
         if message is None or time.monotonic() - at > silence:
             raise TimeoutError(f"nothing came on {name} for {silence:g} s")
@@ -280,7 +282,7 @@ class Ros2Robot:
         return UserError(f"is silent for {WAIT:g} s", key=name, expected=kind, got=there[0].topic_type)
 
     def _agrees(self, q: np.ndarray) -> None:
-        """Raises UserError where the controller says that it holds another frame than it would be asked for."""
+        """Raise UserError where the controller says that it holds another frame than it would be asked for."""
         if self._link.lacking([self._pose], LISTENS):  # a controller need not say it
             return
         p = self._link.newest(self._pose).pose
@@ -373,7 +375,9 @@ class Ros2Robot:
 
 
 def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """The pose (7,), m and w x y z, of a frame at `offset` (7,) in the frame at `pose`; to the bit where it is none."""
+    """Give the pose (7,), m and w x y z, of a frame at `offset` (7,) in the frame at `pose`; to the bit where it is
+    none.
+    """
     if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
         return pose
     (w, *v), (a, *b) = (
@@ -385,7 +389,7 @@ def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
 
 
 def image_from(message: Any, name: str) -> np.ndarray:
-    """A sensor_msgs/Image as (H, W, 3) uint8 sRGB, or as (H, W) depth in m, 0 or NaN for no reading.
+    """Give a sensor_msgs/Image as (H, W, 3) uint8 sRGB, or as (H, W) depth in m, 0 or NaN for no reading.
 
     Raises:
         UserError: another encoding, fewer bytes than the size says.
@@ -413,7 +417,7 @@ def image_from(message: Any, name: str) -> np.ndarray:
 
 
 def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> Camera:
-    """The camera that a sensor_msgs/CameraInfo states, where the policy's own camera `eye` sits.
+    """Give the camera that a sensor_msgs/CameraInfo states, where the policy's own camera `eye` sits.
 
     Raises:
         UserError: not calibrated, a lens that is not Brown's, a part of the picture alone.

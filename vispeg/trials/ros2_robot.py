@@ -62,7 +62,7 @@ class Ros2Node:
             self.infos[name] = link.speak(link.sensor.CameraInfo, topics.camera(name).info or "")
 
     def begin(self, seed: int) -> None:
-        """The start of this number, at rest."""
+        """Give the start of this number, at rest."""
         start = self.robot.begin(seed)
         self.link.forget()
         self.held, self.ended = None, False
@@ -127,7 +127,7 @@ class Ros2Node:
 
 
 def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """A wrench as a sensor says it; `vispeg.recordings.cell.canonical` is the way back.
+    """Give a wrench as a sensor says it; `vispeg.recordings.cell.canonical` is the way back.
 
     Args:
         wrench: (6,) N and N m that the tool puts on the flange, in its axes, its weight included.
@@ -187,7 +187,7 @@ def live(node: Ros2Node, seed: int) -> None:
 
 
 def main() -> int:
-    """Reads what to be, and is it."""
+    """Read what to be, and is it."""
     parser = argparse.ArgumentParser(
         prog="python -m vispeg.trials.ros2_robot",
         description=__doc__,

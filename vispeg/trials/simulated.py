@@ -43,7 +43,7 @@ class SimulatedRobot:
         return self.ticks * self.config.control_period
 
     def begin(self, seed: int) -> dict[str, Any]:
-        """An episode's start; returns what trial.yaml says of it beside the joints."""
+        """Give an episode's start; returns what trial.yaml says of it beside the joints."""
         self.env.reset(seed=[seed])
         sim = self.sim
         self.ticks, self.ended = 0, None
@@ -71,23 +71,23 @@ class SimulatedRobot:
             self._judge()
 
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
-        """What the encoders say now, (1, nj) rad and rad/s; to be asked once a control period."""
+        """Give what the encoders say now, (1, nj) rad and rad/s; to be asked once a control period."""
         q, dq = self.sim.cell.measure()
         return q.copy(), dq.copy()
 
     def _judge(self) -> None:
-        """The task's judge looks at the time since it last did."""
+        """Give the task's judge looks at the time since it last did."""
         self.sim.seen.see(*self.measured)
         record = self.sim.settle(np.array(self._force), np.array(self._felt))[3][0]
         self.ended = self.ended or record
         self._force, self._felt = [], []
 
     def hold(self, pose: np.ndarray) -> None:
-        """The flange is asked to be at `pose` (7,)."""
+        """Note that the flange is asked to be at `pose` (7,)."""
         self.sim.seen.goal[0], self.sim.seen.rot[0] = pose[:3], pose[3:]
 
     def rest(self) -> None:
-        """The flange is asked to stay where it is."""
+        """Note that the flange is asked to stay where it is."""
         seen = self.sim.seen
         pos, rot, _, _ = seen.chain.pose(*self.measured)
         self.hold(np.concatenate([pos[0], rot[0]]))
@@ -161,7 +161,7 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
 
 
 def main() -> int:
-    """Reads what to be from one line of JSON, says its port or what is wrong in one line, and serves one client."""
+    """Read what to be from one line of JSON, say its port or what is wrong in one line, and serve one client."""
     asked = json.loads(sys.stdin.readline())
     try:
         robot = SimulatedRobot(asked["world"], asked["obs_mode"], asked["settings"])

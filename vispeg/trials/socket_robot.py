@@ -104,7 +104,7 @@ class SocketRobot:
         return None if self._link is None else self._ask({"call": "stop"})[0]
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         if self._link is not None:
             self._link.close()
             self._link = None

@@ -35,8 +35,8 @@ class Tape:
         self._eyes: dict[str, Camera] = {camera_of(key): seen.eye for key, seen in interface.images.items()}
 
     def tick(self, time: float, q: np.ndarray, dq: np.ndarray, wrench: np.ndarray, target: np.ndarray) -> None:
-        """A reading: `time` s on the robot's clock, (nj,) rad and rad/s, (6,) N and N m of the tool on the flange in
-        its axes; and the flange pose (7,) that is asked for.
+        """Give a reading: `time` s on the robot's clock, (nj,) rad and rad/s, (6,) N and N m of the tool on the
+        flange in its axes; and the flange pose (7,) that is asked for.
         """
         if not self._ticks or time > self._ticks[-1][0]:
             read = np.array(q, float), np.array(dq, float), np.array(wrench, float), np.array(target, float)
@@ -51,7 +51,9 @@ class Tape:
         pictures: Mapping[str, Picture],
         moves: bool = True,
     ) -> None:
-        """The policy acted on the last reading; with `moves` the target that followed from it is held from there on."""
+        """Give the policy acted on the last reading; with `moves` the target that followed from it is held from
+        there on.
+        """
         time, *measured, before = self._ticks[-1]
         self._ticks[-1] = (time, *measured, np.array(target, float) if moves else before)  # type: ignore[assignment]
         told, did, asked = (np.array(x, float).reshape(-1) for x in (seen, action, target))
@@ -74,7 +76,7 @@ class Tape:
         return self._steps[0][0] - self._ticks[0][0] if self._steps else 0.0
 
     def steps(self) -> Steps:
-        """What the policy saw and did."""
+        """Give what the policy saw and did."""
         columns = [np.array(column) for column in zip(*self._steps, strict=True)]
         time, *rest = columns
         return Steps(time - self._ticks[0][0], *rest)
@@ -134,7 +136,7 @@ class Tape:
 
 
 def recorded(camera: Camera, name: str) -> RecordedCamera:
-    """A camera as a recording states it; without a pose where it is neither on the flange nor on the base."""
+    """Give a camera as a recording states it; without a pose where it is neither on the flange nor on the base."""
     c = camera
     pose, mounted = None, c.parent in ("base", "flange")
     if mounted:

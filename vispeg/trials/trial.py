@@ -114,7 +114,9 @@ class Said(_Part):
     how: HowPart = HowPart()
 
     def begin(self) -> Start:
-        """The start that an environment takes: `reset(options={"start": ...})`. Raises UserError: no such effect."""
+        """Give the start that an environment takes: `reset(options={"start": ...})`. Raises UserError: no such
+        effect.
+        """
         from vispeg.task.start import Start
         from vispeg.worlds.model_file import read_placed
 
@@ -163,7 +165,7 @@ class Trial:
 
 
 def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Path:
-    """Writes a trial's folder, which is a recording with two files more; it appears whole or not at all.
+    """Write a trial's folder, which is a recording with two files more; it appears whole or not at all.
 
     Raises:
         UserError: the folder is there, or cannot be written.
@@ -205,7 +207,7 @@ def is_trial(folder: str | Path) -> bool:
 
 
 def folders(place: str | Path) -> list[Path]:
-    """The trials in a folder, in the order of their names; the folder itself where it is one.
+    """Give the trials in a folder, in the order of their names; the folder itself where it is one.
 
     Raises:
         UserError: none there.
@@ -218,7 +220,7 @@ def folders(place: str | Path) -> list[Path]:
 
 
 def read_said(folder: str | Path) -> Said:
-    """What trial.yaml says.
+    """Give what trial.yaml says.
 
     Raises:
         UserError: no such file, a key that is missing or unknown, a value that cannot be, an outcome that contradicts
@@ -234,14 +236,14 @@ def read_said(folder: str | Path) -> Said:
 
 @enrol(NAME, _example)
 def read_trial(folder: str | Path) -> Trial:
-    """A trial. Raises UserError: as `read_said`; a recording or table that cannot be."""
+    """Give a trial. Raises UserError: as `read_said`; a recording or table that cannot be."""
     path = Path(folder)
     said = read_said(path)
     return Trial(said, load(path), _steps(path / STEPS), path)
 
 
 def read_trials(place: str | Path) -> list[Said]:
-    """What the trials in a folder say. Raises UserError as `folders` and `read_said`."""
+    """Give what the trials in a folder say. Raises UserError as `folders` and `read_said`."""
     return [read_said(folder) for folder in folders(place)]
 
 

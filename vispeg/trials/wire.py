@@ -15,7 +15,7 @@ TYPES = ("float64", "float32", "uint8")
 
 
 def send(link: socket.socket, message: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:
-    """Sends a message with arrays of TYPES by name."""
+    """Send a message with arrays of TYPES by name."""
     parts = {name: np.ascontiguousarray(a) for name, a in (arrays or {}).items()}
     stated = {name: [a.dtype.name, list(a.shape)] for name, a in parts.items()}
     head = json.dumps({"message": dict(message), "arrays": stated}).encode()
@@ -24,7 +24,7 @@ def send(link: socket.socket, message: Mapping[str, Any], arrays: Mapping[str, n
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The next message and its arrays.
+    """Give the next message and its arrays.
 
     Raises:
         EOFError: the other side is gone.

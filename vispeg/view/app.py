@@ -67,24 +67,24 @@ class App:
         self.show(opened.page)
 
     def show(self, title: str) -> None:
-        """Turns to a page; where it draws nothing of its own, the arm stands in the middle."""
+        """Turn to a page; where it draws nothing of its own, the arm stands in the middle."""
         self.server.gui.set_panel_label(f"vispeg · {title}")
         for page in self.pages:
             page.show(page.title == title)
         self.study.traces.stand(all(page.title != title or not page.fills for page in self.pages))
 
     def _dropped(self, log: Path, model: str) -> None:
-        """A log was dropped beside a model: it becomes a recording first."""
+        """Note that a log was dropped beside a model: it becomes a recording first."""
         self.show(self.logs.title)
         self.logs.take(log, model)
 
     def _recorded(self, folder: Path) -> None:
-        """A log has become a recording: the page of diagnoses offers it."""
+        """Note that a log has become a recording: the page of diagnoses offers it."""
         self.study.add(folder)
         self.show(self.study.title)
 
     def _play(self, policy: str) -> None:
-        """A run's checkpoint is to be played: the page of policies does it."""
+        """Note that a run's checkpoint is to be played: the page of policies does it."""
         self.show(self.policies.title)
         self.policies.choose(policy)
 
@@ -98,7 +98,7 @@ class App:
             self.close()
 
     def close(self) -> None:
-        """Ends the workers and the server."""
+        """End the workers and the server."""
         for page in self.pages:
             page.close()
         with contextlib.redirect_stdout(io.StringIO()):

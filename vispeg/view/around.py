@@ -47,7 +47,7 @@ class Around:
 
 
 def kind_of(path: Path) -> Kind | None:
-    """What a file or folder is, by its content; a folder that only holds such things is none of them."""
+    """Give what a file or folder is, by its content; a folder that only holds such things is none of them."""
     if path.is_dir():
         return _kind_of_folder(path)
     if not is_file(path):
@@ -111,7 +111,7 @@ def _children(folder: Path) -> Iterator[Path]:
 
 
 def shipped_recordings() -> list[Path]:
-    """The bundled recordings, of an arm with two effects hidden in it."""
+    """Give the bundled recordings, of an arm with two effects hidden in it."""
     return sorted(p for p in (assets() / "recordings").iterdir() if (p / "recording.yaml").is_file())
 
 

@@ -30,13 +30,13 @@ class Colours:
         self._theme(gui, dark)
 
     def apply(self) -> None:
-        """Turns all windows to what was chosen, each by itself: a message to all may overtake one to a window."""
+        """Turn all windows to what was chosen, each by itself: a message to all may overtake one to a window."""
         with self.lock:
             for window in self.server.get_clients().values():
                 self._turn(window)
 
     async def _greet(self, window: Any) -> None:
-        """A window is asked once it can be answered: words of one that is not yet connected are lost."""
+        """Ask a window once it can answer: words of one that is not yet connected are lost."""
         window.gui.add_html(html.window(self.heard._impl.uuid))
 
     async def _hear(self, event: Any) -> None:  # awaited before another window's word can take this one's place

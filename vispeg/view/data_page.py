@@ -62,14 +62,14 @@ class DataPage(Page):
             self.open()
 
     def open(self) -> None:
-        """Opens the dataset that is named."""
+        """Open the dataset that is named."""
         self.holding = None
         self._guided()
         self.job.begin(Frames, ())
         self.job.ask("open", self.folder.value)
 
     def look(self) -> None:
-        """Shows the frame of the slider; while one is being read, the last one asked for waits."""
+        """Show the frame of the slider; while one is being read, the last one asked for waits."""
         if self.holding is None:
             return
         self.waits = self.job.busy
@@ -77,7 +77,7 @@ class DataPage(Page):
             self.job.ask("frame", int(self.number.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """What the worker tells."""
+        """Give what the worker tells."""
         if name == "dataset":
             self._opened(value)
         elif name == "frame":
@@ -87,7 +87,7 @@ class DataPage(Page):
             self.folder.value = str(value)
 
     def idle(self, idle: bool) -> None:
-        """What was asked for meanwhile is read now."""
+        """Read now what was asked for meanwhile."""
         for button in (self.back, self.on):
             button.disabled = self.holding is None
         if idle and self.waits:
@@ -101,7 +101,7 @@ class DataPage(Page):
         self._guided()
 
     def close(self) -> None:
-        """Ends the worker."""
+        """End the worker."""
         self.job.end()
 
     def _guided(self) -> None:

@@ -65,14 +65,14 @@ class Drawing:
     def _add(
         self, body: int, name: str, shape: tuple[np.ndarray, np.ndarray], colour: Any, look: Look, **at: Any
     ) -> None:
-        """Adds triangles to a body's frame."""
+        """Add triangles to a body's frame."""
         if body not in self.frames:
             self.frames[body] = self.scene.add_frame(f"{self.name}/body{body}", show_axes=False)
         way = f"{self.name}/body{body}/{name}"
         self.scene.add_mesh_simple(way, *shape, color=colour, opacity=look.opacity, side="double", **at)
 
     def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
-        """Moves it to the configuration (nq,), with bodies placed in their parents as a Snapshot says."""
+        """Move it to the configuration (nq,), with bodies placed in their parents as a Snapshot says."""
         for name, place in (bodies or {}).items():
             body = self.model.body(name).id
             self.model.body_pos[body], self.model.body_quat[body] = place[:3], place[3:]
@@ -86,5 +86,5 @@ class Drawing:
         self.root.visible = visible
 
     def remove(self) -> None:
-        """Takes it away."""
+        """Take it away."""
         self.root.remove()

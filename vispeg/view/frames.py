@@ -67,7 +67,7 @@ class Frames:
         self.limits: Mapping[str, tuple[float, float]] = {}
 
     def open(self, folder: str) -> None:
-        """Opens a dataset. Raises UserError: none that can be read."""
+        """Open a dataset. Raises UserError: none that can be read."""
         self.tell("say", "reading the dataset")
         data = self.data = open_dataset(folder)
         self.limits = depth_range(data, [data[i] for i in chosen(data, SAMPLED)])
@@ -78,7 +78,7 @@ class Frames:
         self.frame(0)
 
     def render(self, out: Path) -> str:
-        """Renders a dataset small enough to wait for; returns its folder. Raises UserError: it is there already."""
+        """Render a dataset small enough to wait for; return its folder. Raises UserError: it is there already."""
         self.tell("say", "rendering 8 frames")
         render_dataset(out, "S", frames=8, looks=4, size=96, workers=0)
         return str(out)

@@ -20,7 +20,7 @@ class Gallery:
         self.images: dict[str, Any] = {}
 
     def show(self, pictures: Mapping[str, np.ndarray]) -> None:
-        """Shows these (H, W, 3) uint8, in place of those before."""
+        """Show these (H, W, 3) uint8, in place of those before."""
         for key in [key for key in self.images if key not in pictures]:
             self.images.pop(key).remove()
         for key, image in pictures.items():

@@ -25,7 +25,7 @@ REFUSED = "403: open the address that `vispeg view` printed, with its token.\n"
 
 
 def free_port(asked: int | None) -> int:
-    """A port of this machine that nothing listens at: the one asked for, or from `PORT` on the first free one.
+    """Give a port of this machine that nothing listens at: the one asked for, or from `PORT` on the first free one.
 
     Raises:
         UserError: no port, one that is taken or reserved, or none is free.
@@ -61,12 +61,12 @@ class Gate:
         self.token = secrets.token_urlsafe(32)
 
     def url(self, port: int) -> str:
-        """The address to open."""
+        """Give the address to open."""
         return f"http://{HOST}:{port}/?{urlencode({'token': self.token})}"
 
     @contextlib.contextmanager
     def guarding(self) -> Iterator[None]:
-        """A server that is made in the body asks at this gate first."""
+        """Give a server that is made in the body asks at this gate first."""
         import websockets.asyncio.server as library
 
         plain: Any = library.serve
@@ -102,7 +102,7 @@ class Gate:
 
 
 def opener(folder: Path, url: str) -> Path:
-    """A file of this account alone that leads to the address: on a command line others would read its token."""
+    """Give a file of this account alone that leads to the address: on a command line others would read its token."""
     folder.mkdir(parents=True, exist_ok=True)
     handle, name = mkstemp(".html", "open-", folder)
     with os.fdopen(handle, "w", encoding="utf-8") as file:

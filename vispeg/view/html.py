@@ -31,7 +31,7 @@ def _page(template: str, **values: object) -> str:
 
 
 def style() -> str:
-    """The style of the pieces; once a page."""
+    """Give the style of the pieces; once a page."""
     return _page("style")
 
 
@@ -41,7 +41,7 @@ def below() -> str:
 
 
 def window(target: str) -> str:
-    """What runs once a window, see window.js; it types into the field whose label is for `target`."""
+    """Give what runs once a window, see window.js; it types into the field whose label is for `target`."""
     made = templates("vispeg.view")
     assert made.loader is not None
     script, _, _ = made.loader.get_source(made, "window.js")
@@ -49,12 +49,12 @@ def window(target: str) -> str:
 
 
 def note(text: str) -> str:
-    """A paragraph."""
+    """Give a paragraph."""
     return _page("note", text=text)
 
 
 def next_step(title: str, text: str, steps: tuple[str, ...] = (), at: int = 0) -> str:
-    """What there is to do next, under the steps of the way: `at` is the one (0, 1, ..) that is being done."""
+    """Give what there is to do next, under the steps of the way: `at` is the one (0, 1, ..) that is being done."""
     parts = text.split("`")  # every other one is the name of something on the page
     return _page("next", title=title, parts=parts, steps=steps, at=at)
 
@@ -74,7 +74,7 @@ def distinct(names: Sequence[str]) -> list[str]:
 
 
 def error(text: str) -> str:
-    """What went wrong, in the words of the command line."""
+    """Give what went wrong, in the words of the command line."""
     return _page("error", text=text)
 
 
@@ -84,7 +84,7 @@ def commands(lines: list[str]) -> str:
 
 
 def ladder(standing: Standing) -> str:
-    """The error now, and how it fell model by model."""
+    """Give the error now, and how it fell model by model."""
     errors = [rung.error for rung in standing.ladder]
     high, low = max(errors), min([*errors, standing.floor or min(errors)]) / 1.6
     low = min(low, high / 10) or 1e-12
@@ -104,7 +104,9 @@ def ladder(standing: Standing) -> str:
 
 
 def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
-    """The map of one axis as buttons; a press types `COLUMN, TRACK TIME` into the field whose label is for `target`."""
+    """Give the map of one axis as buttons; a press types `COLUMN, TRACK TIME` into the field whose label is for
+    `target`.
+    """
     field = standing.maps[axis]
     top = max(float(np.nanmax(field.first, initial=3.0)), 3.0)
     rows, short = [], distinct(standing.columns)
@@ -134,7 +136,7 @@ def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: 
 
 
 def _shade(share: float) -> tuple[str, bool]:
-    """A colour of the reports' scale, and whether it is dark."""
+    """Give a colour of the reports' scale, and whether it is dark."""
     parts = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in SHADES], float)
     x = share * (len(parts) - 1)
     k = min(int(x), len(parts) - 2)
@@ -143,7 +145,7 @@ def _shade(share: float) -> tuple[str, bool]:
 
 
 def tried(trials: list[Tried], said: list[str], unit: str) -> str:
-    """What was tried and refused, and why; the newest first."""
+    """Give what was tried and refused, and why; the newest first."""
     rows = []
     for t in reversed(trials):
         factor, name = prefix(max(t.before, t.after), unit)
@@ -168,12 +170,12 @@ def _three(values: np.ndarray) -> str:
 
 
 def columns(proposed: Proposed) -> str:
-    """What the columns of a log are taken for, and why."""
+    """Give what the columns of a log are taken for, and why."""
     return _page("columns", lines=proposed.lines, remarks=proposed.remarks)
 
 
 def doubts(look: Look) -> str:
-    """What the units that are chosen make impossible."""
+    """Give what the units that are chosen make impossible."""
     return _page("doubts", samples=look.samples, joints=len(look.joints), rate=f"{look.rate_hz:g}", doubts=look.doubts)
 
 
@@ -187,12 +189,12 @@ def run(run: Run) -> str:
 
 
 def film(name: str, data: bytes) -> str:
-    """A film, in the page itself."""
+    """Give a film, in the page itself."""
     return _page("film", name=name, data=base64.b64encode(data).decode())
 
 
 def frame(frame: Frame, holding: Holding) -> str:
-    """A frame of a dataset: its place, its numbers, the colours of its parts, and what was drawn for it."""
+    """Give a frame of a dataset: its place, its numbers, the colours of its parts, and what was drawn for it."""
     from vispeg.report.dataset.pictures import part_picture
 
     colours = part_picture(np.arange(1, len(holding.parts) + 1)) if holding.parts else np.zeros((0, 3), int)
@@ -206,5 +208,5 @@ def draws(spread: Mapping[str, object]) -> str:
 
 
 def drawn(values: list[tuple[str, str]]) -> str:
-    """What an episode of a world drew."""
+    """Give what an episode of a world drew."""
     return _page("drawn", values=values)

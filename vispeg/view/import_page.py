@@ -109,7 +109,7 @@ class ImportPage(Page):
         self.job.ask("propose", path, str(self.model.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """What the worker tells."""
+        """Give what the worker tells."""
         if name == "proposed":
             self.proposed = value
             self._offered(value)
@@ -145,11 +145,11 @@ class ImportPage(Page):
             self.here.visible = bool(self.there)
 
     def close(self) -> None:
-        """Ends the worker."""
+        """End the worker."""
         self.job.end()
 
     def columns(self) -> dict[str, Any]:
-        """The proposed map, with what was chosen on the page in place of what was proposed."""
+        """Give the proposed map, with what was chosen on the page in place of what was proposed."""
         columns: dict[str, Any] = dict(self.proposed.data) if self.proposed is not None else {}
         for target, value in columns.items():
             signal = target.partition(".")[0]
@@ -182,7 +182,7 @@ class ImportPage(Page):
             self.take(path)
 
     def _offered(self, proposed: Proposed) -> None:
-        """Shows the choices that a proposal leaves, as it proposes them."""
+        """Show the choices that a proposal leaves, as it proposes them."""
         self.filling = True
         for old in self.units.values():
             old.remove()
@@ -209,7 +209,7 @@ class ImportPage(Page):
         return Topics(str(self.topic.value), None if command == NONE else command)
 
     def _next(self) -> str:
-        """What there is to do, in a sentence."""
+        """Give what there is to do, in a sentence."""
         look = self.seen
         if look is None:
             return NEXT
@@ -230,7 +230,7 @@ class ImportPage(Page):
             self.guide.content = html.next_step("A log becomes a recording", self._next())
 
     def _control(self) -> dict[str, Any] | None:
-        """What was stated of the controller. Raises UserError: gains that are no numbers."""
+        """Give what was stated of the controller. Raises UserError: gains that are no numbers."""
         if self._mode() == "servo":
             return {"mode": "servo"}
         if self._mode() == "unknown" or self.seen is None or not self.controller.visible:

@@ -92,7 +92,7 @@ class Importer:
         self.look(source, model, dict(proposed.data), Topics(proposed.topics[0]) if proposed.topics else None)
 
     def look(self, source: Path, model: str, columns: dict[str, object], topics: Topics | None = None) -> None:
-        """Reads the log with a map, and of a bag the topics, and tells what comes out."""
+        """Read the log with a map, and of a bag the topics, and tell what comes out."""
         robot = robot_of(model)
         arm = load(robot)
         mapping = map_from(columns, source, arm.joints)
@@ -114,7 +114,7 @@ class Importer:
         replace: bool,
         topics: Topics | None = None,
     ) -> str:
-        """Writes the recording as `vispeg convert --map` would, and the map beside it; returns the recording's path.
+        """Write the recording as `vispeg convert --map` would, and the map beside it; return the recording's path.
 
         Raises:
             UserError: either is there already and not to be replaced, or holds what this program did not write.
@@ -138,7 +138,7 @@ def _own_arrays(source: Path) -> bool:
 
 
 def robot_of(model: str) -> str:
-    """The robot of a model, a world or a robot: the name or file that a log's joints are looked up in."""
+    """Give the robot of a model, a world or a robot: the name or file that a log's joints are looked up in."""
     return str(read_model(model).robot)
 
 
@@ -148,7 +148,7 @@ def map_file(out: Path) -> Path:
 
 
 def _remarks(proposal: Proposal) -> tuple[str, ...]:
-    """What a person should look at, with the page's own controls for what to do."""
+    """Give what a person should look at, with the page's own controls for what to do."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     out = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
     driven = "q_cmd" in signals or "tau_cmd" in signals

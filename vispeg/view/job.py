@@ -38,7 +38,7 @@ class Job:
         return self.worker is not None and self.worker.busy
 
     def begin(self, make: Callable[..., object], args: tuple[Any, ...], *asked: str) -> None:
-        """Gives up what is running, starts a new process and asks for the first things."""
+        """Give up what is running, start a new process and ask for the first things."""
         self.end()
 
         def start(heard: Callable[..., None]) -> Worker:
@@ -57,12 +57,12 @@ class Job:
         self._shown()
 
     def stop(self) -> None:
-        """Gives up what is running; a fresh process takes up what was done before."""
+        """Give up what is running; a fresh process takes up what was done before."""
         self.end()
         self._fresh()
 
     def end(self) -> None:
-        """Ends the process."""
+        """End the process."""
         with self.lock:
             worker, self.worker = self.worker, None
         if worker is not None:
@@ -99,7 +99,7 @@ class Job:
             self._shown()
 
     def fail(self, text: str) -> None:
-        """Shows what went wrong."""
+        """Show what went wrong."""
         self.trouble.content, self.trouble.visible = html.error(text), True
 
     def _shown(self) -> None:

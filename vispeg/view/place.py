@@ -56,7 +56,7 @@ class Place:
         return self.server.gui
 
     def around(self) -> Around:
-        """What lies under the working folder, and under the folder of results where that is elsewhere."""
+        """Give what lies under the working folder, and under the folder of results where that is elsewhere."""
         here, now = Path.cwd(), time.monotonic()
         when, known = self.seen.get(here, (-FRESH, Around()))
         if now - when >= FRESH:
@@ -74,7 +74,7 @@ class Place:
         panel.expand()
 
     def look(self, view: View) -> None:
-        """Turns every window, and those that are opened later, to a point: position of the viewer, and the point, m."""
+        """Turn every window, and those that are opened later, to a point: position of the viewer, and the point, m."""
         first = self.server.initial_camera
         for camera in (first, *(client.camera for client in self.server.get_clients().values())):
             camera.position, camera.look_at = view
@@ -96,4 +96,4 @@ class Page(ABC):
         """Whether it is the one that is seen."""
 
     def close(self) -> None:
-        """Ends what it has running."""
+        """End what it has running."""

@@ -37,7 +37,7 @@ class Side:
 
 
 def none(_: str) -> None:
-    """What is chosen is played when its button is pressed."""
+    """Play what is chosen when its button is pressed."""
 
 
 class PolicyPage(Page):
@@ -113,7 +113,7 @@ class PolicyPage(Page):
         self.job.ask("play", self.policy.value, where, seed)
 
     def receive(self, name: str, value: Any) -> None:
-        """What the worker tells."""
+        """Give what the worker tells."""
         if name == "cell":
             k, model, world = value
             side = self.sides[k]
@@ -178,11 +178,11 @@ class PolicyPage(Page):
             self.place.look(CELL if self.fills else ARM)
 
     def close(self) -> None:
-        """Ends the worker."""
+        """End the worker."""
         self.job.end()
 
     def _forces(self) -> None:
-        """The force at the wrist over time, of both worlds."""
+        """Give the force at the wrist over time, of both worlds."""
         if self.plot is not None:
             self.plot.remove()
             self.plot = None

@@ -42,7 +42,7 @@ def is_run(path: Path) -> bool:
 
 
 def runs_in(path: Path) -> list[Path]:
-    """The runs in a folder: itself, or those one or two levels below it, the one that wrote last first."""
+    """Give the runs in a folder: itself, or those one or two levels below it, the one that wrote last first."""
     if is_run(path):
         return [path]
     runs = [p for pattern in ("*", "*/*") for p in path.glob(pattern) if p.is_dir() and is_run(p)]
@@ -50,12 +50,12 @@ def runs_in(path: Path) -> list[Path]:
 
 
 def newest(path: Path) -> Path | None:
-    """The run in a folder that wrote last; None without any."""
+    """Give the run in a folder that wrote last; None without any."""
     return next(iter(runs_in(path)), None)
 
 
 def read(folder: Path) -> Run:
-    """What a run has written.
+    """Give what a run has written.
 
     Raises:
         UserError: no run's folder, or a table that is none.
@@ -75,7 +75,7 @@ def read(folder: Path) -> Run:
 
 
 def film(path: Path) -> bytes:
-    """A film's bytes. Raises UserError: too large to be shown."""
+    """Give a film's bytes. Raises UserError: too large to be shown."""
     if path.stat().st_size > FILM_BYTES:
         raise UserError("is too large to be shown here", file=path, expected=f"{FILM_BYTES / MB:.0f} MB at most")
     return path.read_bytes()

@@ -91,7 +91,7 @@ class RunPage(Page):
         threading.Thread(target=self._watch, daemon=True).start()
 
     def follow(self) -> None:
-        """Reads the run that is chosen and those ticked beside it, and draws what is new."""
+        """Read the run that is chosen and those ticked beside it, and draw what is new."""
         with self.lock:
             self._follow()
 
@@ -104,7 +104,7 @@ class RunPage(Page):
         self._guided()
 
     def close(self) -> None:
-        """Looks no more, and ends what it trains."""
+        """Look no more, and end what it trains."""
         self.ended.set()
         self._stop()
 
@@ -151,7 +151,7 @@ class RunPage(Page):
         self.guide.content = html.next_step("How training goes", text)
 
     def _boxes(self) -> None:
-        """A box for each other run that is there."""
+        """Give a box for each other run that is there."""
         if self.latest is None:
             return
         paths = [Path(value) for value in self.folder.found()]
@@ -258,7 +258,7 @@ class RunPage(Page):
 
 
 def _line(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Steps and values (n,) of a column, where it has some."""
+    """Give steps and values (n,) of a column, where it has some."""
     steps = run.curves.get("steps", np.zeros(0))
     values = run.curves.get(column, np.full(len(steps), np.nan))
     there = np.isfinite(values) & np.isfinite(steps)

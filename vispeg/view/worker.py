@@ -57,7 +57,7 @@ class Worker:
         return self._process.is_alive()
 
     def stop(self) -> None:
-        """Ends the process at once; what it was at is lost, what it wrote before stays."""
+        """End the process at once; what it was at is lost, what it wrote before stays."""
         self._process.kill()
         self._process.join()
 

@@ -77,7 +77,7 @@ class Draws:
             env.close()
 
     def save(self, file: Path, text: str, replace: bool = False) -> str:
-        """Writes a world file; returns its path. Raises UserError: it is there already, and not to be replaced."""
+        """Write a world file; return its path. Raises UserError: it is there already, and not to be replaced."""
         write_text_atomic(file, text, overwrite=replace)
         return str(load_world(file).path)
 
@@ -92,7 +92,7 @@ def in_words(label: str, values: Mapping[str, float]) -> tuple[str, str]:
 
 
 def ranges(world: str) -> list[Range]:
-    """The flat ranges of a world, each with a span about it that its effect allows."""
+    """Give the flat ranges of a world, each with a span about it that its effect allows."""
     entries = []
     for entry in load_world(world).world.ranges:
         for name, value in entry.params.items():

@@ -70,7 +70,7 @@ class WorldPage(Page):
         self.name.on_update(lambda _: self._named())
 
     def open(self) -> None:
-        """Shows the ranges of the world that is chosen, and draws it."""
+        """Show the ranges of the world that is chosen, and draw it."""
         self.opened = self.world.value
         if self.job.start is None:
             self.job.begin(Draws, ())
@@ -88,7 +88,7 @@ class WorldPage(Page):
         self.job.ask("draw", world, int(self.seed.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """What the worker tells."""
+        """Give what the worker tells."""
         if name == "ranges":
             self._ranges(value)
         elif name == "drawn":
@@ -98,7 +98,7 @@ class WorldPage(Page):
             self._named()
 
     def idle(self, idle: bool) -> None:
-        """What was moved meanwhile is drawn now."""
+        """Draw now what was moved meanwhile."""
         if idle and self.again:
             self.draw()
 
@@ -116,11 +116,11 @@ class WorldPage(Page):
             self.open()
 
     def close(self) -> None:
-        """Ends the worker."""
+        """End the worker."""
         self.job.end()
 
     def text(self) -> str:
-        """The world file: the world that was opened, and the ranges that were moved."""
+        """Give the world file: the world that was opened, and the ranges that were moved."""
         base = self.opened if not Path(self.opened).suffix else str(Path(self.opened).resolve())
         moved = {(r.effect, r.where, r.param): s.value for r, s in self._changed()}
         entries = []
@@ -144,7 +144,7 @@ class WorldPage(Page):
         return [(r, s) for r, s in self.sliders if moved(r, s)]
 
     def _file(self) -> Path:
-        """The world as the sliders say, as a file of the page's own."""
+        """Give the world as the sliders say, as a file of the page's own."""
         return write_text_atomic(self.place.out / ".world.yaml", self.text(), overwrite=True)
 
     def _ranges(self, ranges: list[Range]) -> None:

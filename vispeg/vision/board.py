@@ -54,7 +54,9 @@ class Corners:
 
 
 def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int, Look]) -> dict[int, Corners]:
-    """What is left of the corners in each frame of a camera, in the geometry's world; empty where none shows them."""
+    """Give what is left of the corners in each frame of a camera, in the geometry's world; empty where none shows
+    them.
+    """
     eye = geometry.eyes[camera]
     places = laid(eye, board, list(looks.values()))
     out = {}
@@ -68,7 +70,7 @@ def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int
 
 
 def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board | None:
-    """The board that a cell states, None where it states none.
+    """Give the board that a cell states, None where it states none.
 
     Raises:
         UserError: a board that cannot be, or one with a key too many or too few.
@@ -87,14 +89,14 @@ def board_of(cell: CellBelief | None, file: str | Path | None = None) -> Board |
 
 
 def view_of_board(rgb: np.ndarray, board: Board) -> View | None:
-    """The board's corners in a picture (H, W, 3) uint8, None where it is not found."""
+    """Give the board's corners in a picture (H, W, 3) uint8, None where it is not found."""
     import cv2
 
     return find(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), board)
 
 
 def look_at(geometry: Geometry, camera: str, q: np.ndarray, view: View) -> Look:
-    """A view from measured joint angles q (nj,) rad, in the geometry's world."""
+    """Give a view from measured joint angles q (nj,) rad, in the geometry's world."""
     geometry.at(q)
     pos, turn = geometry.pose(camera)
     return Look(pos.copy(), turn.copy(), view)

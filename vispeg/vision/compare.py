@@ -176,7 +176,7 @@ def _corners(rec: Recording, predictor: Predictor, shutters: Mapping[str, Shutte
 
 
 def _path(rec: Recording, episode: int) -> Path:
-    """Times (n,) s of an episode -> measured angles (n, nj) rad, NaN where they are not known."""
+    """Map times (n,) s of an episode to measured angles (n, nj) rad, NaN where they are not known."""
     return lambda time: joints_at(rec, time, np.full(len(time), episode))
 
 
@@ -208,7 +208,9 @@ def compare_one(recording: str, frame: RecordedFrame, predictor: Predictor, shut
 
 
 def _delivered(world: World, rendering: Rendering) -> Rendering:
-    """The picture after what the world's sensor does to it alike in every frame: no noise, nothing that is lost."""
+    """Give the picture after what the world's sensor does to it alike in every frame: no noise, nothing that is
+    lost.
+    """
     steady = world.only(lambda e: effect(e.effect).family == "camera" and e.effect not in (*DRAWN, *CHANCE))
     if not steady.effects:
         return rendering

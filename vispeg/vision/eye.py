@@ -59,7 +59,7 @@ class Eye:
         return np.concatenate([self.ideal(pixels), np.ones((*pixels.shape[:2], 1))], -1)
 
     def finer(self, times: int) -> Eye:
-        """The same camera with `times` x `times` pixels in place of each."""
+        """Give the same camera with `times` x `times` pixels in place of each."""
         return Eye(_finer(self.camera, times), _finer(self.believed, times), self.lens, self.delay)
 
     def _belief(self) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +81,7 @@ def _finer(c: Camera, times: int) -> Camera:
 
 
 def camera_of(recorded: RecordedCamera) -> Camera:
-    """A recorded camera as a renderer takes it. Raises UserError for one whose pose is not stated."""
+    """Give a recorded camera as a renderer takes it. Raises UserError for one whose pose is not stated."""
     if recorded.mount is None or recorded.pose is None:
         said = f"camera '{recorded.name}' has no pose"
         raise UserError(said, key="frames/cameras.yaml", expected="base_T_camera or flange_T_camera (4 x 4, m)")
@@ -101,7 +101,7 @@ def camera_of(recorded: RecordedCamera) -> Camera:
 
 
 def posed(frames: Frames, robot: RobotModel) -> Frames:
-    """The frames with the poses that the robot's own file has for cameras of which the recording states none."""
+    """Give the frames with the poses that the robot's own file has for cameras of which the recording states none."""
     bare = [name for name, camera in frames.cameras.items() if camera.pose is None]
     known = {c.name: recorded_of(c) for c in cameras_of(robot) if c.name in bare and c.parent in ("base", "flange")}
     if not known:
@@ -114,7 +114,7 @@ def posed(frames: Frames, robot: RobotModel) -> Frames:
 
 
 def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
-    """A camera at the base or the flange as a recording states it; the other way round from `camera_of`."""
+    """Give a camera at the base or the flange as a recording states it; the other way round from `camera_of`."""
     if camera.parent not in ("base", "flange"):
         raise UserError(f"camera '{camera.name}' sits elsewhere", expected="base or flange", got=camera.parent)
     pose = np.eye(4)
@@ -145,6 +145,6 @@ def _numbers(placed: EffectInstance) -> dict[str, float]:
 
 
 def _orthonormal(matrix: np.ndarray) -> np.ndarray:
-    """The rotation next to a matrix (3, 3) that was written with few digits."""
+    """Give the rotation next to a matrix (3, 3) that was written with few digits."""
     u, _, v = np.linalg.svd(matrix)
     return u @ v

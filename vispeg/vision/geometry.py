@@ -56,7 +56,7 @@ class Geometry:
         self.place(World())
 
     def place(self, world: World) -> None:
-        """Puts cameras, fixture and held part where a world has them, and the joints' zeros.
+        """Put cameras, fixture and held part where a world has them, and the joints' zeros.
 
         Raises:
             UserError: an effect at a place that the cell does not have.
@@ -78,7 +78,7 @@ class Geometry:
         self.offsets = next(iter(offset.values()))[0]
 
     def at(self, q: np.ndarray) -> None:
-        """Moves to measured joint angles (nj,) rad."""
+        """Move to measured joint angles (nj,) rad."""
         self.data.qpos[:] = self.model.qpos0
         self.data.qpos[self.qadr] = q - self.offsets
         mujoco.mj_kinematics(self.model, self.data)
@@ -93,7 +93,7 @@ class Geometry:
         return out
 
     def pose(self, camera: str) -> tuple[np.ndarray, np.ndarray]:
-        """A camera's optical centre (3,) m and axes (3, 3), one a column, in the base frame."""
+        """Give a camera's optical centre (3,) m and axes (3, 3), one a column, in the base frame."""
         view = view_of(self.eyes[camera].camera, self._parents[camera], self.data)
         return view.pos, view.rot
 
@@ -105,7 +105,7 @@ class Geometry:
         return self.eyes[camera].project((points - pos) @ rot)
 
     def cast(self, camera: str, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What pixels (n, 2) show: planar depth (n,) m, 0 for nothing; geom (n,) id, -1; part (n,), 0."""
+        """Give what pixels (n, 2) show: planar depth (n,) m, 0 for nothing; geom (n,) id, -1; part (n,), 0."""
         pos, rot = self.pose(camera)
         ideal = self.eyes[camera].ideal(np.asarray(pixels, float))
         rays = np.concatenate([np.nan_to_num(ideal), np.ones((len(ideal), 1))], 1)

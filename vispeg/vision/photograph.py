@@ -78,7 +78,7 @@ def photograph(
 
 
 def _sensor(world: World, camera: Camera) -> Pipeline:
-    """What is left of a camera's effects once its pictures are drawn: the sensor, which may remember."""
+    """Give what is left of a camera's effects once its pictures are drawn: the sensor, which may remember."""
     sensor = optical(world, [camera.name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in DRAWN)
     return Pipeline([replace(sensor, effects=tuple(_still(e, camera.name) for e in sensor.effects))], camera.name)
 

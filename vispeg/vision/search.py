@@ -37,7 +37,7 @@ class Displacements:
 
 
 def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: float | None = None) -> Displacements:
-    """Looks for each border in a picture, from `window` px before it to as many behind.
+    """Look for each border in a picture, from `window` px before it to as many behind.
 
     Args:
         picture: (H, W, 3) uint8, as measured.
@@ -129,7 +129,7 @@ def steps_along(rows: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _kernel(sigma: float) -> np.ndarray:
-    """The derivative of a Gaussian over samples `STEP` px apart; a step of one grey level gives one."""
+    """Give the derivative of a Gaussian over samples `STEP` px apart; a step of one grey level gives one."""
     half = int(np.ceil(3 * sigma / STEP))
     offsets = np.arange(-half, half + 1) * STEP
     kernel = offsets * np.exp(-0.5 * (offsets / sigma) ** 2)

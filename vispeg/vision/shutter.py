@@ -35,7 +35,7 @@ class Shutter:
 
     @classmethod
     def of(cls, world: World, camera: str) -> Shutter:
-        """That of a camera in a world."""
+        """Give the values of a camera in a world."""
         taken = (("camera_delay", "delay"), ("rolling_shutter", "readout"), ("motion_blur", "exposure"))
         return cls(*(values_of(world, name, camera).get(param, 0.0) for name, param in taken))
 
@@ -46,7 +46,9 @@ class Shutter:
         return np.array([-half, half]) - self.delay
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure (m,), s."""
+        """Give the times, before the stamp is added, of each strip of rows (k,) and of each look within the exposure
+        (m,), s.
+        """
         strips = self.readout * ((np.arange(BANDS) + 0.5) / BANDS - 0.5) if self.readout else np.zeros(1)
         looks = self.exposure * ((np.arange(EXPOSURES) + 0.5) / EXPOSURES - 0.5) if self.exposure else np.zeros(1)
         return strips - self.delay, looks
@@ -88,7 +90,7 @@ def _strips(shutter: Shutter) -> np.ndarray:
 
 
 def _open(predictor: Predictor, camera: str, postures: np.ndarray) -> Rendering:
-    """The mean light of some postures (m, nj); depth and part of the middle one."""
+    """Give the mean light of some postures (m, nj); depth and part of the middle one."""
     some = [predictor.draw(camera, q) for q in postures]
     middle = some[len(some) // 2]
     if len(some) == 1:
@@ -103,7 +105,7 @@ def _strip_of(height: int, count: int) -> np.ndarray:
 
 
 def _joined(strips: list[Rendering]) -> Rendering:
-    """The rows of each strip, the middle one's posture."""
+    """Give the rows of each strip, the middle one's posture."""
     if len(strips) == 1:
         return strips[0]
     rows = _strip_of(len(strips[0].depth), len(strips))

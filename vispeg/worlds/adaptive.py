@@ -38,7 +38,7 @@ class Schedule:
             raise UserError("not a schedule", key="points", expected=expected, got=self.points)
 
     def __call__(self, progress: float) -> float:
-        """The level (0 to 1) at this share of training."""
+        """Give the level (0 to 1) at this share of training."""
         x, y = np.array(self.points, float).T
         return float(np.interp(progress, x, y))
 
@@ -91,7 +91,7 @@ class Adaptive:
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
 
     def record(self, drawn: Mapping[str, Mapping[str, float]], success: bool, levels: Mapping[str, float]) -> None:
-        """Counts an episode.
+        """Count an episode.
 
         Args:
             drawn: parameter values by the label of each effect, as an episode's `info["world"]` states them.

@@ -19,7 +19,7 @@ KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 
 
 def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
-    """The entry as a RandomizedEffect, every name, place, range and bound checked.
+    """Give the entry as a RandomizedEffect, every name, place, range and bound checked.
 
     A parameter called `seed` that is not given is drawn from all its values.
 
@@ -70,7 +70,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
 
 
 def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
-    """The entry of a RandomizedEffect, for YAML and for hashing."""
+    """Give the entry of a RandomizedEffect, for YAML and for hashing."""
     out: dict[str, object] = {"effect": r.effect, "where": r.where}
     out["params"] = {name: written(value) for name, value in r.params.items()}
     out |= {"chance": r.chance} if r.chance != 1.0 else {}
@@ -94,7 +94,7 @@ def within(value: float | Distribution, param: Param) -> bool:
 
 
 def ranged_value(kind: Effect, name: Any, raw: Any, file: str | Path, key: str) -> float | Distribution:
-    """A parameter's number or distribution as a file states it, inside the parameter's bounds.
+    """Give a parameter's number or distribution as a file states it, inside the parameter's bounds.
 
     Raises:
         UserError: no such parameter, no distribution, or values out of bounds; names file and key.

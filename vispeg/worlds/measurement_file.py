@@ -112,7 +112,7 @@ class Measurement:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def result(self, name: str) -> Quantity:
-        """The number of that name. Raises UserError where there is none."""
+        """Give the number of that name. Raises UserError where there is none."""
         for quantity in self.results:
             if quantity.quantity == name:
                 return quantity
@@ -131,7 +131,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_measurement(path: str | Path) -> Measurement:
-    """A measurement file.
+    """Give a measurement file.
 
     Raises:
         UserError: unreadable, another format, or a number, unit, place or key that cannot be; names file and key.
@@ -165,12 +165,12 @@ def is_measurement(path: str | Path) -> bool:
 
 
 def measurement_text(measurement: Measurement) -> str:
-    """The file; `load_measurement` of it gives the measurement back."""
+    """Give the file; `load_measurement` of it gives the measurement back."""
     return yaml.dump(measurement_data(measurement), Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
 
 
 def measurement_data(measurement: Measurement) -> dict[str, object]:
-    """The same as plain data."""
+    """Give the same as plain data."""
     data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
     data["results"] = [_plain(asdict(quantity)) for quantity in measurement.results]

@@ -45,8 +45,8 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
-    """A World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects, and
-    OPEN_CELL the cell that recordings state.
+    """Give a World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects,
+    and OPEN_CELL the cell that recordings state.
     """
     text = str(source)
     path = Path(text)
@@ -87,7 +87,7 @@ def load_model(source: str | Path) -> World:
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
-    """An effect as a model file writes it. Raises UserError naming file and key."""
+    """Give an effect as a model file writes it. Raises UserError naming file and key."""
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
@@ -152,7 +152,7 @@ class PlacedRecord(TypedDict):
 
 
 def placed_dict(placed: EffectInstance) -> PlacedRecord:
-    """The YAML/JSON form of a placed effect."""
+    """Give the YAML/JSON form of a placed effect."""
     params = {}
     for name, v in placed.params.items():
         entry: dict[str, float | str] = {"value": float(v.value)}
@@ -170,14 +170,14 @@ def placed_dict(placed: EffectInstance) -> PlacedRecord:
 
 
 def without_origin(placed: EffectInstance) -> PlacedRecord:
-    """The same without where its values come from."""
+    """Give the same without where its values come from."""
     out = placed_dict(placed)
     out.pop("origin", None)
     return out
 
 
 def model_text(world: World) -> str:
-    """The model file of a world; `load_model` of it gives the world back."""
+    """Give the model file of a world; `load_model` of it gives the world back."""
     tool = world.tool if isinstance(world.tool, str) or world.tool is None else dict(world.tool)
     data = {
         "format": FORMAT,

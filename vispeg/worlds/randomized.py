@@ -44,7 +44,7 @@ class RandomizedEffect:
         return f"{self.effect}({self.where})"
 
     def draw(self, seed: int, where: str, level: float = 1.0) -> EffectInstance | None:
-        """The effect at `where` for one seed; None where this episode does without it.
+        """Give the effect at `where` for one seed; None where this episode does without it.
 
         Args:
             seed: of the episode.
@@ -84,7 +84,7 @@ class RandomizedWorld:
 
     @classmethod
     def of(cls, world: World | RandomizedWorld) -> RandomizedWorld:
-        """The same world; one that is drawn already varies nothing."""
+        """Give the same world; one that is drawn already varies nothing."""
         return cls(base=world) if isinstance(world, World) else world
 
     def sample(self, seed: int, model: Any, levels: Mapping[str, float] | float = 1.0) -> World:
@@ -103,7 +103,7 @@ class RandomizedWorld:
         return self.base.add(*drawn)
 
     def only(self, wanted: Callable[[EffectInstance | RandomizedEffect], bool]) -> RandomizedWorld:
-        """This world with the wanted effects and ranges alone."""
+        """Give this world with the wanted effects and ranges alone."""
         return replace(self, ranges=tuple(filter(wanted, self.ranges)), base=self.base.only(wanted))
 
     @property

@@ -24,14 +24,14 @@ def sensors() -> list[str]:
 
 
 def sensor_file(name: str) -> Path:
-    """The file of a sensor. Raises UserError that lists the names."""
+    """Give the file of a sensor. Raises UserError that lists the names."""
     if name not in sensors():
         raise UserError("unknown sensor", got=name, choices=sensors())
     return PRESETS / f"{name}.yaml"
 
 
 def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
-    """The ranges of a sensor, to be added to a World's.
+    """Give the ranges of a sensor, to be added to a World's.
 
     Args:
         name: one of `sensors()`.

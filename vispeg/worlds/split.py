@@ -17,17 +17,17 @@ AnyWorld = TypeVar("AnyWorld", World, RandomizedWorld)
 
 
 def of_arm(world: AnyWorld) -> AnyWorld:
-    """What of the world an arm alone can show."""
+    """Give what of the world an arm alone can show."""
     return world.only(lambda e: effect(e.effect).family in ARM)
 
 
 def physical(world: AnyWorld) -> AnyWorld:
-    """The world without what is only seen."""
+    """Give the world without what is only seen."""
     return world.only(lambda e: effect(e.effect).family not in OPTICAL)
 
 
 def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
-    """What is only seen of the world, without what acts on other cameras than these; nothing without a camera."""
+    """Give what is only seen of the world, without what acts on other cameras than these; nothing without a camera."""
 
     def visible(e) -> bool:
         family = effect(e.effect).family

@@ -71,7 +71,7 @@ class SnapConfig(TaskConfig):
 def cell(
     robot: RobotConfig, clearance_mm: float, spring: float, fixture: tuple[float, ...], cameras: tuple[str, ...]
 ) -> Scene:
-    """The package's cell with a square plug, a latch in it, and a lip in the socket's wall on the latch's side."""
+    """Give the package's cell with a square plug, a latch in it, and a lip in the socket's wall on the latch's side."""
     shape = SceneConfig(
         robot=robot, shape="square", clearance_mm=clearance_mm, diameter=WIDTH, depth=DEPTH, fixture=fixture
     )
@@ -92,7 +92,7 @@ def cell(
 
 
 def _lip(spec: mujoco.MjSpec, shape: SceneConfig) -> None:
-    """The wall that the latch meets ends below the lip: behind it there is room for the nose."""
+    """End the wall that the latch meets below the lip: behind it there is room for the nose."""
     socket = spec.body("fixture")
     for geom in list(socket.geoms):
         if geom.name == "hole_wall0":  # the one at +x, which is the plug's +x too
@@ -132,7 +132,7 @@ class Push:
         self.config, self.observed = config, Observation(SnapFit.terms, config)
 
     def reset(self, rows: np.ndarray) -> None:
-        """It remembers nothing."""
+        """Remember nothing."""
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         tip = self.observed.term("tip").scale * observation["policy"][:, self.observed["tip"]].astype(float)

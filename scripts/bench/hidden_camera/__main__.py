@@ -25,7 +25,7 @@ import time  # noqa: E402
 
 
 def main() -> int:
-    """Makes, diagnoses and scores the chosen cases one after the other."""
+    """Make, diagnose and score the chosen cases one after the other."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")

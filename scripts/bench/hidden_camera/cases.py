@@ -84,7 +84,7 @@ def cases(first: int) -> list[Case]:
 
 
 def choose(only: list[str], first: int, limit: int | None) -> list[Case]:
-    """The cases of these patterns, `limit` of them spread evenly."""
+    """Give the cases of these patterns, `limit` of them spread evenly."""
     found = [c for c in cases(first) if not only or any(fnmatch(c.name, p) for p in only)]
     if limit is None or limit >= len(found):
         return found

@@ -42,7 +42,7 @@ LAID[:3, 3] = 0.47, 0.14, 0.003  # m: on the table beside the fixture
 
 
 def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
-    """A recording of a case; part 0 is to fit, 1 to judge on: another direction, speed, look and noise."""
+    """Give a recording of a case; part 0 is to fit, 1 to judge on: another direction, speed, look and noise."""
     rng = np.random.default_rng([case.seed, part])
     scene = scene_of(CELL)
     cameras = cameras_of([CAMERA], scene, SIZE)
@@ -79,7 +79,7 @@ def recording(case: Case, part: int, frames: int, backend: str) -> Recording:
 
 
 def _with_board(scene, cameras, world: World, path: CubicSpline, shots: Frames) -> Frames:
-    """The pictures with a bent board in them."""
+    """Give the pictures with a bent board in them."""
     geometry, out = Geometry(scene, cameras), []
     geometry.place(world)
     for frame in shots:
@@ -92,7 +92,7 @@ def _with_board(scene, cameras, world: World, path: CubicSpline, shots: Frames) 
 
 
 def _sensed(frame: RecordedFrame, rng: np.random.Generator, wet: bool) -> RecordedFrame:
-    """The picture after a sensor that no effect describes: soft, gamma-noisy; depth in steps with ragged edges."""
+    """Give the picture after a sensor that no effect describes: soft, gamma-noisy; depth in steps with ragged edges."""
     import cv2
 
     rgb, depth = frame.rgb, frame.depth

@@ -85,7 +85,7 @@ PLAIN = {"hole_clearance": "width", "tool_mass": "tool", "wrench_gain": "gain", 
 
 
 def hide(truth: Truth, effect: str, params: dict[str, float]) -> Truth:
-    """The plant with an effect in it as well."""
+    """Give the plant with an effect in it as well."""
     if effect in AXES:
         field, axes = AXES[effect]
         values = list(getattr(truth, field))
@@ -127,7 +127,7 @@ def cases(seed: int = SCORED) -> list[Case]:
 
 
 def spread(value: float, draw: float, effect: str) -> float:
-    """A value with some spread; of a scale, in how far it is from 1."""
+    """Give a value with some spread; of a scale, in how far it is from 1."""
     if effect in ("wrench_gain",):
         return 1 + (value - 1) * draw
     return value * draw

@@ -27,7 +27,7 @@ TOGETHER = 160  # recordings simulated at once
 
 
 def stream(*words: object) -> np.random.Generator:
-    """A generator of its own for these words."""
+    """Give a generator of its own for these words."""
     text = "/".join(map(str, words)).encode()
     return np.random.default_rng(np.frombuffer(text.ljust(-(-len(text) // 4) * 4, b"."), np.uint32))
 
@@ -38,7 +38,7 @@ def folders(root: Path, case: Case) -> dict[str, Path]:
 
 
 def make(root: Path, chosen: list[Case], say=print) -> None:
-    """Makes what is not there yet; `truth.json` beside the recordings says what is hidden where."""
+    """Make what is not there yet; `truth.json` beside the recordings says what is hidden where."""
     lacking = [c for c in chosen if not all((f / "samples.csv").exists() for f in folders(root, c).values())]
     size = TOGETHER
     for start in range(0, len(lacking), size):
@@ -56,7 +56,7 @@ def make(root: Path, chosen: list[Case], say=print) -> None:
 
 
 def record(wanted: list[tuple[Case, str, Path]]) -> None:
-    """Simulates recordings of one name together and writes them; RuntimeError, at last, where a plant diverged."""
+    """Simulate recordings of one name together and write them; RuntimeError, at last, where a plant diverged."""
     name = wanted[0][1]
     pos, rot = path(SETS[name])
     n = len(wanted)
@@ -73,7 +73,7 @@ def record(wanted: list[tuple[Case, str, Path]]) -> None:
 
 
 def signals(log: Log, row: int, truth: Truth, seed: int, case: str, name: str) -> dict[str, np.ndarray]:
-    """What the sensors read of one row: q, dq (t, 7), ft (t, 6)."""
+    """Give what the sensors read of one row: q, dq (t, 7), ft (t, 6)."""
     own, common = stream(seed, case, name), stream(seed, case, "sensor")  # one robot and one sensor a case
     pos, rot = log.pos[row], log.rot[row]
     q_true = joints(pos + path_error(pos, common), rot @ turn(1e-4 * own.standard_normal((1, 3)))[0])
@@ -95,7 +95,8 @@ def path_error(pos: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def wrench(true: np.ndarray, truth: Truth, own: np.random.Generator, common: np.random.Generator) -> np.ndarray:
-    """What a sensor reads of the true wrench on the tool (t, 6): late, scaled, with cross-talk, bias, drift and noise.
+    """Give what a sensor reads of the true wrench on the tool (t, 6): late, scaled, with cross-talk, bias, drift and
+    noise.
 
     A bias is that of the tool's wrench on the flange, as effects have it: here it is its reaction.
     """

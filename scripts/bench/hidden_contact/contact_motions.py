@@ -83,7 +83,7 @@ MIX = [*_press(-25, 18, 6), *_press(25, -18, 9), *_slide(3.5, 31), *_insert((16.
 
 
 def points(names: tuple[str, ...]) -> list[Point]:
-    """The points of several motions, one after the other."""
+    """Give the points of several motions, one after the other."""
     return [p for name in names for p in (MIX if name == "mix" else MOTIONS[name])]
 
 

@@ -63,14 +63,14 @@ class Truth:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """`a x b` along the last axis; NumPy's own takes ten times as long on small arrays."""
+    """Give `a x b` along the last axis; NumPy's own takes ten times as long on small arrays."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def column(truths: list[Truth], name: str) -> np.ndarray:
-    """A field of all rows, (n,) or (n, k)."""
+    """Give a field of all rows, (n,) or (n, k)."""
     return np.array([getattr(t, name) for t in truths], float)
 
 
@@ -224,7 +224,7 @@ class Plant:
         self.rot = turn(h * self.spin) @ self.rot
 
     def _wrench(self, lever: np.ndarray, gravity: np.ndarray, contact: np.ndarray) -> np.ndarray:
-        """What the flange exerts on the tool (n, 6), flange axes: inertia less weight less contact."""
+        """Give what the flange exerts on the tool (n, 6), flange axes: inertia less weight less contact."""
         w = self.spin
         inertia = self.rot @ self.inertia @ np.swapaxes(self.rot, 1, 2)
         force = self.m[:, None] * (self.acc + cross(self.turning, lever) + cross(w, cross(w, lever)))
@@ -297,7 +297,7 @@ class Plant:
         return force
 
     def _yield(self, push: np.ndarray, torque: np.ndarray, contact: np.ndarray, h: float) -> None:
-        """What gives way moves towards its springs' rest under the load, with a lag; the peg slips and rattles."""
+        """Let what gives way move towards its springs' rest under the load, with a lag; the peg slips and rattles."""
         if self.give.any():
             load = np.concatenate([-push, -torque[:, :2]], axis=1)
             some, spring = self.give > 0, 1 / np.maximum(self.give, 1e-12)
@@ -335,7 +335,7 @@ class Plant:
 
 
 def _by_way(size: np.ndarray) -> np.ndarray:
-    """Sums (n, 2) of contacts (n, k): on planes, across the peg."""
+    """Sum (n, 2) of contacts (n, k): on planes, across the peg."""
     return np.stack([size[:, ACROSS == 0].sum(axis=1), size[:, ACROSS == 1].sum(axis=1)], axis=1)
 
 
@@ -350,7 +350,7 @@ def _approx(v: np.ndarray) -> np.ndarray:
 
 
 def _small(base: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """A rotation (n, 3, 3) followed, in the same axes, by small angles (n, 2) about x and y."""
+    """Give a rotation (n, 3, 3) followed, in the same axes, by small angles (n, 2) about x and y."""
     return _approx(np.concatenate([angles, np.zeros((len(angles), 1))], axis=1)) @ base
 
 

@@ -21,7 +21,7 @@ KEYS = ("verdict", "effects", "ladder", "noise_floor", "unexplained", "not_excit
 
 
 def diagnose(root: Path, case: Case) -> dict:
-    """The record of one case, which `contact_score.report` reads."""
+    """Give the record of one case, which `contact_score.report` reads."""
     *fit, judge = folders(root, case).values()
     out = root / "diagnosis" / case.key
     command = [sys.executable, "-m", "vispeg", "diagnose", "peg-cell"]
@@ -36,7 +36,7 @@ def diagnose(root: Path, case: Case) -> dict:
 
 
 def reference(root: Path, case: Case) -> dict:
-    """What a fit of the true effects leaves of one case, which `contact_score.references` reads."""
+    """Give what a fit of the true effects leaves of one case, which `contact_score.references` reads."""
     *fit, judge = folders(root, case).values()
     command = [sys.executable, str(HERE / "contact_reference.py"), str(judge), json.dumps(case.hidden), *map(str, fit)]
     record, answer = _called(case, command)
@@ -44,7 +44,9 @@ def reference(root: Path, case: Case) -> dict:
 
 
 def _called(case: Case, command: list[str]) -> tuple[dict, str | None]:
-    """The record that a process for a case begins, and what it printed; None where it failed, as the record says."""
+    """Give the record that a process for a case begins, and what it printed; None where it failed, as the record
+    says.
+    """
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parents[2])}
     record: dict = {"case": case.name, "kind": case.kind, "hidden": case.hidden, "seed": case.seed, "commit": commit()}
     begin, before = time.monotonic(), _cpu()
@@ -66,7 +68,8 @@ def _cpu() -> float:
 
 
 def finished(results: Path, seed: int) -> dict[str, dict]:
-    """The records of a seed in a file of results, by the name of their case; a line cut short by a kill is no record.
+    """Give the records of a seed in a file of results, by the name of their case; a line cut short by a kill is no
+    record.
 
     One without a seed is of the time before they had one, and taken.
     """
@@ -83,7 +86,7 @@ def finished(results: Path, seed: int) -> dict[str, dict]:
 
 
 def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose) -> list[dict]:
-    """Records that `work` makes of the chosen cases, each appended to `results` as it comes.
+    """Record that `work` makes of the chosen cases, each appended to `results` as it comes.
 
     Those that are there are not run again.
     """

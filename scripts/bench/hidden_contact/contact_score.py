@@ -28,7 +28,7 @@ def same(truth: Record, named: Record) -> bool:
 
 
 def same_class(truth: Record, named: Record) -> bool:
-    """The same, or a twin of it."""
+    """Give the same, or a twin of it."""
     return same(truth, named) or any({truth["effect"], named["effect"]} <= twins for twins in TWINS)
 
 
@@ -47,7 +47,7 @@ def _inside(params: dict[str, float], between: dict[str, list[float] | None] | N
 
 
 def judge(r: Record) -> Record:
-    """What one diagnosis got right: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
+    """Give what one diagnosis got right: `hits`, `right` (nothing missed, nothing invented), `exact`, `fall`."""
     named = [e for e in r["effects"] if not e.get("tentative")] if r["verdict"] != "unexplained" else []
     left, hits = list(named), 0
     for truth in r["hidden"]:
@@ -98,7 +98,7 @@ def values(records: Sequence[Record]) -> list[tuple[str, str, float, float, floa
 
 
 def report(records: Sequence[Record]) -> str:
-    """The whole score as Markdown."""
+    """Give the whole score as Markdown."""
     failed = [r for r in records if r["verdict"] == "failed"]
     done = [judge(r) for r in records if r["verdict"] != "failed"]
     kind = {k: [r for r in done if r["kind"] == k] for k in ("single", "pair", "none", "unknown")}
@@ -146,7 +146,7 @@ def report(records: Sequence[Record]) -> str:
 
 
 def references(records: Sequence[Record]) -> str:
-    """What fits of the true effects leave, as Markdown: what errors can fall to in these recordings."""
+    """Give what fits of the true effects leave, as Markdown: what errors can fall to in these recordings."""
     done = [r for r in records if r["verdict"] != "failed"]
     falls = [(r["before"] / r["after"], r["plain_before"] / r["plain_after"]) for r in done]
     cells = [
@@ -160,7 +160,7 @@ def references(records: Sequence[Record]) -> str:
 
 
 def _row(r: Record) -> tuple[str, ...]:
-    """A case as a line of the report."""
+    """Give a case as a line of the report."""
     good = r["verdict"] == "unexplained" if r["kind"] == "unknown" else r["right"]
     errors = [f"{step['heldout_error']:.3f}" for step in r["ladder"] or []]
     return (

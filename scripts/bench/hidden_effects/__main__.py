@@ -26,7 +26,7 @@ import argparse  # noqa: E402
 
 
 def main() -> int:
-    """Parses, makes, runs, reports."""
+    """Parse, make, run, report."""
     from cases import DEV, SCORED, choose
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

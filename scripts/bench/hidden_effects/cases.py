@@ -149,7 +149,7 @@ def _case(name: str, kind: str, places: list[tuple[str, str, float]], seed: int)
 
 
 def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
-    """The standard list, or with `grid` every place of every effect."""
+    """Give the standard list, or with `grid` every place of every effect."""
     out = []
     for kind, family in (("single", GRID), ("unknown", UNKNOWN)):
         for effect, (standard, allowed) in family.items():
@@ -180,7 +180,7 @@ def many(seed: int = SCORED) -> list[Case]:
 
 
 def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, crowded: bool = False) -> list[Case]:
-    """The standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
+    """Give the standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
 
     With `crowded`, of the cases with many effects.
     """

@@ -46,7 +46,7 @@ class Nominal:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
 
     def at(self, q: np.ndarray, dq: np.ndarray | float = 0.0) -> Nominal:
-        """Evaluates at q, dq (nrow, 7)."""
+        """Evaluate at q, dq (nrow, 7)."""
         self.qpos[:], self.qvel[:] = q, dq
         self.batch.forward(stage=VEL)
         return self
@@ -213,11 +213,11 @@ class _Delayed:
         self.keep, self.grid = int(np.ceil(self.ticks.max() / self.sub)) + 1, np.ogrid[: plant.n, :7]
 
     def send(self, u: np.ndarray) -> None:
-        """Takes the command of this control period."""
+        """Take the command of this control period."""
         self.past = [u, *self.past[: self.keep - 1]] if self.past else [u] * self.keep
 
     def at(self, i: int) -> np.ndarray:
-        """What reaches the drives in tick i of the period, (nrow, 7)."""
+        """Give what reaches the drives in tick i of the period, (nrow, 7)."""
         if self.keep == 1:
             return self.past[0]
         back = np.maximum(-((i - self.ticks) // self.sub), 0)

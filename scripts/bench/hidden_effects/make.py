@@ -20,7 +20,7 @@ ROWS = 24  # recordings simulated together
 
 
 def motions(case: Case) -> list[Motion]:
-    """The commanded motions of a case: Fourier, slow triangles with chirps, and one of the two anew."""
+    """Give the commanded motions of a case: Fourier, slow triangles with chirps, and one of the two anew."""
     last = ("fourier", "mix")[int(stream(case.seed, "last", case.name).integers(2))]
     names = ["osc"] * 3 if case.mode == "osc" else ["fourier", "mix", last]
     out = []
@@ -37,7 +37,7 @@ def folders(root: Path, case: Case) -> list[Path]:
 
 
 def make(root: Path, chosen: list[Case], say=print) -> None:
-    """Makes what is not there yet; `truth.json` beside the recordings says what is hidden where."""
+    """Make what is not there yet; `truth.json` beside the recordings says what is hidden where."""
     wanted = [c for c in chosen if not all((f / "samples.csv").exists() for f in folders(root, c))]
     size = max(1, ROWS // len(RECORDINGS))
     for start in range(0, len(wanted), size):

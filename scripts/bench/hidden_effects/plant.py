@@ -65,7 +65,7 @@ class Plant:
         return np.where(self.flex, self.theta, self.q), np.where(self.flex, self.w, self.v)
 
     def settle_load(self, tau: np.ndarray) -> None:
-        """Starts with the drives already giving `tau` (nrow, 7) and the flexible gears wound up by it."""
+        """Start with the drives already giving `tau` (nrow, 7) and the flexible gears wound up by it."""
         self.lagged[:], self.gear[:], self.load[:] = tau, tau, tau
         wind = tau / self.p["stiffness"] + np.sign(tau) * self.p["play"] / 2.0
         self.theta = np.where(self.flex, self.q + wind, self.q)

@@ -25,7 +25,7 @@ def straight(name: str) -> bool:
 
 
 def proposed(root: Path, case: Case) -> Record:
-    """What is likely in one case, how much of the missing torque it takes away, and processor seconds."""
+    """Give what is likely in one case, how much of the missing torque it takes away, and processor seconds."""
     first, second, last = folders(root, case)
     inputs = read_inputs("iiwa14", [first, second], [last])
     begin = time.process_time()
@@ -39,7 +39,7 @@ def proposed(root: Path, case: Case) -> Record:
 
 
 def run(root: Path, chosen: Sequence[Case], results: Path) -> list[Record]:
-    """Records of the chosen cases, one after the other; each is appended to `results`, what is there is kept."""
+    """Record of the chosen cases, one after the other; each is appended to `results`, what is there is kept."""
     known = {r["case"]: r for r in map(json.loads, results.read_text().splitlines())} if results.exists() else {}
     results.parent.mkdir(parents=True, exist_ok=True)
     for case in chosen:
@@ -52,7 +52,7 @@ def run(root: Path, chosen: Sequence[Case], results: Path) -> list[Record]:
 
 
 def table(records: Sequence[Record]) -> str:
-    """The score as Markdown: a row a kind of case; a hidden effect counts as proposed by class and place."""
+    """Give the score as Markdown: a row a kind of case; a hidden effect counts as proposed by class and place."""
     lines = [_row("cases", "of", "hidden effects that are likely", "beside them, a case", "cases with none beside them",
                   "torque left, held out", "processor s, median and greatest"), _row(*["---"] * 7)]  # fmt: skip
     groups = {

@@ -26,7 +26,9 @@ SMALL = np.array([1.0, 1.0, 0.6, 0.6, 0.1, 0.1, 0.01])  # start of the fixed set
 
 
 def fitted(world: World, folder: Path) -> tuple[Fit, float, float]:
-    """The world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of that."""
+    """Give the world fitted to the first two recordings, its held-out error on the third, rad RMS, and the floor of
+    that.
+    """
     recordings = [load(folder / f"rec-{i}") for i in (1, 2, 3)]
     evidence, judged = evidence_for(world, recordings[:2]), evidence_for(world, recordings[2:], h_max=1e-3)
     (fit,) = run_together([fit_job(evidence, world, range(len(world.effects)), iterations=12)], evidence.residuals)
@@ -58,7 +60,7 @@ def baseline(folder: Path) -> dict:
 
 
 def main() -> int:
-    """Prints {"oracle": .., "baseline": ..} for one case."""
+    """Print {"oracle": .., "baseline": ..} for one case."""
     folder, hidden = Path(sys.argv[1]), json.loads(sys.argv[2])
     out = {"oracle": oracle(folder, hidden) if hidden else None}
     if "--baseline" in sys.argv:

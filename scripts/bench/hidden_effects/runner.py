@@ -41,7 +41,7 @@ def _call(arguments: list[str]) -> tuple[int, str, float]:
 
 
 def diagnose(root: Path, case: Case) -> dict:
-    """The record of one case, which `score.report` reads."""
+    """Give the record of one case, which `score.report` reads."""
     first, second, last = folders(root, case)
     out = root / "diagnosis" / case.key
     status, text, seconds = _call([
@@ -68,7 +68,7 @@ def commit() -> str | None:
 
 
 def references(root: Path, case: Case, baseline: bool = False) -> dict:
-    """What a fit of the truth, and of a fixed parameter set where asked for, reaches in a case."""
+    """Give what a fit of the truth, and of a fixed parameter set where asked for, reaches in a case."""
     extra = ["--baseline"] if baseline and case.kind == "single" else []
     folder, hidden = folders(root, case)[0].parent, json.dumps([asdict(h) for h in case.hidden])
     status, text, _ = _call([str(HERE / "reference.py"), str(folder), hidden, *extra])
@@ -104,7 +104,7 @@ def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
 
 
 def _read(results: Path, seeds: set[int]) -> dict[str, dict]:
-    """The records of these seeds in a file of results, by case; a line cut short by a kill is run again."""
+    """Give the records of these seeds in a file of results, by case; a line cut short by a kill is run again."""
     known: dict[str, dict] = {}
     for line in results.read_text().splitlines() if results.exists() else []:
         try:
@@ -126,7 +126,7 @@ def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> 
 
 
 def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
-    """Records of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
+    """Record of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
     known = _read(results, {c.seed for c in chosen})
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     lacking = [c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)]

@@ -8,7 +8,7 @@ ENDINGS = {"onnx": ".onnx", "mjcf": ".xml", "urdf": ".urdf"}
 
 
 def check_ending(out: Path, to: str) -> None:
-    """Raises UserError for a file whose name does not end as its format's do."""
+    """Raise UserError for a file whose name does not end as its format's do."""
     if out.suffix.lower() != ENDINGS[to]:
         expected = f"a name that ends in {ENDINGS[to]} (--to {to})"
         raise UserError(f"not an {to.upper()} file", key="--out", expected=expected, got=str(out))

@@ -69,7 +69,7 @@ class ExportedModel:
 
 
 def _whole(world: World, meshes: str) -> Exported:
-    """The MJCF of a model: of its cell, at the task's physics step, where it has one."""
+    """Give the MJCF of a model: of its cell, at the task's physics step, where it has one."""
     if world.cell is None:
         return to_mjcf(world, meshes)
     belief = model_cell(world)
@@ -79,7 +79,7 @@ def _whole(world: World, meshes: str) -> Exported:
 
 
 def with_cameras(scene: Scene) -> Scene:
-    """A cell whose spec has its standard cameras."""
+    """Give a cell whose spec has its standard cameras."""
 
     def build() -> mujoco.MjSpec:
         spec = scene.spec()
@@ -92,7 +92,7 @@ def with_cameras(scene: Scene) -> Scene:
 def export_model(
     model: str | Path | World, out: str | Path, to: Literal["mjcf", "urdf"], *, overwrite: bool = False
 ) -> ExportedModel:
-    """Writes a model with its effects; meshes are copied beside the file.
+    """Write a model with its effects; meshes are copied beside the file.
 
     An MJCF of a cell has all of it: arm, tool, what it holds, fixture, table and cameras. A URDF has the arm alone.
 

@@ -46,7 +46,7 @@ class ExportedPolicy:
 def export_policy(
     policy: str | Path, out: str | Path, *, world: str | Path | None = None, overwrite: bool = False
 ) -> ExportedPolicy:
-    """Writes a policy's deterministic action as an ONNX model.
+    """Write a policy's deterministic action as an ONNX model.
 
     Args:
         policy: a folder, or a bundled policy's name.

@@ -55,7 +55,7 @@ def fits(placed: EffectInstance) -> bool:
 
 
 def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
-    """The arm of a world with its effects.
+    """Give the arm of a world with its effects.
 
     Args:
         world: robot, tool and effects with values.

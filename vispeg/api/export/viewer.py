@@ -45,7 +45,7 @@ class NativeViewer:
         return [Line(text, path=True) for text in lines]
 
     def launch(self) -> None:
-        """Opens the window; returns when it is closed."""
+        """Open the window; return when it is closed."""
         import mujoco.viewer
 
         mujoco.viewer.launch(self.model)

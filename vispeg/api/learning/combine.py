@@ -30,7 +30,7 @@ class CombinedPolicy:
     within: float
 
     def open(self) -> Policy:
-        """The two as one policy, which acts."""
+        """Give the two as one policy, which acts."""
         return load_policy(self.folder)
 
     @property
@@ -56,7 +56,7 @@ class CombinedPolicy:
 def combine(
     coarse: str | Path, fine: str | Path, out: str | Path, *, within: float = 0.006, overwrite: bool = False
 ) -> CombinedPolicy:
-    """Writes two policies and where one takes over into one folder, which is used as any policy's.
+    """Write two policies and where one takes over into one folder, which is used as any policy's.
 
     Args:
         coarse: folder or name of the policy that begins.

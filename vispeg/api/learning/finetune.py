@@ -32,7 +32,7 @@ class FinetunedPolicy:
     measured: Mapping[str, object]
 
     def open(self) -> Policy:
-        """The policy, which acts."""
+        """Give the policy, which acts."""
         return load_policy(self.folder)
 
     @property

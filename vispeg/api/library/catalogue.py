@@ -53,7 +53,9 @@ def effects(
 
 
 def robots() -> list[Entry]:
-    """The arms that a model's name may be; the family says whether one is here or downloads when it is asked for."""
+    """Give the arms that a model's name may be; the family says whether one is here or downloads when it is asked
+    for.
+    """
     entries = [Entry("iiwa14", "built in", "KUKA LBR iiwa 14 R820", {"model": "built in"})]
     for name, (entry, title) in menagerie.ARMS.items():
         entries.append(Entry(name, menagerie.state(name), title, {"model": entry}))
@@ -63,7 +65,9 @@ def robots() -> list[Entry]:
 
 
 def worlds() -> list[Entry]:
-    """The worlds that --world takes by name: `fixed` ones draw nothing, `randomized` ones draw every episode anew."""
+    """Give the worlds that --world takes by name: `fixed` ones draw nothing, `randomized` ones draw every episode
+    anew.
+    """
     entries = []
     for name, file in by_name().items():
         data = WORLD.read(file)
@@ -75,7 +79,7 @@ def worlds() -> list[Entry]:
 
 
 def policies() -> list[Entry]:
-    """The bundled policies; the family is what they see."""
+    """Give the bundled policies; the family is what they see."""
     from vispeg.learn.meta import made_for  # here, as the other lists need nothing of the extra `learn`
     from vispeg.learn.record import PAIR, read_record
     from vispeg.learn.shipped import names, policy_folder
@@ -99,7 +103,7 @@ def policies() -> list[Entry]:
 
 
 def motions() -> list[Entry]:
-    """What `vispeg record --motion` takes; the family is the space that the motion is stated in."""
+    """Give what `vispeg record --motion` takes; the family is the space that the motion is stated in."""
     entries = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
     looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
     entries.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))
@@ -116,5 +120,5 @@ def search(entries: list[Entry], text: str = "", family: str | None = None) -> l
 
 
 def _sentence(text: str) -> str:
-    """The first one."""
+    """Give the first one."""
     return " ".join(text.partition("\n\n")[0].split()).partition(". ")[0].rstrip(".")

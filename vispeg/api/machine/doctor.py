@@ -61,7 +61,9 @@ class Machine:
         return {"format": "vispeg-doctor/1", "ok": self.healthy, "findings": [asdict(f) for f in self.findings]}
 
     def text(self, missing: bool = False) -> str:
-        """A line for each finding and how to get what is missing; with `missing` only those, nothing where all is."""
+        """Give a line for each finding and how to get what is missing; with `missing` only those, nothing where all
+        is.
+        """
         width = max(len(f.name) for f in self.findings)
         lines = []
         for f in (f for f in self.findings if not (missing and f.ok)):
@@ -78,7 +80,7 @@ class Machine:
 
 
 def examine() -> Machine:
-    """Looks at this machine: what `vispeg doctor` does. An examination that fails is a finding too."""
+    """Look at this machine: what `vispeg doctor` does. An examination that fails is a finding too."""
     parts = {"python": _python, "packages": _packages, "physics": _physics, "cores, memory": _memory, "disk": _disk}
     parts |= {"training (torch)": _torch, "pictures": _pictures, "gpu": _gpu, "ffmpeg": _ffmpeg}
     return Machine([finding for name, look in parts.items() for finding in _look(name, look)])
@@ -149,7 +151,7 @@ def _torch() -> Finding:
 
 
 def _pictures() -> Iterator[Finding]:
-    """The renderers that need OpenGL, what is used where there is none, and the one that needs Vulkan."""
+    """Yield the renderers that need OpenGL, what is used where there is none, and the one that needs Vulkan."""
     egl = probe("egl")
     yield Finding("pictures (egl)", egl.ok, egl.detail, fix=APT_LINE)
     osmesa = probe("osmesa")

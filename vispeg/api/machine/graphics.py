@@ -50,7 +50,7 @@ class Probe:
 
 
 def probe(backend: str, timeout: float = 60.0) -> Probe:
-    """Renders one small picture with a backend, in another process; `timeout` in seconds."""
+    """Render one small picture with a backend, in another process; `timeout` in seconds."""
     return Probe(backend, *run([sys.executable, "-c", _PROBE], {**os.environ, "MUJOCO_GL": backend}, timeout))
 
 

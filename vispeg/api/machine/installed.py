@@ -27,7 +27,7 @@ for module in sys.argv[1:]:
 
 
 def wrong_packages() -> dict[str, list[str]]:
-    """What is wrong with each group's packages, in words: that of the base ("") and of every extra.
+    """Give what is wrong with each group's packages, in words: that of the base ("") and of every extra.
 
     The base's are imported, in another process; of the others it is only seen that their files are there.
     """
@@ -59,7 +59,7 @@ def wrong_packages() -> dict[str, list[str]]:
 
 
 def _version_wrong(requirement: Any) -> str:
-    """What is wrong with an installed package's version, or nothing."""
+    """Give what is wrong with an installed package's version, or nothing."""
     try:
         have = metadata.version(requirement.name)
         fits = requirement.specifier.contains(have, prereleases=True)
@@ -85,7 +85,7 @@ def _plain(package: str) -> str:
 
 
 def _unimportable(modules: Sequence[str]) -> dict[str, str]:
-    """Module -> in words, why it cannot be imported; tried in another process, which one of them may end."""
+    """Map each module to why, in words, it cannot be imported; tried in another process, which one of them may end."""
     remaining, reasons = list(modules), {}
     while remaining:
         ok, said = run([sys.executable, "-c", _IMPORT, *remaining], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
@@ -104,7 +104,7 @@ def _unimportable(modules: Sequence[str]) -> dict[str, str]:
 
 
 def _requirements() -> list[str]:
-    """What this release asks for; a checkout's own word counts, as its installation may be older than itself."""
+    """Give what this release asks for; a checkout's own word counts, as its installation may be older than itself."""
     if _PYPROJECT.is_file():
         import tomllib
 

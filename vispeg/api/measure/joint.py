@@ -91,7 +91,7 @@ def measure_joint(
 def _traces(
     paths: Sequence[Path], joint: str | None, columns: Mapping[str, str]
 ) -> tuple[list[Trace], str, str | None]:
-    """The joint's traces, its name, and the robot where one is named."""
+    """Give the joint's traces, its name, and the robot where one is named."""
     resolved = [path.resolve() for path in paths]
     twice = [path for path in paths if resolved.count(path.resolve()) > 1]
     if not paths or twice:
@@ -111,7 +111,7 @@ def _traces(
 
 
 def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, str]:
-    """The arm of a recording, or None and why nothing is known of it."""
+    """Give the arm of a recording, or None and why nothing is known of it."""
     if robot is None:
         return None, "scale it, or state --inertia"
     try:
@@ -121,7 +121,7 @@ def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, st
 
 
 def _beside(effects: Sequence[EffectInstance]) -> str:
-    """The joint's friction in MuJoCo's words, as the effects state it."""
+    """Give the joint's friction in MuJoCo's words, as the effects state it."""
     words = {"coulomb_friction": ("torque", "frictionloss"), "viscous_friction": ("damping", "damping")}
     said = [
         f'{word}="{e.params[key].value:.6g}"' for e in effects if e.effect in words for key, word in (words[e.effect],)

@@ -27,12 +27,12 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
 
 
 def check_part(part: str, world: str) -> None:
-    """Raises UserError: an unknown world, or a part that nothing touches in its cell."""
+    """Raise UserError: an unknown world, or a part that nothing touches in its cell."""
     parts = touching(scene_of(load_world(world).task))
     if part not in parts:
         raise UserError("no such part", key="--where", got=part, choices=parts)
 
 
 def held_part(world: str) -> str:
-    """The part that the gripper holds in the cell of a world. Raises UserError: an unknown world."""
+    """Give the part that the gripper holds in the cell of a world. Raises UserError: an unknown world."""
     return scene_of(load_world(world).task).held

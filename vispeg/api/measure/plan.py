@@ -94,7 +94,7 @@ def plan_joint(
     seed: int = 0,
     overwrite: bool = False,
 ) -> MotionPlan:
-    """Writes the motions that `measure_joint` reads, and the order in which to run them.
+    """Write the motions that `measure_joint` reads, and the order in which to run them.
 
     Args:
         joint: to measure.

@@ -73,7 +73,7 @@ def measure_com(
     axes: tuple[str, str] = ("x", "y"),
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Finds a centre of mass: from wrenches at rest, or from plumb lines on a photograph.
+    """Find a centre of mass: from wrenches at rest, or from plumb lines on a photograph.
 
     Args:
         readings: one table, or recordings that hold still in four attitudes or more and have a wrench.
@@ -114,7 +114,7 @@ def measure_friction(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Finds a coefficient of friction: on an incline, timed down an incline, or from forces while sliding.
+    """Find a coefficient of friction: on an incline, timed down an incline, or from forces while sliding.
 
     Args:
         readings: one table, or recordings with a wrench that begin in free air and slide.
@@ -150,7 +150,7 @@ def measure_restitution(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Finds a coefficient of restitution from three touches, two flights, or a drop and a bounce.
+    """Find a coefficient of restitution from three touches, two flights, or a drop and a bounce.
 
     Args:
         readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m).
@@ -191,7 +191,7 @@ def measure_stiffness(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Finds the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
+    """Find the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
 
     Args:
         readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; or None.
@@ -259,7 +259,7 @@ def _measured(
 
 
 def _nominal(what: Literal["mass", "friction"], part: str, nominal: float | None, world: str) -> float:
-    """The nominal value that is stated, or of the world's cell. Raises UserError: no such part, or not above 0."""
+    """Give the nominal value that is stated, or of the world's cell. Raises UserError: no such part, or not above 0."""
     of_cell = cell_value(what, part, world)
     _check_nominal(nominal)
     return of_cell if nominal is None else nominal

@@ -86,13 +86,13 @@ class MeasurementResult:
 
 
 def row(q: Quantity) -> list[str]:
-    """The cells of one number."""
+    """Give the cells of one number."""
     dof = "inf" if q.dof is None else f"{q.dof:.3g}"
     return [q.quantity, f"{q.value:.5g}", f"{q.u:.2g}", f"{q.low:.5g} to {q.high:.5g}", dof, q.unit]
 
 
 def budget_of(q: Quantity) -> Sheet:
-    """The sources of a number's uncertainty and their shares."""
+    """Give the sources of a number's uncertainty and their shares."""
     total = sum(b.contribution**2 for b in q.budget) or 1.0
     rows = [[b.source, b.type, f"{b.contribution:.2g}", f"{100 * b.contribution**2 / total:.0f} %"] for b in q.budget]
     columns = [Column(f"budget of {q.quantity}", prose=True), Column("type"), Column("u", right=True)]
@@ -100,7 +100,7 @@ def budget_of(q: Quantity) -> Sheet:
 
 
 def check_out(out: Path, overwrite: bool) -> None:
-    """Raises UserError for a name that no measurement can have, before anything is worked out."""
+    """Raise UserError for a name that no measurement can have, before anything is worked out."""
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise UserError("not a measurement file", key="--out", expected="a name that ends in .yaml", got=str(out))
     if out.exists() and not overwrite:
@@ -117,7 +117,7 @@ def complete(measurement: Measurement, inputs: Iterable[Path], seed: int) -> Mea
 
 
 def write(measurement: Measurement, out: Path, inputs: Iterable[Path], settings: MeasureSettings) -> MeasurementResult:
-    """Writes the file `out` with its origin."""
+    """Write the file `out` with its origin."""
     full = complete(measurement, inputs, settings.seed)
     write_text_atomic(out, measurement_text(full), overwrite=settings.overwrite)
     return MeasurementResult(full, out, str(out))

@@ -37,7 +37,7 @@ def measure_zeros(
     orientation: str | None = None,
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Finds what each joint's encoder reads too much, and where base and tip are, from poses at rest.
+    """Find what each joint's encoder reads too much, and where base and tip are, from poses at rest.
 
     Args:
         table: a row a pose: joint angles as read, and the tip's measured position and, if any, orientation.
@@ -116,7 +116,7 @@ def _quantity(name: str, value: float, unit: str, u: float, dof: int, count: int
 
 
 def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]:
-    """The frames whole, and what is left."""
+    """Give the frames whole, and what is left."""
     out: dict[str, Any] = {"error_mm": 1e3 * found.error_m}
     out |= {} if found.error_rad is None else {"error_deg": float(np.degrees(found.error_rad))}
     for name, pose, known in (("base", found.base, base_known), ("tool", found.tool, tool_known)):

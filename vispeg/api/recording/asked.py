@@ -62,12 +62,12 @@ class Asked:
         return {**NOISE, **self.noise}
 
     def hidden(self, world: World, robot: RobotModel | Scene) -> World:
-        """The world with the effects that are hidden in the robot."""
+        """Give the world with the effects that are hidden in the robot."""
         listed = ([e] if isinstance(e, EffectInstance) else parse(e, robot) for e in self.effects)
         return world.add(*(placed for some in listed for placed in some))
 
     def refuse(self, why: str, expected: str | None = None, **usual: tuple[object, ...]) -> None:
-        """Raises UserError for an option that has none of the values that this kind of motion takes."""
+        """Raise UserError for an option that has none of the values that this kind of motion takes."""
         for name, values in usual.items():
             if (value := getattr(self, name)) not in values:
                 raise UserError(why, key=f"--{name.replace('_', '-')}", expected=expected, got=value)

@@ -44,7 +44,7 @@ def motions_of(world: World | None = None) -> tuple[str, ...]:
 def cell_motion(
     world: World, name: str, *, rate_hz: float = 500.0, seed: int = 0, force_limit: float | None = None
 ) -> CellMotion:
-    """A commanded motion for the cell that a world believes in: one of the package's by name, or a table's.
+    """Give a commanded motion for the cell that a world believes in: one of the package's by name, or a table's.
 
     Args:
         world: with a cell.
@@ -82,7 +82,8 @@ def record_in_cell(
     backend: BackendName = "auto",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """A recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted policy.
+    """Give a recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted
+    policy.
 
     With `cameras` there are pictures too: `fps` a second of each, drawn by `backend`; `progress` is called with the
     share of them that is taken. They show the arm where it was; what gives way in grip and fixture is too small to
@@ -118,8 +119,8 @@ def names(space: str | None = None, model: str | None = None) -> list[str]:
 def commands(
     model: str, name: str, *, rate_hz: float, seed: int, duration: float | None
 ) -> tuple[str, float, CellMotion | None]:
-    """A motion as the text of a CSV that a robot can replay, how long it takes, s, and in a cell the motion with the
-    controller that it is made for; `duration` of those of joints.
+    """Give a motion as the text of a CSV that a robot can replay, how long it takes, s, and in a cell the motion with
+    the controller that it is made for; `duration` of those of joints.
 
     Raises:
         UserError: no such motion or model, or one that the arm cannot make.

@@ -121,7 +121,7 @@ def check(
     overwrite: bool = False,
     watch: Watch = lambda what, path: nullcontext(lambda share: None),
 ) -> Checks:
-    """Examines recording folders, one after the other, so that only one is in memory.
+    """Examine recording folders, one after the other, so that only one is in memory.
 
     Args:
         recordings: folders.
@@ -144,7 +144,9 @@ def check(
 
 
 def limits_of(rec: Recording) -> Limits:
-    """The robot's limits in the recording's joint order. Raises UserError for a joint that the robot does not have."""
+    """Give the robot's limits in the recording's joint order. Raises UserError for a joint that the robot does not
+    have.
+    """
     file = rec.path / "recording.yaml"
     try:
         robot = load_robot(rec.robot)
@@ -190,12 +192,16 @@ def _needs(rec: Recording) -> Needs | None:
 
 
 def _signals(header: Header) -> tuple[str, ...]:
-    """What is looked at: the wrench, and the commands that blows run again by, only where it is said how to read it."""
+    """Give what is looked at: the wrench, and the commands that blows run again by, only where it is said how to
+    read it.
+    """
     return (*SIGNALS, "ft", "ee_cmd") if header.wrench is not None or header.cell is not None else SIGNALS
 
 
 def _scene_of(rec: Recording) -> Scene | None:
-    """What a recording with frames states to stand around its arm, with its cameras; None where that is nothing."""
+    """Give what a recording with frames states to stand around its arm, with its cameras; None where that is
+    nothing.
+    """
     world = World(rec.robot, rec.tool, cell=None if rec.cell is None or rec.cell.bench else rec.cell)
     if rec.frames is None or not seen(world, rec):
         return None
@@ -204,7 +210,7 @@ def _scene_of(rec: Recording) -> Scene | None:
 
 
 def _cameras(rec: Recording, scene: Scene | None, watch: Watch) -> list[CameraCheck]:
-    """The frames of a recording, checked against the cell that it states; none where it has no frames."""
+    """Give the frames of a recording, checked against the cell that it states; none where it has no frames."""
     if rec.frames is None:
         return []
     with watch("looking at the frames of", rec.path) as share:
@@ -212,7 +218,7 @@ def _cameras(rec: Recording, scene: Scene | None, watch: Watch) -> list[CameraCh
 
 
 def _excited(rec: Recording, scene: Scene | None, watch: Watch) -> list[Excitation]:
-    """What effects would do to a recording's pictures; nothing where these cannot be compared with a cell."""
+    """Give what effects would do to a recording's pictures; nothing where these cannot be compared with a cell."""
     if scene is None or not comparable(rec):
         return []
     with watch("seeing which effects would show in", rec.path) as share:
@@ -226,7 +232,9 @@ def _of_pictures(cameras: Sequence[CameraCheck], excited: Sequence[Excitation]) 
 
 
 def _head(rec: Recording) -> Recording:
-    """The first rows of a recording, copied, so that the rest can go: as many as repeats need to show their noise."""
+    """Give the first rows of a recording, copied, so that the rest can go: as many as repeats need to show their
+    noise.
+    """
     arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
     cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
     return replace(rec, tau=None, ft=None, frames=None, **cut)

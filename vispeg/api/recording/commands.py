@@ -66,7 +66,7 @@ def write_motion(
     seed: int = 0,
     overwrite: bool = False,
 ) -> MotionFile:
-    """Writes the commands of a motion.
+    """Write the commands of a motion.
 
     Args:
         name: of the motion.

@@ -19,7 +19,7 @@ from vispeg.task.belief import recorded_cell
 
 
 def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
-    """What a recording with a wrench shows of contact, and the contact along it.
+    """Give what a recording with a wrench shows of contact, and the contact along it.
 
     None without a wrench, or where nothing says how to read it.
 

@@ -48,7 +48,7 @@ def convert(
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """A log as a recording folder.
+    """Give a log as a recording folder.
 
     Args:
         source: see `read_source`.
@@ -121,7 +121,7 @@ def convert_object(
     last: int | None = None,
     overwrite: bool = False,
 ) -> ObjectRecording:
-    """A free object's tosses, an .npz archive, as a recording folder.
+    """Give a free object's tosses, an .npz archive, as a recording folder.
 
     Args:
         source: the archive, see `import_object`.
@@ -145,7 +145,7 @@ def convert_object(
 
 
 def placed(robot: str) -> str:
-    """A robot's name, or the absolute path of its file: a recording may be read from another folder."""
+    """Give a robot's name, or the absolute path of its file: a recording may be read from another folder."""
     return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
 
 
@@ -168,7 +168,7 @@ def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:
 
 
 def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Recording:
-    """The recording whose cameras state their kinds. Raises UserError: a camera that has no depth."""
+    """Give the recording whose cameras state their kinds. Raises UserError: a camera that has no depth."""
     frames = rec.frames
     deep = [] if frames is None else frames.deep
     if frames is None or not deep:
@@ -187,7 +187,7 @@ def _of_currents(
     sensor: Literal["joint", "motor", "none"] | None,
     source: Path,
 ) -> Recording:
-    """The recording whose efforts, A, are torques. Raises UserError: no efforts, or a joint without a constant."""
+    """Give the recording whose efforts, A, are torques. Raises UserError: no efforts, or a joint without a constant."""
     lacking = [joint for joint in rec.joints if joint not in constants]
     if rec.tau is None or lacking:
         said = "no constant of this joint" if lacking else "the bag has no efforts"
@@ -197,7 +197,7 @@ def _of_currents(
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:
-    """What camera files say, over what the robot's own file does. Raises UserError: two files name one camera."""
+    """Give what camera files say, over what the robot's own file does. Raises UserError: two files name one camera."""
     out = {c.name: recorded_of(c) for c in cameras_of(robot) if c.parent in ("base", "flange")}
     stated: dict[str, Path] = {}
     for file in files:

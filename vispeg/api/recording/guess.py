@@ -59,7 +59,7 @@ class GuessedMap:
         return f"<pre>{escape(str(self))}</pre>"
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes the map file. Raises UserError: no .yaml name, or the file is there while `overwrite` is False."""
+        """Write the map file. Raises UserError: no .yaml name, or the file is there while `overwrite` is False."""
         path = Path(path)
         if path.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a name for a map", key="--save-map", expected="a .yaml file", got=str(path))
@@ -77,7 +77,7 @@ def propose(
     calibration: Path | None = None,
     torque_constants: Sequence[str] = (),
 ) -> GuessedMap:
-    """A map for a table of unknown names, with a reason for each column, tried against the robot's model.
+    """Give a map for a table of unknown names, with a reason for each column, tried against the robot's model.
 
     Args:
         source: a table, a file of arrays, or a folder of them (a LeRobot data set, episodes, signals of one run).

@@ -40,7 +40,7 @@ MOST = 5000  # frames
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """What a model shows, with these cameras for effects to act on: its cell, or its robot's own bench.
+    """Give what a model shows, with these cameras for effects to act on: its cell, or its robot's own bench.
 
     Raises:
         UserError: an arm alone, which shows nothing.
@@ -91,7 +91,7 @@ def _sized(camera: Camera, width: int, height: int) -> Camera:
 
 
 def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
-    """What `WORLD/SEED` looks like: the appearance that a world draws for the episode of a seed.
+    """Give what `WORLD/SEED` looks like: the appearance that a world draws for the episode of a seed.
 
     Raises:
         UserError: no such world, or no seed.
@@ -118,7 +118,7 @@ def record_look(
     name: str = "look",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """An arm in its cell, or on its bench, looks about; its joints are recorded, and what its cameras see.
+    """Let an arm in its cell, or on its bench, look about; its joints are recorded, and what its cameras see.
 
     Args:
         world: of a cell, or of a robot whose own file shows what stands about. Effects of the arm act on the motion,
@@ -154,7 +154,7 @@ def record_look(
 
 
 def refuse_rate(fps: float, rate_hz: float, duration: float, cameras: Sequence[Camera]) -> None:
-    """Raises UserError for pictures that nobody can take, or too many of them."""
+    """Raise UserError for pictures that nobody can take, or too many of them."""
     if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
         expected = f"above 0, and at most {MOST} pictures in all"
         raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)

@@ -65,7 +65,7 @@ def record(
     table: Literal["csv", "parquet"] = "csv",
     watch: Watch = lambda: nullcontext(lambda share: None),
 ) -> SimulatedRecording:
-    """Records a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
+    """Record a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact needs a cell, pictures a

@@ -72,7 +72,7 @@ class SimulatedRecording(Result):
             yield f"episode {o.episode}: {end}{force}{depth}"
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes recording.yaml, the samples and the pictures; see `Result.save`."""
+        """Write recording.yaml, the samples and the pictures; see `Result.save`."""
         return write(self.recording, out, overwrite=overwrite, table=self.table, inputs=self.sources)
 
     def _write(self, folder: Path) -> None:

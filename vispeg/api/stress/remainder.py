@@ -38,7 +38,7 @@ class Price:
 
     @classmethod
     def of(cls, policies: Policies, world: str | Path, episodes: int, model: World) -> Price:
-        """Reads policies and cell.
+        """Read policies and cell.
 
         Args:
             policies: folders, NAME=FOLDER, names of shipped policies, or `expert`.

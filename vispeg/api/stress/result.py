@@ -20,7 +20,7 @@ class Stressed(Played):
 
     @abstractmethod
     def _render(self) -> str:
-        """The page."""
+        """Give the page."""
 
     def _write(self, folder: Path) -> None:
         text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"

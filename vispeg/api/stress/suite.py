@@ -114,7 +114,7 @@ def _refuse(who: Sequence[Entrant], target: WorldFile, train: WorldFile) -> None
 
 
 def _measured(csv: str | Path | None, who: Sequence[Entrant], chosen: Sequence[Configuration]) -> Trials:
-    """A real robot's trials of these policies in these configurations; none without a file."""
+    """Give a real robot's trials of these policies in these configurations; none without a file."""
     seeds: dict[str, set[int]] = {}
     for e in who:
         seeds.setdefault(e.name, set()).add(e.train_seed)

@@ -54,7 +54,7 @@ class VersionsResult(Result):
         return [Line(text, path=True) for text in lines]
 
     def save(self, out: str | Path, *, overwrite: bool = False) -> Path:
-        """Writes compare.json and suite.html into a folder; see `Result.save`."""
+        """Write compare.json and suite.html into a folder; see `Result.save`."""
         with workplace(out, "compare.json", overwrite, self.sources) as place:
             self._write(place)
         return Path(out).expanduser()
@@ -68,7 +68,7 @@ class VersionsResult(Result):
 
 
 def compare_versions(folders: str | Path | Sequence[str | Path]) -> VersionsResult:
-    """Compares folders that `suite` wrote, oldest first.
+    """Compare folders that `suite` wrote, oldest first.
 
     Raises:
         UserError: a folder without a result, versions in different worlds or with nothing in common.

@@ -38,7 +38,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the verdict, the rates and the signs."""
+        """Print the verdict, the rates and the signs."""
         from vispeg.api.plan import plan
 
         answers = {k: getattr(self, k) for k in ("soft", "varies", "demonstrations", "a_day", "build_days")}

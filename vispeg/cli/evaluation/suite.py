@@ -82,7 +82,7 @@ class Compare:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints what fell and the health of every version; 1 on an alarm or a regression."""
+        """Print what fell and the health of every version; 1 on an alarm or a regression."""
         from vispeg.api.stress.versions import compare_versions
         from vispeg.core.errors import UserError
         from vispeg.report.text.summary import Line
@@ -104,5 +104,5 @@ class Args:
     command: tyro.conf.OmitSubcommandPrefixes[Annotated[Run, subcommand(Run)] | Annotated[Compare, subcommand(Compare)]]
 
     def run(self) -> int:
-        """Runs the sub-command."""
+        """Run the sub-command."""
         return self.command.run()

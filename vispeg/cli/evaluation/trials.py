@@ -65,7 +65,7 @@ class Trials:
         }
 
     def give(self, result: Shown, page: Path, *others: str) -> None:
-        """Prints a result, where its page lies, and what else was written."""
+        """Print a result, where its page lies, and what else was written."""
         from vispeg.report.text.summary import Line
 
         lines = [Line(text, path=True) for text in (str(page), *others)]

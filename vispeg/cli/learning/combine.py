@@ -32,7 +32,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the folder."""
+        """Write the folder."""
         from vispeg.api.learning.combine import combine
 
         result = combine(self.coarse, self.fine, self.out, within=self.within_mm / 1000, overwrite=self.overwrite)

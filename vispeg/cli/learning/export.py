@@ -39,7 +39,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the file and says what is in it."""
+        """Write the file and say what is in it."""
         if self.to == "onnx":
             from vispeg.api.export.policy import export_policy
 

@@ -71,7 +71,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Runs the episodes, writes the trials, prints the table."""
+        """Run the episodes, write the trials, print the table."""
         from vispeg.api.run import run
         from vispeg.core.errors import UserError
         from vispeg.trials.limits import Limits
@@ -100,7 +100,7 @@ class Args:
 
 
 def _show(step: Step) -> None:
-    """A line that is written over: step, tip, force, lateness, missed deadlines."""
+    """Give a line that is written over: step, tip, force, lateness, missed deadlines."""
     x, y, z = 1e3 * step.tip
     text = f"step {step.number:3d}/{step.of}  tip {x:+6.1f} {y:+6.1f} {z:+6.1f} mm  {step.force:5.1f} N"
     text += f"  late {1e3 * step.late:4.0f} ms, missed {step.missed}"
@@ -130,7 +130,7 @@ def _pressed() -> Iterator[Callable[[], bool]]:
 
 
 def _asked(outcome: OutcomePart) -> OutcomePart:
-    """The outcome as a person saw it."""
+    """Give the outcome as a person saw it."""
     import termios
 
     terminal = termios.tcgetattr(sys.stdin)

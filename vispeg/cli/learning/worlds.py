@@ -23,7 +23,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the list."""
+        """Print the list."""
         from vispeg.api.library.catalogue import worlds
         from vispeg.cli.listing import show
 

@@ -25,7 +25,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the script."""
+        """Print the script."""
         from vispeg.cli.machine.completion_script import script, words
 
         if self.output.json:

@@ -30,7 +30,7 @@ def words() -> dict[str, Words]:
 
 
 def script(shell: Literal["bash", "zsh", "fish"]) -> str:
-    """The script for a shell; zsh runs the one for bash."""
+    """Give the script for a shell; zsh runs the one for bash."""
     rows = words()
     if shell == "fish":
         return _fish(rows)
@@ -39,7 +39,7 @@ def script(shell: Literal["bash", "zsh", "fish"]) -> str:
 
 
 def _values(option: Option) -> Sequence[str]:
-    """What may follow an option; nothing where it takes none or where any number or text will do."""
+    """Give what may follow an option; nothing where it takes none or where any number or text will do."""
     if option.name in NAMED:
         return [*_names(NAMED[option.name]), FILES]
     return option.choices or ((FILES,) if option.path else ())

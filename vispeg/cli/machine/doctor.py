@@ -29,7 +29,7 @@ class Args:
     """Print only what is missing."""
 
     def run(self) -> int:
-        """Prints the findings; 0 if nothing that the base needs is missing, else 1."""
+        """Print the findings; 0 if nothing that the base needs is missing, else 1."""
         from vispeg.api.machine.doctor import examine
 
         machine = examine()
@@ -39,7 +39,7 @@ class Args:
 
 
 def parse(argv: Sequence[str]) -> Args:
-    """The arguments, without the package that reads those of other commands: it may be what is missing."""
+    """Give the arguments, without the package that reads those of other commands: it may be what is missing."""
     form = argparse.RawDescriptionHelpFormatter
     parser = _Parser("vispeg doctor", description=__doc__, formatter_class=form, allow_abbrev=False)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")

@@ -41,7 +41,7 @@ class Plan:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the folder and prints the order."""
+        """Write the folder and print the order."""
         from vispeg.api.measure.plan import plan_joint
 
         result = plan_joint(

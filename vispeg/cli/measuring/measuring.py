@@ -54,7 +54,7 @@ class Measuring:
         return MeasureSettings(resolution, accuracy, stated(self.conditions), self.seed, self.overwrite)
 
     def tell(self, result: MeasurementResult) -> int:
-        """Prints the measurement; then, where policies are named, plays them and says whether it is enough."""
+        """Print the measurement; then, where policies are named, play them and say whether it is enough."""
         from vispeg.api.measure.enough import enough
         from vispeg.cli.progress import playing
         from vispeg.report.text.summary import print_summary

@@ -38,7 +38,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the model file and prints what is in it."""
+        """Write the model file and print what is in it."""
         from vispeg.api.add import add
 
         result = add(self.model, self.effect, self.out, where=self.where, settings=self.set, overwrite=self.overwrite)

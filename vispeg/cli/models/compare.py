@@ -42,7 +42,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Compares, writes the folder, prints the table."""
+        """Compare, write the folder, print the table."""
         from vispeg.api.compare import compare
         from vispeg.api.inputs import model_files
         from vispeg.cli.reading import reading_bars

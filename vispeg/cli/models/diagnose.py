@@ -72,7 +72,7 @@ class Args:
 
     @goes_on()
     def run(self) -> int:
-        """Runs the diagnosis and writes its folder."""
+        """Run the diagnosis and write its folder."""
         from vispeg.api.diagnose import diagnose
         from vispeg.api.inputs import model_files
         from vispeg.cli.progress import stages

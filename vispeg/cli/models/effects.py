@@ -41,7 +41,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the list, or one effect's words, equation and parameters; draws its picture where asked to."""
+        """Print the list, or one effect's words, equation and parameters; draw its picture where asked to."""
         from vispeg.api.library.catalogue import effects
         from vispeg.report.text.catalogue import describe, print_catalogue, print_effect
 
@@ -65,7 +65,7 @@ class Args:
         return [draw_effect(name, self.out, where=self.where, robot=self.robot, overwrite=self.overwrite).line]
 
     def _check(self) -> None:
-        """Raises UserError for arguments that would do nothing."""
+        """Raise UserError for arguments that would do nothing."""
         from vispeg.core.errors import UserError
 
         for flag, value in (("--family", self.family), ("--search", self.search)):

@@ -112,7 +112,7 @@ class Args:
             return fit_paper(self.model, self.recording[0], self.validate, watch=watch, **options)
 
     def _common(self) -> dict[str, Any]:
-        """What both protocols take."""
+        """Give what both protocols take."""
         from vispeg.cli.reading import reading_bars
 
         part = self.out.with_name(self.out.name + ".part")

@@ -15,7 +15,7 @@ from vispeg.identify.checkpoint import Trace
 
 @contextmanager
 def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Shows the optimizers' progress while the body runs; yields a function to call at each step.
+    """Show the optimizers' progress while the body runs; yield a function to call at each step.
 
     An optimizer may end long before its last step, so nothing is said of the time that remains.
     """
@@ -44,7 +44,7 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
 
 @contextmanager
 def generations(steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Shows the generations of one CMA-ES while the body runs; yields a function to call at each."""
+    """Show the generations of one CMA-ES while the body runs; yield a function to call at each."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -25,7 +25,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes OUT/report.html, prints its path and the headline; 0 on success."""
+        """Write OUT/report.html, print its path and the headline; 0 on success."""
         from vispeg.report.build import write_report
         from vispeg.report.record import load_record
         from vispeg.report.text import words

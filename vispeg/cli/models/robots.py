@@ -26,7 +26,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the list, and how to get what is not here."""
+        """Print the list, and how to get what is not here."""
         from vispeg.api.library.catalogue import robots
         from vispeg.cli.listing import show
         from vispeg.robots.menagerie import ABSENT, HOW

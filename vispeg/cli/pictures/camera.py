@@ -30,5 +30,5 @@ class Args:
     ]
 
     def run(self) -> int:
-        """Runs the sub-command."""
+        """Run the sub-command."""
         return self.command.run()

@@ -55,7 +55,7 @@ class Calibrate:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Finds the board, fits, writes the folder, prints the tables."""
+        """Find the board, fit, write the folder, print the tables."""
         from vispeg.api.calibrate import calibrate
         from vispeg.core.files import reserved
         from vispeg.report.text.summary import Line

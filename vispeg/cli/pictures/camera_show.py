@@ -23,7 +23,7 @@ class Show:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints a row a camera."""
+        """Print a row a camera."""
         from vispeg.api.cameras import show_cameras
 
         result = show_cameras(self.file)

@@ -34,7 +34,7 @@ class Show:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the page and says where."""
+        """Write the page and say where."""
         from vispeg.report.dataset.build import write
 
         out = self.out or self.dataset.with_name(f"{self.dataset.resolve().name}-page")
@@ -52,7 +52,7 @@ class Check:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints what is wrong, a line each."""
+        """Print what is wrong, a line each."""
         from vispeg.api.datasets import check_dataset
         from vispeg.cli.progress import checking
 
@@ -79,7 +79,7 @@ class Export:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes it and says where."""
+        """Write it and say where."""
         from vispeg.datasets.formats.registry import export
 
         export(self.dataset, self.out, self.format, overwrite=self.overwrite)
@@ -96,5 +96,5 @@ class Args:
     ]
 
     def run(self) -> int:
-        """Runs the sub-command."""
+        """Run the sub-command."""
         return self.command.run()

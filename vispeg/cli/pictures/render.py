@@ -60,7 +60,7 @@ class Args:
 
     @goes_on()
     def run(self) -> int:
-        """Renders, and says how fast and where."""
+        """Render, and say how fast and where."""
         from vispeg.api.datasets import render_dataset
         from vispeg.cli.progress import rendering
 

@@ -37,7 +37,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints what was found, and writes it if asked."""
+        """Print what was found, and write it if asked."""
         from vispeg.api.recording.check import check
 
         def watch(what: str, path: Path):

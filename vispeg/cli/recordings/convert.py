@@ -91,7 +91,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Writes the recording and says what is in it."""
+        """Write the recording and say what is in it."""
         from vispeg.api.recording.convert import convert, placed
         from vispeg.recordings.importers.rosbag import Topics
         from vispeg.robots.objects import is_object
@@ -141,7 +141,7 @@ class Args:
         return self.out
 
     def _object(self) -> int:
-        """The same of a free object's tosses."""
+        """Give the same of a free object's tosses."""
         from vispeg.api.recording.convert import convert_object
 
         first, last = self._span()
@@ -164,7 +164,7 @@ class Args:
         return int(first or 0), int(last) if last else None
 
     def _guessed(self) -> ColumnMap | None:
-        """The proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
+        """Give the proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
         from vispeg.api.recording.guess import propose
 
         if self.map is not None:

@@ -45,7 +45,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Prints the list, or writes one."""
+        """Print the list, or write one."""
         from vispeg.api.library.catalogue import motions
         from vispeg.cli.listing import show
         from vispeg.core.errors import UserError

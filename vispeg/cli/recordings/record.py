@@ -81,7 +81,7 @@ class Args:
     output: OutputOptions = Output()
 
     def run(self) -> int:
-        """Simulates, writes the folder, prints what is in it."""
+        """Simulate, write the folder, print what is in it."""
         from vispeg.api.recording.record import record
         from vispeg.cli.reading import progress_bar
         from vispeg.core.files import refuse

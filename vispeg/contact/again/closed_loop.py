@@ -68,7 +68,7 @@ def closed_loop(
 
 
 def _first(rec: Recording) -> Recording:
-    """The first episode alone."""
+    """Give the first episode alone."""
     if rec.episode is None:
         return rec
     rows = np.flatnonzero(rec.episode == rec.outcomes[0].episode)
@@ -84,7 +84,9 @@ def _felt(rec: Recording, scene: Scene) -> Touch:
 
 
 def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
-    """What the wrench at the wrist says of one run, where its tip was before anything touched, and how it ended."""
+    """Give what the wrench at the wrist says of one run, where its tip was before anything touched, and how it
+    ended.
+    """
     n = min(len(run.tip), len(measured.tip))
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
     above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip is pushed by less than counts as a touch

@@ -145,7 +145,7 @@ def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tup
 
 
 def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int, outside: int) -> float:
-    """The scale between two at which the squared residual comes to a level; the last one where it does not."""
+    """Give the scale between two at which the squared residual comes to a level; the last one where it does not."""
     if values[outside] <= level:
         return float(scales[inside])
     share = (level - values[inside]) / (values[outside] - values[inside])

@@ -79,7 +79,7 @@ def wedged(item: ContactItem) -> np.ndarray:
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:
-    """A path (n, 6) on the steps as it would have been read at the samples `clock`, and its rate."""
+    """Give a path (n, 6) on the steps as it would have been read at the samples `clock`, and its rate."""
     sampled = np.stack([np.interp(clock, time, p) for p in place.T], axis=1)
     calm, rate, _ = smooth(clock, sampled + sigma * rng.standard_normal(sampled.shape), PATH_HZ)
     grid = [np.stack([np.interp(time, clock, v) for v in values.T], axis=1) for values in (calm, rate)]

@@ -70,7 +70,7 @@ class Nuisance:
         return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns, kinds)
 
     def of_rows(self, rows: np.ndarray) -> Nuisance:
-        """That of some of the values, (n,) bool, where the others are not looked at."""
+        """Give the same of some of the values, (n,) bool, where the others are not looked at."""
         return Nuisance.of(np.where(rows[:, None], self.columns, 0.0), self.kinds)
 
     def taken(self, residual: np.ndarray) -> dict[str, float]:
@@ -92,7 +92,7 @@ class Nuisance:
 
 
 def nuisance(items: Sequence[ContactItem]) -> Nuisance:
-    """That of items of one robot and sensor, with their floors, in the order of the residual."""
+    """Give the covariance of items of one robot and sensor, with their floors, in the order of the residual."""
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
     separate, of_separate, shared, of_shared = [], [], [], []
@@ -121,7 +121,9 @@ def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _taken_up(item: ContactItem, errors: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """What errors of the reading, (m, 6) each, leave in the compared wrench: a contact takes up what pushes on it."""
+    """Give what errors of the reading, (m, 6) each, leave in the compared wrench: a contact takes up what pushes on
+    it.
+    """
     return [np.einsum("mij,mj->mi", item.response, error) for error in errors]
 
 
@@ -195,7 +197,7 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
 
 
 def _turned(item: ContactItem) -> list[np.ndarray]:
-    """The same of the hand's turning, one error over the recording."""
+    """Give the same of the hand's turning, one error over the recording."""
     w, held = _bound(item)
     measured = held[None] * (TURN * w[:, 3:]).T[:, :, None]
     return list(_larger(item.answer[3:], measured))
@@ -216,7 +218,7 @@ def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _late(item: ContactItem) -> np.ndarray:
-    """Readings that are older than their time says."""
+    """Give readings that are older than their time says."""
     return LATE * np.gradient(item.measured, item.period, axis=0)
 
 

@@ -23,7 +23,7 @@ PART = 0.3  # of an eigenvector of length 1, from which a parameter has a part i
 
 
 def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
-    """Sets of added effects that a fit determines in combination alone, the least determined first."""
+    """Give the sets of added effects that a fit determines in combination alone, the least determined first."""
     if fit is None or not len(fit.u):
         return []
     columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
@@ -46,7 +46,7 @@ def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
-    """The effects of a record, each with those that it is determined in combination with."""
+    """Give the effects of a record, each with those that it is determined in combination with."""
     for some in sets:
         for a in some:
             entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))

@@ -13,7 +13,7 @@ BESIDE = 0.1  # of the form's part of what is left, that an effect beside others
 
 
 def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
-    """What an effect beside others must remove of a squared residual.
+    """Give what an effect beside others must remove of a squared residual.
 
     No law of contact is exact, and some effect of the library always removes a little of what the form of another
     leaves; of noise none does. White noise is told by the mean square of successive differences, half of which is its

@@ -62,7 +62,7 @@ class Ways:
         self.best, self.least = fit.u, 0.0
 
     def ask(self, wanted: Sequence[tuple[int, float]]) -> None:
-        """Looks at shares of rays, (ray, share) each."""
+        """Look at shares of rays, (ray, share) each."""
         low, high = self.fit.space.bounds
         at = [np.clip(self.fit.u + share * self.rays[k].direction, low, high) for k, share in wanted]
         residuals = self.evidence.residuals([self.fit.space.at(u) for u in at])
@@ -83,7 +83,7 @@ class Ways:
 
 
 def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
-    """The fitted world with these intervals, and the coordinates (naxis,) with the least residual on the way."""
+    """Give the fitted world with these intervals, and the coordinates (naxis,) with the least residual on the way."""
     low, high = fit.space.bounds
     ways = Ways(evidence, fit)
     for shares in ROUNDS:
@@ -180,7 +180,7 @@ def _near_end(way: Sequence[tuple[float, float]], rise: float) -> list[float]:
 
 
 def _end(way: Sequence[tuple[float, float]], rise: float) -> float:
-    """The share at which a way last comes to `rise`; that of its end, and of a bound after it, where it does not.
+    """Give the share at which a way last comes to `rise`; that of its end, and of a bound after it, where it does not.
 
     Between points the root of the rise is taken as straight, as it is where a residual is.
     """

@@ -22,7 +22,7 @@ BLOWS = "impact"  # the stage of what blows tell
 
 
 def looked_for() -> list[Effect]:
-    """What a diagnosis of contact chooses from, in the order of its stages."""
+    """Give what a diagnosis of contact chooses from, in the order of its stages."""
     kinds = [e for _, e in sorted(REGISTRY.items()) if e.stage]
     return sorted(kinds, key=lambda e: STAGES.index(e.stage))
 
@@ -95,7 +95,7 @@ def probed(
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
-    """A probe of a part, to stand beside those of all of the recordings: its share of its effect's best one.
+    """Give a probe of a part, to stand beside those of all of the recordings: its share of its effect's best one.
 
     A part that begins in contact sees a wrong height many times as strongly as all of it does.
     """
@@ -105,7 +105,7 @@ def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[st
 
 
 def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
-    """The sizes of each parameter of an effect by their sign, the one nearest to none first."""
+    """Give the sizes of each parameter of an effect by their sign, the one nearest to none first."""
     ways: dict[tuple[str, bool], list[tuple[float, EffectInstance]]] = {}
     for k, placed in tries(name, where):
         size = size_of(name, k, placed)
@@ -130,7 +130,7 @@ def _hopeful(gain: float, best: float) -> bool:
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:
-    """The best size of each effect, best first; one that nothing excites has the gain -inf."""
+    """Give the best size of each effect, best first; one that nothing excites has the gain -inf."""
     out: dict[tuple[str, str], Score] = {}
     for p in probes:
         score = Score(p.placed, p.gain)

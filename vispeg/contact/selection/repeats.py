@@ -20,7 +20,8 @@ REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
 
 
 def repeated(world: World, n_fixed: int) -> World:
-    """The world with intervals of what comes after `n_fixed` effects that allow for how closely an arm repeats a pose.
+    """Give the world with intervals of what comes after `n_fixed` effects that allow for how closely an arm repeats a
+    pose.
 
     A recording says where a part is to where the arm takes itself to be, and no more precisely than it knows that.
     """
@@ -28,7 +29,7 @@ def repeated(world: World, n_fixed: int) -> World:
 
 
 def allowing(placed: EffectInstance) -> EffectInstance:
-    """The effect with such intervals; of what is no pose as they are."""
+    """Give the effect with such intervals; of what is no pose as they are."""
     params = dict(placed.params)
     for k, v in params.items():
         if v.low is not None and v.high is not None and (more := 1.96 * uncertainty(placed.effect, k)) > 0:
@@ -39,6 +40,6 @@ def allowing(placed: EffectInstance) -> EffectInstance:
 
 
 def uncertainty(name: str, parameter: str) -> float:
-    """Standard uncertainty with which an arm repeats a parameter of an effect that is a pose; 0 of others."""
+    """Give the standard uncertainty with which an arm repeats a parameter of an effect that is a pose; 0 of others."""
     kind = effect(name)
     return REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0

@@ -82,7 +82,7 @@ class Screen:
         return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
 
     def gain(self, placed: EffectInstance) -> float:
-        """What an effect at its value takes off the squared residual of all blocks, not less than 0."""
+        """Give what an effect at its value takes off the squared residual of all blocks, not less than 0."""
         (probe,) = self.ask([("", placed)], in_part=False)[0]
         return max(float(probe.gain), 0.0)
 
@@ -102,7 +102,7 @@ def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray
 
 
 def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
-    """The drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
+    """Give the drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
     change = r - base
     along = float(base @ change)
     return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0

@@ -75,7 +75,8 @@ class ContactSearch(Search):
         return self.beyond(state_cost, float(stats.chi2.isf(level / library, max(count, 1))))
 
     def needed_beside(self, world: World) -> float:
-        """What one parameter of an effect must gain beside a world: less where that leaves less than floors allow for.
+        """Give what one parameter of an effect must gain beside a world: less where that leaves less than floors allow
+        for.
 
         What a world leaves beyond floors raises it not, for the effect may be what takes it away.
         """
@@ -190,7 +191,9 @@ class ContactSearch(Search):
         return trials
 
     def scored(self, state: State) -> list[Score]:
-        """The best size of each effect beside a state; what no size of shows is not freed in the fits that follow."""
+        """Give the best size of each effect beside a state; what no size of shows is not freed in the fits that
+        follow.
+        """
         has = {e.effect for e in state.world.effects}
         probes = self.probed(state.world, places(self.evidence, state.world))
         state.screening = strongest(probes)
@@ -202,7 +205,7 @@ class ContactSearch(Search):
         return len(places(self.evidence, state.world))
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Adds what a trial tried, fitted to its end, without the parameters that may as well be absent."""
+        """Add what a trial tried, fitted to its end, without the parameters that may as well be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         self.lately = {}
         fit = trial.fit
@@ -222,7 +225,7 @@ class ContactSearch(Search):
         return drop > max(self.need(trial.fit.cost, count), more)
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """The same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
+        """Give the same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
         more = self.held_form(state.world) if state.fit is not None else 0.0
         return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
 
@@ -254,7 +257,7 @@ class ContactSearch(Search):
         return gain.mean * self.judge.size.sum() > self.confirms(self.judge.mean(state.loss))
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
-        """The pairs of the best effects, each at the value that it had alone."""
+        """Give the pairs of the best effects, each at the value that it had alone."""
         order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
@@ -275,12 +278,16 @@ class ContactSearch(Search):
         ]
 
     def free(self, world: World) -> range:
-        """Indices of the effects that a search has added: what is screened is judged as if they were fitted anew."""
+        """Give the indices of the effects that a search has added: what is screened is judged as if they were fitted
+        anew.
+        """
         n = len(world.effects)
         return range(n if self.n_fixed is None else min(self.n_fixed, n), n)
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """The best of those that were fitted beside it when it came in, and of those that it is hard to tell from."""
+        """Give the best of those that were fitted beside it when it came in, and of those that it is hard to tell
+        from.
+        """
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
@@ -291,7 +298,7 @@ class ContactSearch(Search):
         return best, len(where)
 
     def _gain_of(self, world: World, placed: EffectInstance) -> float:
-        """What an effect at its value gains beside a world; remembered."""
+        """Give what an effect at its value gains beside a world; remembered."""
 
         free = self.free(world)
         asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]

@@ -84,7 +84,7 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
 
 
 def within(name: str, parameter: str, size: float) -> float:
-    """A size, or infinity where the parameter's range ends before it."""
+    """Give a size, or infinity where the parameter's range ends before it."""
     param = effect(name).params[parameter]
     if param.scale == "log":
         return size if size <= max(param.high / param.null, param.null / param.low) else np.inf
@@ -92,12 +92,12 @@ def within(name: str, parameter: str, size: float) -> float:
 
 
 def value(name: str, parameter: str, size: float) -> float:
-    """The value of an effect's parameter that is `size` from none, as `shown_from` says it."""
+    """Give the value of an effect's parameter that is `size` from none, as `shown_from` says it."""
     param = effect(name).params[parameter]
     return float(np.clip(param.null * size if param.scale == "log" else param.null + size, param.low, param.high))
 
 
 def further(name: str, parameter: str, size: float, times: float) -> float:
-    """A size so many times as far from none; infinite where the parameter's range ends before it."""
+    """Give a size so many times as far from none; infinite where the parameter's range ends before it."""
     log = effect(name).params[parameter].scale == "log"
     return within(name, parameter, float(size**times if log else size * times))

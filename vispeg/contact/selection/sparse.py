@@ -19,7 +19,8 @@ LEVEL = 0.05  # chance that what is there is taken for absent
 
 
 def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[World], Fit]) -> Fit:
-    """A fit anew without those magnitudes that may be absent: all of them at once, or else the least needed, and again.
+    """Give a fit anew without those magnitudes that may be absent: all of them at once, or else the least needed, and
+    again.
 
     The effects after the first `n_fixed` are asked; of each at least one magnitude stays. `evidence.absent` holds what
     went out, so that later fits leave it at null.
@@ -51,7 +52,7 @@ def _idle(evidence: ContactEvidence, fit: Fit, n_fixed: int) -> list[int]:
 
 
 def _without(evidence: ContactEvidence, fit: Fit, gone: Sequence[int]) -> World:
-    """The fit's world with some of its coordinates at null, where they stay."""
+    """Give the fit's world with some of its coordinates at null, where they stay."""
     effects = list(fit.world.effects)
     for a in (fit.space.axes[i] for i in gone):
         effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})

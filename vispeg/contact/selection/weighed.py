@@ -29,8 +29,8 @@ PART, MASS, CENTRE = "object_mass", "tool_mass", "tool_com"
 
 
 def weighed(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
-    """The part's mass that a search named, and then the tool's mass and centre that do as well in its place; none where
-    they do not, or the tool's mass is another named effect.
+    """Give the part's mass that a search named, and then the tool's mass and centre that do as well in its place;
+    none where they do not, or the tool's mass is another named effect.
     """
     added = {e.effect: e for e in state.world.effects[n_fixed:]}
     scene = search.evidence.items[0].source.scene
@@ -85,7 +85,7 @@ def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
-    """The effects of a record, the part's mass with what it cannot be told from that is not named beside it."""
+    """Give the effects of a record, the part's mass with what it cannot be told from that is not named beside it."""
     named = {e["effect"] for e in effects}
     for entry in effects:
         if alike and (entry["effect"], entry["where"]) == (alike[0].effect, alike[0].where):
@@ -96,7 +96,7 @@ def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> lis
 
 
 def asked(alike: tuple[EffectInstance, ...]) -> NextMotion | None:
-    """What tells them apart; None where there is nothing to tell."""
+    """Give what tells them apart; None where there is nothing to tell."""
     if not alike:
         return None
     part, *tool = alike

@@ -28,7 +28,8 @@ Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
 
 def objects(data: Dataset) -> Things:
-    """Number -> (part, name of its pose) of what a dataset has poses of; a pose of no part's name is the goal's.
+    """Map each number to (part, name of its pose) of what a dataset has poses of; a pose of no part's name is the
+    goal's.
 
     Raises:
         UserError: no such pose.
@@ -42,7 +43,7 @@ def objects(data: Dataset) -> Things:
 
 
 def write_bop(source: Path, out: Path) -> None:
-    """Writes the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
+    """Write the dataset in `source` into `out`: `train/SCENE/{rgb,depth,mask_visib}` and the scenes' JSON files."""
     data = Dataset(source)
     things = objects(data)
     poses = [f"label.camera.{name}" for name in data.cameras]

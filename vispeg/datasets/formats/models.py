@@ -19,7 +19,7 @@ SAME = 1e-3  # of a part's extent, by which a turned vertex may miss
 
 
 def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
-    """A PLY file of a mesh, its vertices multiplied by `scale`."""
+    """Give a PLY file of a mesh, its vertices multiplied by `scale`."""
     import trimesh
     from trimesh.exchange.ply import export_ply
 
@@ -29,7 +29,7 @@ def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
 
 
 def read_ply(path: Path) -> Mesh:
-    """The mesh of a PLY file. Raises UserError for what is none."""
+    """Give the mesh of a PLY file. Raises UserError for what is none."""
     import trimesh
 
     data = read_bytes(path, 64 * MB)
@@ -44,12 +44,14 @@ def read_ply(path: Path) -> Mesh:
 
 
 def read_models(folder: Path) -> dict[str, Mesh]:
-    """The meshes of a dataset by part; none of one that was written before it had them."""
+    """Give the meshes of a dataset by part; none of one that was written before it had them."""
     return {path.stem: read_ply(path) for path in sorted((folder / FOLDER).glob("*.ply"))}
 
 
 def described(mesh: Mesh) -> Mapping[str, object]:
-    """What BOP's models_info.json says of a mesh, in its unit: diameter, extent, symmetries about its own z axis."""
+    """Give what BOP's models_info.json says of a mesh, in its unit: diameter, extent, symmetries about its own z
+    axis.
+    """
     vertices = mesh[0]
     low, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     numbers = {"diameter": _diameter(vertices)}
@@ -67,7 +69,7 @@ def described(mesh: Mesh) -> Mapping[str, object]:
 
 
 def _diameter(vertices: np.ndarray) -> float:
-    """The largest distance of two vertices."""
+    """Give the largest distance of two vertices."""
     from scipy.spatial import ConvexHull
     from scipy.spatial.distance import pdist
 

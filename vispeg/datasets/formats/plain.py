@@ -26,7 +26,7 @@ cameras.yaml holds the cameras as their user believes them; dataset.json the fea
 
 
 def write_plain(source: Path, out: Path) -> None:
-    """Writes the dataset in `source` into `out`."""
+    """Write the dataset in `source` into `out`."""
     data = Dataset(source)
     for number, about in enumerate(data.episodes):
         folder = out / f"episode-{number:05d}"

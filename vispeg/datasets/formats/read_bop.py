@@ -82,7 +82,7 @@ class Bop(Stored):
         self.info, self.made = {"fps": None}, {}
 
     def _frames(self, scene: Path) -> dict[int, PictureCamera]:
-        """Number of each picture -> its camera's entry, in order."""
+        """Map the number of each picture to its camera's entry, in order."""
         path = scene / CAMERA
         record = read_json(path)
         if not isinstance(record, dict) or not record or not all(k.isdigit() and len(k) < 9 for k in record):
@@ -226,6 +226,6 @@ def _pose(entry: ObjectPose) -> np.ndarray:
 
 
 def _picture_of(folder: Path, i: int) -> Path:
-    """A picture's file, PNG or JPEG."""
+    """Give a picture's file, PNG or JPEG."""
     paths = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
     return next((path for path in paths if is_file(path)), paths[0])

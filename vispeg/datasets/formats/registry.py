@@ -31,7 +31,7 @@ enrol("BOP", _as("bop"), slow=True)(check)
 
 
 def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> None:
-    """Writes a dataset once more in another layout.
+    """Write a dataset once more in another layout.
 
     Args:
         source: a dataset's folder.

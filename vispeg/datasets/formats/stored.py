@@ -51,14 +51,16 @@ class Stored(ABC):
 
     @abstractmethod
     def read(self, number: int) -> dict[str, np.ndarray]:
-        """An episode's frames, (T, ...) arrays by feature. Raises UserError for damaged files."""
+        """Give an episode's frames, (T, ...) arrays by feature. Raises UserError for damaged files."""
 
     def seen(self, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
-        """The parts of known surface and pose that an episode's cameras see."""
+        """Yield the parts of known surface and pose that an episode's cameras see."""
         yield from ()
 
     def check(self) -> Iterator[str]:
-        """What is wrong beside what reading the frames would tell. Raises UserError where no more can be found."""
+        """Yield what is wrong beside what reading the frames would tell. Raises UserError where no more can be
+        found.
+        """
         yield from ()
 
     def __len__(self) -> int:
@@ -83,7 +85,7 @@ class Stored(ABC):
 
 
 def picture(path: Path, feature: Feature, step: float = DEPTH_STEP) -> np.ndarray:
-    """A picture file as a feature's pixels; 16-bit depth of `step` m becomes float32 in m.
+    """Give a picture file as a feature's pixels; 16-bit depth of `step` m becomes float32 in m.
 
     Raises:
         UserError: no picture, or one of another size or kind.

@@ -43,7 +43,7 @@ def render(
     provenance: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Renders a dataset into `out` and returns it.
+    """Render a dataset into `out` and return it.
 
     Args:
         plan, layout, source: what it holds and what makes it.
@@ -110,7 +110,7 @@ class _Placer:
 
 
 def _begin(work: Path, plan: Plan) -> None:
-    """Makes the folder of a rendering, or checks that the one there is of the same plan."""
+    """Make the folder of a rendering, or check that the one there is of the same plan."""
     path, now = (
         work / PLAN,
         {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": _version(name) for name in VERSIONS}},

@@ -58,12 +58,12 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
 
 
 def drawn(frames: int) -> None:
-    """A source tells of frames that it has drawn, before their episode is complete."""
+    """Give a source tells of frames that it has drawn, before their episode is complete."""
     _TICK.get()(frames)
 
 
 def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Stats]]:
-    """An episode's table, and the statistics of what is only counted.
+    """Give an episode's table, and the statistics of what is only counted.
 
     Args:
         layout: of the dataset.

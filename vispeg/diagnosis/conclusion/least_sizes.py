@@ -70,13 +70,13 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
 
 
 def least_alone(trace: Trace, drop: float, level: float) -> float:
-    """The same where the readings that judge decide alone: by the drop of their squares and ranks over blocks."""
+    """Give the same where the readings that judge decide alone: by the drop of their squares and ranks over blocks."""
     least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
     return _least_that(lambda times: _passes(_gains(trace, times, np.random.default_rng(0)), level), least)
 
 
 def _least_that(passes: Callable[[float], bool], least: float) -> float:
-    """The least multiple from `least` on that passes, by halving; infinite where none in reach does."""
+    """Give the least multiple from `least` on that passes, by halving; infinite where none in reach does."""
     if least > REACH[1]:
         return float("inf")
     if passes(least):
@@ -89,7 +89,8 @@ def _least_that(passes: Callable[[float], bool], least: float) -> float:
 
 
 def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, float] | None]:
-    """The values of each of an effect's parameters that do not show, by how far from none it does: as far as it may go.
+    """Give the values of each of an effect's parameters that do not show, by how far from none it does: as far as it
+    may go.
 
     Args:
         name: of the effect.

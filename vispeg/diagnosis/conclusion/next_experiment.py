@@ -42,7 +42,7 @@ DECISIVE = 3.0  # sigma between two predictions, below which one recording would
 def next_experiment(
     search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
-    """The record's `next_experiment` and the arrays of its picture; None where nothing is left to find out.
+    """Give the record's `next_experiment` and the arrays of its picture; None where nothing is left to find out.
 
     `recorded` names the motions that were recorded, where that is known.
     """
@@ -70,7 +70,7 @@ def next_experiment(
 
 
 def repeated(name: str) -> NextMotion:
-    """The advice where one recording alone shows what a model lacks."""
+    """Give the advice where one recording alone shows what a model lacks."""
     why = f"only {name} shows what the model lacks: record a second motion like it, a little faster or slower"
     return {"motion": "", "why": why}
 
@@ -110,7 +110,7 @@ class _Stage:
         return out
 
     def record(self, name: str, why: str) -> NextMotion:
-        """What `next_experiment` says of a motion that is written beside it."""
+        """Give what `next_experiment` says of a motion that is written beside it."""
         return {
             "motion": name,
             "why": why,
@@ -121,7 +121,7 @@ class _Stage:
         }
 
     def arrays(self, name: str) -> dict[str, np.ndarray]:
-        """The motion that the robot is to be commanded."""
+        """Give the motion that the robot is to be commanded."""
         m = self.menu[name]
         return {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd}
 
@@ -149,7 +149,9 @@ class _TorqueStage(_Stage):
 
 
 def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
-    """The two worlds to tell apart: the final one and the best of those that these recordings cannot tell from it."""
+    """Give the two worlds to tell apart: the final one and the best of those that these recordings cannot tell from
+    it.
+    """
     pairs = [(t, r.label) for r in rivals for t in r.equals]
     if not pairs:
         return None

@@ -80,7 +80,8 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
 
 
 def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
-    """The step whose candidates were tried in the place of an effect, one of `count`; None where it must be asked anew.
+    """Give the step whose candidates were tried in the place of an effect, one of `count`; None where it must be asked
+    anew.
 
     Where a model's form leaves errors that last, what looks alike must be asked for by name.
     """
@@ -141,7 +142,7 @@ def _beyond(search: Search, state: State) -> set[str]:
 
 
 def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
-    """The state without each of these effects, the others fitted anew with the derivatives that they had."""
+    """Give the state without each of these effects, the others fitted anew with the derivatives that they had."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
     if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:

@@ -56,7 +56,7 @@ class Tried:
         return np.delete(self.columns, self.index, axis=1)
 
     def at(self, times: float) -> EffectInstance:
-        """The effect at a multiple of the size; a logarithmic one as it is, for no line leads from null to it."""
+        """Give the effect at a multiple of the size; a logarithmic one as it is, for no line leads from null to it."""
         param = effect(self.placed.effect).params[self.name]
         if param.scale == "log":
             return self.placed
@@ -78,7 +78,7 @@ class Searched(Protocol):
 
 
 def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
-    """The values of every magnitude that recordings of joints do not show beside a state; remembered.
+    """Give the values of every magnitude that recordings of joints do not show beside a state; remembered.
 
     By the signatures of the screen, taken at the values that the data suggest; an effect that they rule out has no row.
     """
@@ -126,7 +126,7 @@ def shows_from(
 
 
 def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float) -> list[float]:
-    """The least multiple of each trial's size that is found; infinite where none is."""
+    """Give the least multiple of each trial's size that is found; infinite where none is."""
     fit, residual = state.fit, state.residual
     slopes = np.zeros((len(residual), 0)) if fit is None else fit.jacobian
     basis, upper = np.linalg.qr(slopes)
@@ -160,7 +160,7 @@ def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float)
 
 
 def _needs(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
-    """What a search asks for before it accepts an effect beside a state (`selection.accept.refusal`)."""
+    """Give what a search asks for before it accepts an effect beside a state (`selection.accept.refusal`)."""
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
     share = search.evidence.least_gain
     drop = max(share / (1.0 - share) * loss, worth * count)

@@ -65,7 +65,7 @@ def subsets(
 
 
 def _residual(judged: Evidence, predicted: Sequence[np.ndarray], i: int) -> np.ndarray:
-    """The whitened residual of world i, as `Evidence.residuals` has it, without a second rollout."""
+    """Give the whitened residual of world i, as `Evidence.residuals` has it, without a second rollout."""
     return np.concatenate([judged.whiten(item, y[i]).ravel() for item, y in zip(judged.items, predicted, strict=True)])
 
 

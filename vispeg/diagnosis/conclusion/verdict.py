@@ -41,7 +41,7 @@ def decide(
     n_read: int = 0,
     errors: tuple[float, float] | None = None,
 ) -> Verdict:
-    """The verdict.
+    """Give the verdict.
 
     Args:
         before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.
@@ -102,12 +102,14 @@ def decide(
 
 
 def confounded(names: Sequence[str]) -> str:
-    """The reason for `ambiguous`: the effects (labels) that others explain as well."""
+    """Give the reason for `ambiguous`: the effects (labels) that others explain as well."""
     return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
 
 
 def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
-    """The verdict whose reason counts as the page does: effects with rivals, less those that are tentative anyhow."""
+    """Give the verdict whose reason counts as the page does: effects with rivals, less those that are tentative
+    anyhow.
+    """
     names = [r.label for r in rivals if r.equals]
     if verdict.verdict != "ambiguous" or verdict.reason != confounded(names):
         return verdict
@@ -128,7 +130,9 @@ def unexplained(before: float, after: float, n_added: int) -> bool:
 
 
 def _of_readings(floor: float) -> str:
-    """What coarse or noisy readings leave of the right model, in noise floors, where that is more than the noise."""
+    """Give what coarse or noisy readings leave of the right model, in noise floors, where that is more than the
+    noise.
+    """
     if floor <= 1.05:
         return ""
     return f"; coarse or noisy readings leave {floors(floor)} × the noise floor even of the right model"

@@ -50,7 +50,7 @@ def _residuals(evidence: TorqueEvidence, world: World) -> list[np.ndarray]:
 
 
 def columns(item: Item) -> np.ndarray:
-    """Derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
+    """Give the derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
     seg, nj = item.segment, item.nj
     ddq = seg.cache["ddq"]
     rigid = _rigid(item, ddq)  # (m, nj, 10 nlink)

@@ -44,7 +44,7 @@ class Change:
     share: float
 
     def said(self) -> str:
-        """What a reader is told."""
+        """Give what a reader is told."""
         what = "as the recordings go on" if self.over == "time" else "over the joint's range"
         values = ", ".join(f"{p:.2g}" for p in self.parts)
         return f"{self.label} is not constant {what} ({values} of its value): it stands in for something that changes"
@@ -158,7 +158,7 @@ def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """The x at which |r + J x|^2 is least, of J'J and J'r."""
+    """Give the x at which |r + J x|^2 is least, of J'J and J'r."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-18))
     inner = matrix / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
     return -np.linalg.solve(inner, slope / scale) / scale

@@ -114,7 +114,9 @@ class Dictionary:
         return float(self.total - 2.0 * x @ self.slope[i] + x @ self.gram[np.ix_(i, i)] @ x)
 
     def crossed(self, chosen: Sequence[int]) -> float:
-        """The same with each fold predicted by coefficients of the others; what stands at its bound stays there."""
+        """Give the same with each fold predicted by coefficients of the others; what stands at its bound stays
+        there.
+        """
         in_sample, x = self.loss(chosen)
         if not self.parts or not len(chosen):
             return in_sample
@@ -151,7 +153,7 @@ class Dictionary:
         return out
 
     def placed(self, chosen: Sequence[int]) -> list[EffectInstance]:
-        """The chosen candidates with the values at which a fit should start."""
+        """Give the chosen candidates with the values at which a fit should start."""
         coefficients, out, at = self.loss(chosen)[1], [], 0
         for k in chosen:
             entry = self.entries[k]

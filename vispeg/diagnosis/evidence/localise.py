@@ -247,7 +247,9 @@ def peaks(
     joints: tuple[str, ...],
     after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> list[Peak]:
-    """The worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very cell."""
+    """Give the worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very
+    cell.
+    """
     out = []
     for axis, (edges, grid) in before.items():
         if not np.isfinite(grid).any():

@@ -28,7 +28,7 @@ def motionless(rec: Recording) -> bool:
 
 
 def refuse_motionless(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> list[str]:
-    """A note on each recording without motion.
+    """Give a note on each recording without motion.
 
     Raises:
         UserError: none of the fitted ones, or none of the held-out ones, has any.

@@ -72,7 +72,9 @@ def common_step(recordings: Sequence[Recording], joint: int) -> float:
 
 
 def refined(values: np.ndarray, step: float) -> float:
-    """The step by least squares of values (n,) that are its multiples, the small ones first, whose counts are sure."""
+    """Give the step by least squares of values (n,) that are its multiples, the small ones first, whose counts are
+    sure.
+    """
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
         near = values[np.abs(values) <= share * np.abs(values).max()]

@@ -25,7 +25,7 @@ class Dependence:
 def dependences(
     fitted: list[MissingTorque], held_out: list[MissingTorque], joints: tuple[str, ...]
 ) -> list[Dependence]:
-    """Inputs by the share of held-out missing torque that a curve fitted on the other recordings predicts."""
+    """Rank inputs by the share of held-out missing torque that a curve fitted on the other recordings predicts."""
     out = []
     for name, get in INPUTS.items():
         share, joint = 0.0, 0

@@ -33,7 +33,7 @@ class Roles:
     alone: str = ""
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
-        """These roles, if one recording alone shows what a model lacks, and `world` lacks it still."""
+        """Give these roles, if one recording alone shows what a model lacks, and `world` lacks it still."""
         return self if self.alone and max(shown(evidence, world)) > LOUD else None
 
 
@@ -68,7 +68,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
 
 
 def halves(rec: Recording) -> tuple[Recording, Recording]:
-    """The first and the second half of a recording."""
+    """Give the first and the second half of a recording."""
     middle, out = len(rec.time) // 2, []
     for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
         cut = {key: value[rows] for key in ("time", "episode", *SIGNALS) if (value := getattr(rec, key)) is not None}

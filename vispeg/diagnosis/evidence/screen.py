@@ -77,7 +77,7 @@ def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[
 
 
 def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list[list[tuple[str, str]]]:
-    """What every arm has in every joint and this world has not yet, by kind: friction, rotor inertia, bias.
+    """Give what every arm has in every joint and this world has not yet, by kind: friction, rotor inertia, bias.
 
     Kinds (`Effect.common`) that are `done` are not asked for again.
     """
@@ -90,7 +90,7 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
 
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """The scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
+    """Give the scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
     top = scores[0].gain if scores else 0.0
     return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
 
@@ -124,7 +124,7 @@ def screen(
 
 
 def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
-    """The score of effects that are tried at once, each with its magnitudes."""
+    """Give the score of effects that are tried at once, each with its magnitudes."""
     members = [m for m in members if np.linalg.norm(m.columns[:, : len(m.names)]) > 1e-6]
     if len(members) < 2:
         return None
@@ -167,7 +167,9 @@ def _magnitudes(signature: Signature, coefficients: np.ndarray) -> dict[str, flo
 
 
 def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same least-squares problem with as few rows as columns: [R Q'b] of s = QR, worked out some rows at a time."""
+    """Give the same least-squares problem with as few rows as columns: [R Q'b] of s = QR, worked out some rows at a
+    time.
+    """
     k = s.shape[1]
     upper = np.zeros((0, k + 1))
     for start in range(0, len(s), ROWS):

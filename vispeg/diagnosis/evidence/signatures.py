@@ -61,7 +61,7 @@ class Signature:
         return all(inside)
 
     def placed(self, coefficients: Sequence[float]) -> EffectInstance:
-        """The effect with the values at which a fit should start."""
+        """Give the effect with the values at which a fit should start."""
         kind, values = effect(self.probe.effect), {}
         for m, c in zip(self.names, coefficients, strict=False):
             p, reach = kind.params[m], self.probe.params[m].value - kind.params[m].null
@@ -102,7 +102,7 @@ class Probe:
 
 
 def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[JointData]) -> list[Probe]:
-    """The probes of all these (effect, where); some have several."""
+    """Give the probes of all these (effect, where); some have several."""
     out = []
     for name, where in places:
         kind = effect(name)
@@ -114,7 +114,7 @@ def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[J
 
 
 def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]) -> list[Signature]:
-    """What each probe takes off the `residual` of `world` on this evidence."""
+    """Give what each probe takes off the `residual` of `world` on this evidence."""
     after = evidence.each_residual([world.add(v) for probe in probes for v in probe.variants])
     out = []
     for probe in probes:
@@ -126,7 +126,7 @@ def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: S
 
 
 def _drop(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """What a parameter takes off a whitened residual; nothing where its rollout ran wild."""
+    """Give what a parameter takes off a whitened residual; nothing where its rollout ran wild."""
     return np.where(np.abs(after) > WILD, 0.0, before - after).astype(np.float32)
 
 
@@ -136,7 +136,7 @@ def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:
 
 
 def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
-    """An effect at a place with the values that the data suggest; none where they rule it out."""
+    """Give an effect at a place with the values that the data suggest; none where they rule it out."""
     kind, joints = effect(name), item.robot.joints
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]
@@ -151,7 +151,7 @@ def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) 
 
 
 def _most(data: JointData) -> dict[str, float]:
-    """Unit -> greatest value of a probe: no effect makes more torque than is missing.
+    """Map each unit to the greatest value of a probe: no effect makes more torque than is missing.
 
     Half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would stop a wrist; no signature is linear
     so far from null.

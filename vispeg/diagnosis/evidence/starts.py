@@ -17,7 +17,7 @@ from vispeg.worlds.world import World
 
 
 def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
-    """The world with those of the effects at `asked` that are distant and sit in a joint at their best guesses.
+    """Give the world with those of the effects at `asked` that are distant and sit in a joint at their best guesses.
 
     The effects of one joint are tried in all combinations, joint by joint, beside the values that they have.
     """
@@ -37,7 +37,7 @@ def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
 
 
 def _with(world: World, at: Sequence[int], placed: Sequence[EffectInstance]) -> World:
-    """The world with other effects at these indices."""
+    """Give the world with other effects at these indices."""
     effects = list(world.effects)
     for i, e in zip(at, placed, strict=True):
         effects[i] = e

@@ -24,7 +24,7 @@ class BorderSearch(PictureSearch):
     least_share = LEAST_SHARE  # projections are nearly exact: pixels count (`Agreement`)
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Adds effects until none earns its place; then lets what does as well with less take the place of others."""
+        """Add effects until none earns its place; then let what does as well with less take the place of others."""
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = super().run(world, n_fixed)
         for _ in range(ROUNDS):
@@ -56,7 +56,7 @@ class BorderSearch(PictureSearch):
         return (alone[0], trials) if alone else None
 
     def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
-        """An effect in whose place another one does better, all else fitted anew."""
+        """Give an effect in whose place another one does better, all else fitted anew."""
         best, chosen = (1.0 - BETTER) * float(state.loss.sum()), state.world.effects[n_fixed:]
         replacement = None
         for placed in chosen if len(chosen) > 1 else ():

@@ -74,7 +74,7 @@ class Excitation:
 
 
 def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
-    """What typical effects, all their numbers at once, do to the borders to judge on."""
+    """Give what typical effects, all their numbers at once, do to the borders to judge on."""
     out = []
     for name, where in search.places(world):
         kind = effect(name)
@@ -86,7 +86,8 @@ def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
 
 
 def not_excited(excitations: Sequence[Excitation]) -> list[dict]:
-    """The effects of which a typical size would change these pictures by less than can be told, why, and what shows it.
+    """Give the effects of which a typical size would change these pictures by less than can be told, why, and what
+    shows it.
 
     An effect of which one number alone is silent is listed with that number.
     """
@@ -110,6 +111,6 @@ def _why(e: Excitation) -> str:
 
 
 def motion_between(effect_name: str, others: Sequence[str]) -> str:
-    """The motion that tells an effect from others."""
+    """Give the motion that tells an effect from others."""
     words = [SEPARATE.get(frozenset({effect_name, other})) for other in others]
     return next((w for w in words if w), MOVE)

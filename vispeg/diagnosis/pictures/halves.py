@@ -41,7 +41,7 @@ class Halves:
 
 
 def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:
-    """The world's effects fitted to every other view and to the rest; None where nothing was fitted."""
+    """Give the world's effects fitted to every other view and to the rest; None where nothing was fitted."""
     if len(world.effects) <= n_fixed:
         return None
     evidence, judged = borders

@@ -29,7 +29,7 @@ Parts = tuple[tuple[str, ...], ...]
 
 
 def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, tuple[str, ...]]:
-    """The state with every found effect in as few of its parts as the pictures ask for.
+    """Give the state with every found effect in as few of its parts as the pictures ask for.
 
     An effect that is a part of a wider one, as `depth_scale` is of `depth_bias`, gives way to it where another part is
     what there is.
@@ -77,7 +77,7 @@ def _put(world: World, index: int, placed: EffectInstance) -> World:
 def _fitted(
     search: PictureSearch, state: State, world: World, n_fixed: int, held: Sequence[tuple[str, str]] = ()
 ) -> State:
-    """The state of another world, fitted with some parameters of effects held, its intervals confirmed."""
+    """Give the state of another world, fitted with some parameters of effects held, its intervals confirmed."""
     search = copy(search)
     assert isinstance(search.evidence, SensorEvidence) and isinstance(search.judged, SensorEvidence)
     search.evidence, search.judged = search.evidence.holding(held), search.judged.holding(held)
@@ -88,7 +88,7 @@ def _fitted(
 
 
 def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
-    """The sets of fewest parts beside which a fit cannot tell the others from none, the likeliest first.
+    """Give the sets of fewest parts beside which a fit cannot tell the others from none, the likeliest first.
 
     Args:
         fit: with all parts free.

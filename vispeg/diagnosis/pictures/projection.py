@@ -62,7 +62,7 @@ class Projection:
 
 
 def projections(geometry: Geometry, before: World, after: World, fit: Fit | None) -> list[Projection]:
-    """The shift of every camera's picture from one world to another, near and far."""
+    """Give the shift of every camera's picture from one world to another, near and far."""
     out = []
     for camera in geometry.cameras:
         for distance in DISTANCES:

@@ -42,7 +42,7 @@ class Left:
 def left_over(
     fitted: Sequence[tuple[Sight, Points]], judged: Sequence[tuple[Sight, Points]], parts: Sequence[str]
 ) -> list[Left]:
-    """Inputs by how much of the held-out misplacements a field over them predicts.
+    """Rank inputs by how much of the held-out misplacements a field over them predicts.
 
     Args:
         fitted, judged: sights with the border points as the final world predicts them, sought in a wide window.
@@ -131,7 +131,7 @@ def _standing(
 
 
 def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
-    """Readings of all points with an edge, side by side."""
+    """Put the readings of all points with an edge, side by side."""
     rows = []
     for sight, p in some:
         good = np.isfinite(p.along)

@@ -49,7 +49,7 @@ def diagnose_pictures(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Finds the effects that `world` lacks in what its cameras see; every error in the record is on `held_out`.
+    """Find the effects that `world` lacks in what its cameras see; every error in the record is on `held_out`.
 
     Args:
         world: the model, its effects at places of the scene.
@@ -177,7 +177,7 @@ def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:
 def _seen_anew(
     search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence], n_fixed: int
 ) -> tuple[BorderSearch, State]:
-    """The search and the state on edges that were aligned, and trusted, with what was found in the model.
+    """Give the search and the state on edges that were aligned, and trusted, with what was found in the model.
 
     What the alignment does not free (a read-out time) it takes for the robot's errors, and edges for outliers.
     """

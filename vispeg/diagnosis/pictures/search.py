@@ -74,17 +74,17 @@ class PictureSearch(Loop[State, Trial], Shown):
         return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
-        """What `step` tries, what is doubted behind what is not."""
+        """Give what `step` tries, what is doubted behind what is not."""
         trials = self.questioned(state, self.step(state, n_fixed), n_fixed)
         state.screening = [t.score for t in trials]
         return trials
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """What the effect that came in made superfluous goes out."""
+        """Take out what the effect that came in made superfluous."""
         self._prune(state, n_fixed)
 
     def questioned(self, state: State, trials: list[Trial], n_fixed: int) -> list[Trial]:
-        """The trials, those that pass and are doubted after all behind the first that is not."""
+        """Give the trials, those that pass and are doubted after all behind the first that is not."""
         doubted = []
         for t in trials:
             why = t.rejected or self.doubt(t.score.placed, t.fit.world, state.world, n_fixed)
@@ -102,12 +102,14 @@ class PictureSearch(Loop[State, Trial], Shown):
         return self.least
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """The multiple of an effect, which one of two worlds has more than the other, that changes pictures enough."""
+        """Give the multiple of an effect, which one of two worlds has more than the other, that changes pictures
+        enough.
+        """
         changed = self.judged.change(world, without)
         return self.least_of(placed) / changed if changed > 0 else np.inf
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Adds what a trial tried, one of `trials`."""
+        """Add what a trial tried, one of `trials`."""
         self.say(f"{trial.score.label}: {self.judged.error(trial.fit.world):.2f} {self.judged.unit} left")
         state.steps.append((trial, trials))
         state.take(trial.fit, trial.loss)
@@ -230,7 +232,7 @@ class PictureSearch(Loop[State, Trial], Shown):
         return State(world, loss, residual, fit, state.first, state.steps)
 
     def _prune(self, state: State, n_fixed: int) -> None:
-        """Takes out, one by one, what the others have made superfluous."""
+        """Take out, one by one, what the others have made superfluous."""
         while len(state.world.effects) - n_fixed > 1:
             rests = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
             gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]
@@ -249,7 +251,7 @@ class PictureSearch(Loop[State, Trial], Shown):
             state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
 
     def _secants(self, name: str, where: str) -> dict[str, EffectInstance]:
-        """An effect with one magnitude after the other at a typical size, by that magnitude; the others absent."""
+        """Give an effect with one magnitude after the other at a typical size, by that magnitude; the others absent."""
         kind = effect(name)
         rest = {k: p.null for k, p in kind.params.items() if not p.shape}
         sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}

@@ -55,7 +55,7 @@ class SensorSearch(PictureSearch):
         return max(super().least_times(placed, world, without), min(odd, default=np.inf))
 
     def excitations(self, world: World) -> list[Excitation]:
-        """What every effect's numbers, one by one at a typical size, change in the frames to judge on."""
+        """Give what every effect's numbers, one by one at a typical size, change in the frames to judge on."""
         return [self._excitation(world, *at) for at in super().places(world)]
 
     def _excitation(self, world: World, name: str, where: str) -> Excitation:
@@ -157,7 +157,7 @@ def sensor_search(
     say: Callable[[str], None],
     progress: Progress | None = None,
 ) -> list[Sensed]:
-    """What the frames say of depth and light.
+    """Give what the frames say of depth and light.
 
     Args:
         scene: the cell.
@@ -192,7 +192,7 @@ def sensor_search(
 def shots_by(
     predictor: Predictor, sights: Sequence[Sight], borders: BorderEvidence, world: World
 ) -> list[tuple[Sight, list[Shot]]]:
-    """The frames of sights as a world predicts them, at the postures that their borders ask for."""
+    """Give the frames of sights as a world predicts them, at the postures that their borders ask for."""
     return [
         (sight, shots_of(predictor, sight, world, posture))
         for sight, posture in zip(sights, borders.postures(world), strict=True)

@@ -28,7 +28,7 @@ from vispeg.identify.fit import Fit
 
 
 def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
-    """The state with intervals that allow for where the recordings to judge on would put its effects."""
+    """Give the state with intervals that allow for where the recordings to judge on would put its effects."""
     if state.fit is None or len(state.world.effects) <= n_fixed:
         return state
     (other,) = search.fits([state.world], n_fixed, search.judged)
@@ -61,7 +61,7 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
 
 
 def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0) -> Fit:
-    """A fit whose standard errors and 95 % intervals allow for where another recording's fit ended.
+    """Give a fit whose standard errors and 95 % intervals allow for where another recording's fit ended.
 
     Args:
         fit, other: of the same effects.

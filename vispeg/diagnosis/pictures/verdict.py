@@ -32,7 +32,7 @@ def decide(
     moved: tuple[str, float] | None = None,
     field: float = 0.0,
 ) -> Verdict:
-    """The verdict.
+    """Give the verdict.
 
     Args:
         before, after: held-out misplacement of the borders, RMS px; 0 where no border is in view.
@@ -79,7 +79,7 @@ def decide(
 
 
 def _left(text: str, on: Sequence[Left] = ()) -> Verdict:
-    """What remains, and what it depends on."""
+    """Give what remains, and what it depends on."""
     depends = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in on]
     return Verdict("unexplained", text, {"depends_on": depends, "text": text}, partial=True)
 
@@ -89,12 +89,14 @@ def _on(x: Left) -> str:
 
 
 def _convinces(x: Left) -> bool:
-    """A share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near it."""
+    """Give a share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near
+    it.
+    """
     return (x.share >= CONVINCING and x.size >= VISIBLE) or (x.share >= MARKED and x.size >= LARGE)
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
-    """The verdict on borders, with what the same pictures say of the sensor: what is left decides there, too."""
+    """Give the verdict on borders, with what the same pictures say of the sensor: what is left decides there, too."""
     if borders.verdict == "unexplained":
         return borders
     for s in sensed:

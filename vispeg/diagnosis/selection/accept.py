@@ -113,12 +113,12 @@ def likelier(t: Trial, first: Trial) -> bool:
 
 
 def _own(t: Trial) -> Sequence[EffectInstance]:
-    """What a candidate added, with fitted values."""
+    """Give what a candidate added, with fitted values."""
     return t.fit.world.effects[-t.score.count :]
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:
-    """The score from which on these of `tested` places pass at the rate `DISCOVERIES` of false discoveries.
+    """Give the score from which on these of `tested` places pass at the rate `DISCOVERIES` of false discoveries.
 
     Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995; places that were not fitted
     count as tested.

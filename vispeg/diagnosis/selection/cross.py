@@ -49,12 +49,12 @@ class Cross:
         return self.judge.loss(moved)
 
     def loss_of(self, fit: Fit | None, residual: np.ndarray) -> np.ndarray:
-        """The same of a fit, or of a world to which nothing was fitted."""
+        """Give the same of a fit, or of a world to which nothing was fitted."""
         return self.loss(residual, None if fit is None else fit.jacobian)
 
 
 def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A fit without the axes `gone`, which go to their `null` (naxis,), the others moving to the new optimum.
+    """Give a fit without the axes `gone`, which go to their `null` (naxis,), the others moving to the new optimum.
 
     Returns:
         coordinates (naxis,), residual and Jacobian of the axes that stay, to first order.
@@ -75,7 +75,7 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
 
 
 def on_held_out(judge: Judge, fit: Fit) -> Fit:
-    """The same fit with its residual and its derivatives on the held-out recordings."""
+    """Give the same fit with its residual and its derivatives on the held-out recordings."""
     steps = fit.space.steps(fit.u)
     moved = [fit.space.at(fit.u + step) for step in np.diag(steps)]
     residual, *after = judge.evidence.residuals([fit.world, *moved])

@@ -20,7 +20,7 @@ STEPS = 1  # that a search with the body may take to be better
 
 
 def gathered(search: Search, state: State, n_fixed: int) -> bool:
-    """Puts a body with a mass and a place in the place of all that links were given, where that is better; whether it
+    """Put a body with a mass and a place in the place of all that links were given, where that is better; whether it
     was.
     """
     links = of_links(search, state, n_fixed)

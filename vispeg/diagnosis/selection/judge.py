@@ -59,7 +59,7 @@ class Judge:
         return [self.loss(r) for r in self.evidence.each_residual(worlds)]
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
-        """Summed squared whitened residual of each block and joint."""
+        """Give the summed squared whitened residual of each block and joint."""
         return self._by_cell(np.minimum(residual**2, CAP) * self.valid)
 
     def _by_cell(self, values: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ class Judge:
 
 
 def _z(diff: np.ndarray) -> float:
-    """Standard normal score of Wilcoxon's signed-rank test that the differences are above 0."""
+    """Give the standard normal score of Wilcoxon's signed-rank test that the differences are above 0."""
     if not np.any(diff):
         return 0.0
     p = stats.wilcoxon(diff, alternative="greater").pvalue
@@ -128,5 +128,5 @@ def adds(fit: Fit, count: int) -> bool:
 
 
 def parameters(world: World) -> int:
-    """Number of free parameters."""
+    """Give the number of free parameters."""
     return sum(len(e.params) for e in world.effects)

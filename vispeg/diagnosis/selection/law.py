@@ -35,7 +35,7 @@ FITTED = 2  # of those starts, of each kind
 
 
 def refined(search: Search, state: State, n_fixed: int) -> bool:
-    """Puts a richer law in the place of a simple one where it earns that; whether one came in."""
+    """Put a richer law in the place of a simple one where it earns that; whether one came in."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
     for simple, kind in laws(search, state.world, n_fixed):
         removed = _removed(search, state, simple)
@@ -66,7 +66,9 @@ def refined(search: Search, state: State, n_fixed: int) -> bool:
 
 
 def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
-    """What stands in several joints of a world, and each kind that contains it under the same names of magnitudes."""
+    """Yield what stands in several joints of a world, and each kind that contains it under the same names of
+    magnitudes.
+    """
     for name in dict.fromkeys(e.effect for e in world.effects[n_fixed:] if effect(e.effect).family == "joint"):
         simple = [e for e in world.effects[n_fixed:] if e.effect == name]
         taken = {(e.effect, e.where) for e in world.effects}
@@ -106,7 +108,9 @@ def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Ef
 def _fitted(
     search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
 ) -> Trial:
-    """The best fit of a richer law in the place of the simple one, from several starts, on the held-out recordings."""
+    """Give the best fit of a richer law in the place of the simple one, from several starts, on the held-out
+    recordings.
+    """
     worlds = [without(state.world, simple).add(*start) for start in starts]
     fits = search.fits(worlds, n_fixed, races=[Race()] * len(worlds))
     losses = search.judge.losses([f.world for f in fits])
@@ -134,13 +138,13 @@ def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectI
 
 
 def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
-    """The first FITTED of each kind."""
+    """Give the first FITTED of each kind."""
     kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
     return [s for some in kinds for s in some[:FITTED]]
 
 
 def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
-    """Puts a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
+    """Put a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
 
     The richer one's own fit, from afar, is easily caught where the simpler one explains most.
     """

@@ -48,14 +48,14 @@ class Loop(ABC, Generic[S, T]):
 
     @abstractmethod
     def offers(self, state: S, n_fixed: int) -> list[T]:
-        """What a step tries beside a state, fitted and judged; the best that passes before others that pass."""
+        """Give what a step tries beside a state, fitted and judged; the best that passes before others that pass."""
 
     @abstractmethod
     def take(self, state: S, trial: T, trials: list[T], n_fixed: int) -> None:
-        """Adds what a trial tried, one of `trials`."""
+        """Add what a trial tried, one of `trials`."""
 
     def settle(self, state: S, trial: T, before: S, n_fixed: int) -> None:
-        """What a state asks for once a trial came in: a richer effect in its place, others taken out."""
+        """Give what a state asks for once a trial came in: a richer effect in its place, others taken out."""
 
     def announce(self, state: S) -> None:
         """Says where the search stands before a step."""
@@ -65,7 +65,7 @@ class Loop(ABC, Generic[S, T]):
         return (self.advance,)
 
     def run(self, world: World, n_fixed: int | None = None) -> S:
-        """Adds effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
+        """Add effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
 
         By default all of `world` stays as it is.
         """
@@ -81,7 +81,7 @@ class Loop(ABC, Generic[S, T]):
             pass
 
     def advance(self, state: S, n_fixed: int) -> bool:
-        """Adds the effect that earns its place best; False where none does, or where it did not stay."""
+        """Add the effect that earns its place best; False where none does, or where it did not stay."""
         before = copy(state)
         self.announce(state)
         trials = self.offers(state, n_fixed)

@@ -50,7 +50,7 @@ class Ground:
         return SURE * self.left(k)
 
     def left(self, k: int) -> float:
-        """The excess where an entry sits."""
+        """Give the excess where an entry sits."""
         return self.excess.get(self.dictionary.entries[k].placed.where, self.excess[""])
 
 

@@ -57,7 +57,7 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
 
 
 def all_common(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """What every arm has, all of it at once, in the joint that misses most."""
+    """Give what every arm has, all of it at once, in the joint that misses most."""
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(missing)))]
     places = [(name, where) for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]

@@ -82,7 +82,9 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """The same for single places; those that were screened beside the same world before are not screened again."""
+        """Give the same for single places; those that were screened beside the same world before are not screened
+        again.
+        """
         fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
         if fresh:
             self.screened(world, residual, fit, fresh, missing)
@@ -90,7 +92,7 @@ class Proposals:
         return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """What each effect of the fit costs beside every other candidate, and what may stand in its place.
+        """Give what each effect of the fit costs beside every other candidate, and what may stand in its place.
 
         None where nothing was fitted.
         """

@@ -31,7 +31,7 @@ LOCAL = 0.01  # of the squared residual in its own joint that a member of a grou
 
 
 def prune(search: Search, state: State, n_fixed: int) -> None:
-    """Drops from the state what is not needed, the least needed first, and fits the rest anew."""
+    """Drop from the state what is not needed, the least needed first, and fit the rest anew."""
     spare = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
         useless = _spare(search, state, n_fixed) if spare else []
@@ -80,7 +80,7 @@ def _spare(search: Search, state: State, n_fixed: int) -> list[int]:
 
 
 def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
-    """The effect that the held-out recordings need least, if they do not need it."""
+    """Give the effect that the held-out recordings need least, if they do not need it."""
     fit = state.fit
     assert fit is not None
     null, places = null_of(fit), list(range(n_fixed, len(state.world.effects)))

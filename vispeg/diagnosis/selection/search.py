@@ -79,7 +79,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
-        """What `step` tries."""
+        """Give what `step` tries."""
         return self.step(state, n_fixed)
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
@@ -127,7 +127,9 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= AT_FLOOR - 1.0
 
     def scored(self, state: State) -> list[Score]:
-        """The candidates beside a state, best first by the share of the fitted error that each promises to explain."""
+        """Give the candidates beside a state, best first by the share of the fitted error that each promises to
+        explain.
+        """
         missing = self.missing(state.world)
         near, _, together = self.places(state, missing)
         return self.screened(state.world, state.residual, state.fit, near, missing, together)
@@ -149,7 +151,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return near, rest, common
 
     def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
-        """The groups of what every arm has in every joint that no step of the search took yet."""
+        """Give the groups of what every arm has in every joint that no step of the search took yet."""
         asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
         done = {effect(e.effect).common for score in asked for e in score.beside}
         return groups(self.evidence, state.world, done)
@@ -164,7 +166,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Trial]:
-        """The same at these places, for the `groups`, and with `several` for what `together` proposes.
+        """Give the same at these places, for the `groups`, and with `several` for what `together` proposes.
 
         `tested` places in all share the level of the test. Groups are tried where no effect alone promises as much.
         """
@@ -202,7 +204,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """The same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
+        """Give the same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
 
         With a `goal`, a mean squared residual, each gives up where it cannot come to it instead. A rollout of many rows
         costs little more than one of a few.
@@ -227,7 +229,9 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return out
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """What might stand in the place of an effect that `state` is without, best first; how many were screened."""
+        """Give what might stand in the place of an effect that `state` is without, best first; how many were
+        screened.
+        """
         joints = self.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
@@ -280,7 +284,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return self.fits(worlds, n_fixed, iterations=5, columns=columns)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Adds what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
+        """Add what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None:

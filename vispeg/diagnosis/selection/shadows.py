@@ -30,7 +30,7 @@ STEPS = 3  # that it may take to be
 
 
 def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
-    """Drops the members at a bound of what just came in, if the others are better than the held-out loss `before`."""
+    """Drop the members at a bound of what just came in, if the others are better than the held-out loss `before`."""
     gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
     if gone and len(gone) < score.count:
         other = lacking(search, state, gone, n_fixed)
@@ -40,7 +40,7 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
 
 
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
-    """Takes a kind of shadows out of a state where a search without them gets further; whether it did.
+    """Take a kind of shadows out of a state where a search without them gets further; whether it did.
 
     The same are not asked for twice beside the same effects: no search goes round in a circle.
     """
@@ -85,7 +85,7 @@ def _again(state: State, n_fixed: int) -> list[EffectInstance]:
 
 
 def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
-    """What not every arm has in the joint with the greatest error, where so much is left that something is wrong.
+    """Give what not every arm has in the joint with the greatest error, where so much is left that something is wrong.
 
     None where that joint has all that every arm has; nor where nothing else came in, for a search begins so.
     """
@@ -101,7 +101,7 @@ def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance
 
 
 def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
-    """A state without some effects, the others fitted anew; steps that brought in nothing else were none."""
+    """Give a state without some effects, the others fitted anew; steps that brought in nothing else were none."""
     world, fit = without(state.world, gone), None
     if len(world.effects) > n_fixed:
         (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])
@@ -115,7 +115,7 @@ def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixe
 
 
 def become(state: State, other: State) -> None:
-    """The state of another search."""
+    """Give the state of another search."""
     assert other.fit is not None
     state.take(other.fit, other.loss)
     state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening

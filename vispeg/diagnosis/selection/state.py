@@ -54,11 +54,11 @@ class State:
     slight: frozenset[str] = frozenset()  # labels of what held-out data want, though it removes no visible share
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
-        """The state of a fit, with its held-out loss."""
+        """Give the state of a fit, with its held-out loss."""
         self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
 
     def derivatives(self, out: Sequence[EffectInstance] = ()) -> np.ndarray | None:
-        """Derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
+        """Give the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
         if self.fit is None:
             return None
         if not out:
@@ -68,7 +68,7 @@ class State:
         return self.fit.jacobian[:, stay]
 
     def brought(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
-        """The step that brought in an effect by itself, if the others stand beside it that stood beside it then.
+        """Give the step that brought in an effect by itself, if the others stand beside it that stood beside it then.
 
         What else was tried in that step was tried in its place. None otherwise, or where it alone was tried later on.
         """
@@ -107,7 +107,7 @@ class State:
 
 
 def without(world: World, effects: Sequence[EffectInstance]) -> World:
-    """The world without some of its effects."""
+    """Give the world without some of its effects."""
     for e in effects:
         world = world.without(e.effect, e.where)
     return world

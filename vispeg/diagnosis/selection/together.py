@@ -91,7 +91,7 @@ def prior(a: EffectInstance, b: EffectInstance) -> float:
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Puts better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
+    """Put better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
     for _ in range(ROUNDS):
         moved = False
         for k in list(chosen):
@@ -110,7 +110,7 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
 
 
 def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Takes out of `chosen` what carries less than half of what one more must; the error that is left then."""
+    """Take out of `chosen` what carries less than half of what one more must; the error that is left then."""
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])

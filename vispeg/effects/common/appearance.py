@@ -28,7 +28,7 @@ class LightLook(Effect):
     family = "appearance"
 
     def targets(self, model: Any) -> list[str]:
-        """The scene's lights."""
+        """Give the scene's lights."""
         return list(getattr(model, "lights", ()))
 
 

@@ -39,13 +39,13 @@ class CameraEffect(Effect):
                 yield int(row), camera, {k: float(v[row]) for k, v in here.items()}
 
     def rows(self, p: Values) -> np.ndarray:
-        """Indices of the images in which some magnitude is away from null; only those are touched."""
+        """Give the indices of the images in which some magnitude is away from null; only those are touched."""
         at_work = [np.asarray(p[name]) != self.params[name].null for name in self.magnitudes]
         return np.flatnonzero(np.any(at_work, axis=0))
 
 
 def seed_param(doc: str) -> Param:
-    """A shape parameter that picks one of the random forms an effect can take, so that a drawn world replays."""
+    """Give a shape parameter that picks one of the random forms an effect can take, so that a drawn world replays."""
     return Param(0.0, 0.0, SEED_MAX, "1", start=0.0, shape=True, doc=doc)
 
 

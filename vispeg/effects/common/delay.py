@@ -41,7 +41,7 @@ class DelayLine:
         return out.reshape(value.shape)
 
     def _grow(self, size: int) -> None:
-        """Makes room for `size` values; before the oldest one it held the oldest."""
+        """Make room for `size` values; before the oldest one it held the oldest."""
         order = (self.head + 1 + np.arange(self.size)) % self.size  # oldest first
         past = self.buffer[order]  # type: ignore[index]
         self.buffer = np.concatenate([np.repeat(past[:1], size - self.size, axis=0), past])

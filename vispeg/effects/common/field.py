@@ -33,7 +33,8 @@ def _quantiles() -> np.ndarray:
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, int], length: float) -> np.ndarray:
-    """A Gaussian field (H, W) float32 of mean 0 and variance 1, whose correlation falls as exp(-r^2 / (4 length^2)).
+    """Give a Gaussian field (H, W) float32 of mean 0 and variance 1, whose correlation falls as exp(-r^2 / (4
+    length^2)).
 
     White noise through a Gaussian of standard deviation `length` px, divided by the kernel's norm. The noise is made
     wider than the image, so that the variance is the same at its border.
@@ -74,7 +75,8 @@ def persistent(
     length: np.ndarray,
     rho: np.ndarray,
 ) -> np.ndarray:
-    """A field (len(rows), H, W) of variance 1 for some images, of which each frame keeps a share `rho` of the last.
+    """Give a field (len(rows), H, W) of variance 1 for some images, of which each frame keeps a share `rho` of the
+    last.
 
     First-order autoregression, e <- rho e + sqrt(1 - rho^2) n: its correlation over k frames is rho^k.
     """

@@ -42,6 +42,6 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
 
 
 def free_step(theta, omega, tau, x, inertia):
-    """The same with open gear: the motor turns on its own inertia (> 0)."""
+    """Give the same with open gear: the motor turns on its own inertia (> 0)."""
     new = omega + x.h * tau / inertia
     return theta + 0.5 * x.h * (omega + new), new

@@ -25,7 +25,7 @@ RADIANCE = (b"#?RADIANCE", b"#?RGBE")
 
 
 def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]:
-    """The images with one of these file name endings, sorted.
+    """Give the images with one of these file name endings, sorted.
 
     Args:
         endings: lower case, with their dots.
@@ -52,14 +52,14 @@ def images(endings: tuple[str, ...], training: bool = False) -> tuple[Path, ...]
 
 
 def picked(endings: tuple[str, ...], share: float, training: bool = False) -> Path:
-    """The image at `share` (0 to 1) of the sorted list."""
+    """Give the image at `share` (0 to 1) of the sorted list."""
     paths = images(endings, training)
     return paths[min(int(share * len(paths)), len(paths) - 1)]
 
 
 @lru_cache(maxsize=64)
 def picture(path: Path, size: int) -> np.ndarray:
-    """A PNG's or JPEG's middle square, (size, size, 3) float32 in [0, 1], sRGB.
+    """Give a PNG's or JPEG's middle square, (size, size, 3) float32 in [0, 1], sRGB.
 
     Raises:
         UserError: it cannot be read, or is larger than `PIXELS`.
@@ -83,7 +83,7 @@ def picture(path: Path, size: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def environment(path: Path, rows: int = 128) -> np.ndarray:
-    """A Radiance .hdr's linear light, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
+    """Give a Radiance .hdr's linear light, (rows, 2 rows, 3) float32 RGB; its top row is the zenith.
 
     Raises:
         UserError: it is not a Radiance file, is damaged, or is larger than `PIXELS`.
@@ -101,7 +101,7 @@ def environment(path: Path, rows: int = 128) -> np.ndarray:
 
 
 def refuse_huge(path: Path, area: int) -> None:
-    """A UserError where an image has more pixels than anybody needs for a texture."""
+    """Give a UserError where an image has more pixels than anybody needs for a texture."""
     if area > PIXELS:
         raise UserError("is too large for a texture", file=path, expected=f"at most {PIXELS:,} pixels", got=area)
 

@@ -14,7 +14,7 @@ def tensor(fields, body: int) -> np.ndarray:
 
 
 def add_ball(fields, body: int, mass: np.ndarray, point: np.ndarray, radius: np.ndarray) -> None:
-    """Adds a ball (nsim,) kg of `radius` (nsim,) m at `point` (nsim, 3) m in the body frame; rows with no mass stay."""
+    """Add a ball (nsim,) kg of `radius` (nsim,) m at `point` (nsim, 3) m in the body frame; rows with no mass stay."""
     rows = mass != 0
     if not rows.any():
         return

@@ -26,7 +26,7 @@ def to_linear(rgb: np.ndarray) -> np.ndarray:
 
 
 def to_srgb(light: np.ndarray) -> np.ndarray:
-    """Encoded values in [0, 1] from linear light, cut to [0, 1] as a full well and a dark pixel do; float32."""
+    """Encode linear light in [0, 1], cut to [0, 1] as a full well and a dark pixel do; float32."""
     import cv2
 
     light = np.clip(light, 0, 1, dtype=np.float32)
@@ -44,7 +44,7 @@ class LightEffect(CameraEffect):
     """A fault that acts on linear light, image by image. A pipeline decodes once for several of them in a row."""
 
     def light(self, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> Through:
-        """What becomes of the light of one image of the frame; the result need not be cut to [0, 1]."""
+        """Give what becomes of the light of one image of the frame; the result need not be cut to [0, 1]."""
         raise NotImplementedError
 
     def image(self, state, frame, p, rng):
@@ -52,7 +52,7 @@ class LightEffect(CameraEffect):
 
 
 def pass_light(chain: Sequence[tuple[LightEffect, Values, Sequence[np.random.Generator]]], frame: Frame) -> None:
-    """Passes the images of a frame through several effects, each image through those that are at work in it."""
+    """Pass the images of a frame through several effects, each image through those that are at work in it."""
     if frame.rgb is None:
         return
     rows = [set(kind.rows(p).tolist()) for kind, p, _ in chain]

@@ -20,7 +20,9 @@ KEY = 0.18  # the middle grey that a picture's average is brought to
 
 @lru_cache(maxsize=4)
 def directions(size: int) -> np.ndarray:
-    """Unit vectors (6 size, size, 3) in the world frame that the texels of a skybox lie in, faces in MuJoCo's order."""
+    """Give the unit vectors (6 size, size, 3) in the world frame that the texels of a skybox lie in, faces in
+    MuJoCo's order.
+    """
     t = (np.arange(size) + 0.5) / size * 2 - 1
     y, x = np.meshgrid(t, t, indexing="ij")
     ones = np.ones_like(x)
@@ -62,7 +64,9 @@ def log_mean(linear: np.ndarray) -> float:
 
 
 def procedural(rng: np.random.Generator, rows: int = 64) -> np.ndarray:
-    """A room or an open sky that never was: zenith, horizon and ground, dark things before them, one to four lamps."""
+    """Give a room or an open sky that never was: zenith, horizon and ground, dark things before them, one to four
+    lamps.
+    """
     hue = rng.uniform(0, 1, 3)
     zenith, horizon, ground = rgb_of_hsv(hue, rng.uniform(0, 0.7, 3), rng.uniform((0.1, 0.2, 0.02), (1, 1, 0.4)))
     high = np.cos((np.arange(rows) + 0.5) / rows * np.pi)[:, None]  # sine of the elevation
@@ -78,7 +82,9 @@ def procedural(rng: np.random.Generator, rows: int = 64) -> np.ndarray:
 
 
 def _window(rng: np.random.Generator, rows: int, zenith: tuple[float, float], half: tuple[float, float]) -> np.ndarray:
-    """A box of directions (rows, 2 rows): its centre's angle from the zenith and half height drawn from ranges, rad."""
+    """Give a box of directions (rows, 2 rows): its centre's angle from the zenith and half height drawn from ranges,
+    rad.
+    """
     t = (np.arange(2 * rows) + 0.5) / rows * np.pi
     away = np.abs((t - rng.uniform(0, 2 * np.pi) + np.pi) % (2 * np.pi) - np.pi)
     inside = np.abs(t[:rows] - rng.uniform(*zenith)) < rng.uniform(*half)

@@ -28,22 +28,22 @@ def touching(model: Any) -> list[str]:
 
 
 def held(model: Any) -> list[str]:
-    """What the gripper of a Scene holds; [] where it holds nothing."""
+    """Give what the gripper of a Scene holds; [] where it holds nothing."""
     return [model.held] if assembles(model) else []
 
 
 def fixture(model: Any) -> list[str]:
-    """What the goal of a Scene is part of; [] without a goal."""
+    """Give what the goal of a Scene is part of; [] without a goal."""
     return [model.fixture] if assembles(model) else []
 
 
 def goal(model: Any) -> list[str]:
-    """The goal of a Scene; [] without one."""
+    """Give the goal of a Scene; [] without one."""
     return [model.goal] if assembles(model) else []
 
 
 def body_of(part: str) -> str:
-    """The body of a part; the table is no body, it stands in the world itself."""
+    """Give the body of a part; the table is no body, it stands in the world itself."""
     return "tool" if part == HAND else part
 
 
@@ -53,7 +53,9 @@ def in_scene(model: Any, *places: str) -> list[str]:
 
 
 def named(model: Any, name: str) -> list[str]:
-    """The part or site of that name where a Scene has it for what is held, what it goes into, or the goal; else []."""
+    """Give the part or site of that name where a Scene has it for what is held, what it goes into, or the goal; else
+    [].
+    """
     return [name] if assembles(model) and name in (model.held, model.fixture, model.goal) else []
 
 

@@ -30,7 +30,7 @@ def uniform(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
 
 
 def normal(key: np.ndarray, tick: np.ndarray) -> np.ndarray:
-    """Standard normal numbers, as `uniform`."""
+    """Draw standard normal numbers, as `uniform`."""
     return ndtri(uniform(key, tick))
 
 

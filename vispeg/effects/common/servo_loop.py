@@ -36,7 +36,7 @@ class ServoLoop:
 
     @classmethod
     def ideal(cls, nsim: int, nj: int) -> ServoLoop:
-        """A servo that follows its goal."""
+        """Give a servo that follows its goal."""
         return cls(np.full((nsim, nj), FAST), np.ones((nsim, nj)), np.ones((nsim, nj)), np.zeros((nsim, nj)))
 
     def torque(self, goal, q, dq, inertia, last, x) -> np.ndarray:

@@ -52,7 +52,7 @@ def add(spec: mujoco.MjSpec, body: str, prefix: str, axes: tuple[str, ...], pos:
 
 
 def write(fields: Any, prefix: str, p: Values) -> None:
-    """Sets the springs `PREFIX_AXIS` to compliances p[axis] (nsim, 1); rows at 0 stay locked."""
+    """Set the springs `PREFIX_AXIS` to compliances p[axis] (nsim, 1); rows at 0 stay locked."""
     stiffness, armature, damping = (fields[name] for name in ("jnt_stiffness", "dof_armature", "dof_damping"))
     for axis, value in p.items():
         rows = np.flatnonzero(value[:, 0] > 0)

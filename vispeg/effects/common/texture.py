@@ -47,7 +47,7 @@ def checkerboard(rng: np.random.Generator) -> np.ndarray:
 
 
 def gradient(rng: np.random.Generator) -> np.ndarray:
-    """A slope up and down again across the tile, in one of eight directions."""
+    """Give a slope up and down again across the tile, in one of eight directions."""
     return np.abs(2 * (_wave(rng, 1) % 1) - 1).astype(np.float32)
 
 
@@ -76,7 +76,7 @@ KINDS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
 
 
 def stretch(values: np.ndarray) -> np.ndarray:
-    """The same pattern with its least value at 0 and its greatest at 1, float32."""
+    """Give the same pattern with its least value at 0 and its greatest at 1, float32."""
     low, high = values.min(), values.max()
     return ((values - low) / max(float(high - low), 1e-9)).astype(np.float32)
 
@@ -90,7 +90,7 @@ def _grid(rows: int, columns: int, rng: np.random.Generator | None = None) -> tu
 
 
 def _wave(rng: np.random.Generator, cells: int) -> np.ndarray:
-    """A phase that grows along a direction that closes on itself; about `cells` turns across the tile."""
+    """Give a phase that grows along a direction that closes on itself; about `cells` turns across the tile."""
     angle = rng.uniform(0, 2 * np.pi)
     m, n = round(cells * np.cos(angle)), round(cells * np.sin(angle))
     y, x = _grid(1, 1)

@@ -19,7 +19,7 @@ class WristEffect(Effect):
     searchable = False
 
     def targets(self, model: Any) -> list[str]:
-        """The flange of a cell; an arm alone carries no force sensor."""
+        """Give the flange of a cell; an arm alone carries no force sensor."""
         return in_scene(model, "flange")
 
 
@@ -29,5 +29,5 @@ def six(force: np.ndarray, torque: np.ndarray) -> np.ndarray:
 
 
 def axes(p: Values) -> np.ndarray:
-    """The parameters `fx fy fz tx ty tz` side by side: (nsim, 6)."""
+    """Give the parameters `fx fy fz tx ty tz` side by side: (nsim, 6)."""
     return np.concatenate([p[axis] for axis in (*FORCE, *TORQUE)], axis=1)

@@ -37,7 +37,9 @@ class Backlash(Effect):
     }
 
     def stable_step(self, p):
-        """A light rotor against stiff teeth runs away sooner; halves of a step, so that few worlds differ in theirs."""
+        """Note that a light rotor against stiff teeth runs away sooner; halves of a step, so that few worlds differ in
+        theirs.
+        """
         step, most = STEP, TURN * (p["motor_inertia"] * p["compliance"]) ** 0.5
         while step > max(most, LEAST_STEP):
             step /= 2

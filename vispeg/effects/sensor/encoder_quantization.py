@@ -44,7 +44,7 @@ class EncoderQuantization(Effect):
         return float(p["step"] * np.sqrt(np.average(squared, weights=weight)))
 
     def guesses(self, look):
-        """The spacing of the measured angles, where they are seen to lie on a grid wider than their noise."""
+        """Give the spacing of the measured angles, where they are seen to lie on a grid wider than their noise."""
         values = np.unique(look.raw)
         gaps = np.diff(values)
         gaps = gaps[gaps > 1e-9]

@@ -74,7 +74,7 @@ def film(job: Job, seed: int) -> Clip:
 
 
 def _view(obs: dict[str, np.ndarray]) -> np.ndarray | None:
-    """The images of row 0 side by side (h, w, 3) uint8, or None."""
+    """Give the images of row 0 side by side (h, w, 3) uint8, or None."""
     images = [picture_of(key, obs[key][0]) for key in sorted(obs) if kind_of(key) is not None]
     if not images:
         return None

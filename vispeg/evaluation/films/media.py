@@ -37,7 +37,7 @@ def film_seeds(
 
 
 def _like(job: Job, world: str, jobs: Sequence[Job]) -> Job:
-    """The job of the same network in another world."""
+    """Give the job of the same network in another world."""
     return next(j for j in jobs if j.entrant == job.entrant and j.world_name == world and not j.control)
 
 
@@ -66,7 +66,7 @@ def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path
 
 
 def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> Side:
-    """Writes a clip's video and stills at `step` into `folder`; names relative to its parent."""
+    """Write a clip's video and stills at `step` into `folder`; name relative to its parent."""
     step = min(step, len(clip.frames) - 1)
     view = None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step])
     return {

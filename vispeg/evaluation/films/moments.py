@@ -42,7 +42,7 @@ class Moment:
 
 @contextmanager
 def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tuple[Any, Any, str]]:
-    """An environment of one row, the policy, and the name of the world that it plays in.
+    """Give an environment of one row, the policy, and the name of the world that it plays in.
 
     Args:
         who: a policy, or the scripted one.

@@ -11,7 +11,7 @@ from vispeg.core.errors import UserError
 
 
 def write_video(path: Path, frames: np.ndarray, fps: float = 6.25) -> Path:
-    """Writes (T, H, W, 3) uint8 RGB frames; returns the path, with the suffix .mp4.
+    """Write (T, H, W, 3) uint8 RGB frames; return the path, with the suffix .mp4.
 
     Raises:
         UserError: frames of another shape, no ffmpeg, or one that fails.
@@ -35,7 +35,7 @@ def write_video(path: Path, frames: np.ndarray, fps: float = 6.25) -> Path:
 
 
 def ffmpeg() -> str | None:
-    """The ffmpeg that imageio-ffmpeg brings, or this machine's; None without either."""
+    """Give the ffmpeg that imageio-ffmpeg brings, or this machine's; None without either."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     try:
@@ -45,7 +45,7 @@ def ffmpeg() -> str | None:
 
 
 def write_image(path: Path, image: np.ndarray) -> Path:
-    """Writes an RGB image (H, W, 3) uint8, as its suffix says: .png, or .jpg, which is smaller."""
+    """Write an RGB image (H, W, 3) uint8, as its suffix says: .png, or .jpg, which is smaller."""
     import cv2
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ def ends(placed: EffectInstance) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def verdict(low: float, high: float, episodes: int) -> str:
-    """What the 95 % interval of the change of success says.
+    """Give what the 95 % interval of the change of success says.
 
     Args:
         low, high: of success at one end of the measurement's interval less at the other, shares.
@@ -28,5 +28,5 @@ def verdict(low: float, high: float, episodes: int) -> str:
 
 
 def words(moved: float, low: float, high: float, said: str) -> str:
-    """The change of success over the interval, a share, with its 95 % interval and its verdict."""
+    """Give the change of success over the interval, a share, with its 95 % interval and its verdict."""
     return f"over the interval success moves by {100 * moved:+.1f} points [{100 * low:+.1f}, {100 * high:+.1f}]: {said}"

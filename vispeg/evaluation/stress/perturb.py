@@ -40,7 +40,7 @@ def _listed(task: Task) -> Path:
 
 @enrol(LIST.name, lambda folder: copy(_listed(task(FIRST)), folder))
 def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosition]:
-    """The frozen list of a task, or one of the user's own.
+    """Give the frozen list of a task, or one of the user's own.
 
     Raises:
         UserError: as `read_list`; what is no number; a task without a list.

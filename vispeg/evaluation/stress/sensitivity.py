@@ -48,7 +48,7 @@ class Sweep:
     measured: bool = False
 
     def at(self, value: float) -> dict[str, float]:
-        """The parameters at one of the values."""
+        """Give the parameters at one of the values."""
         if not self.end:
             return dict.fromkeys(self.params, value)
         return {p: a + value * (b - a) for p, a, b in zip(self.params, self.start, self.end, strict=True)}
@@ -91,7 +91,7 @@ SWEEPS = {
 
 
 def sweep(text: str) -> Sweep:
-    """A sweep's name, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+    """Give a sweep's name, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
 
     Raises:
         UserError: neither, an unknown effect or parameter, values out of bounds.
@@ -151,7 +151,7 @@ def _measured(file: str) -> list[Sweep]:
 
 
 def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
-    """Raises UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
+    """Raise UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
     for what in sweeps:
         for e in who:
             if effect(what.effect).family in OPTICAL and not has_eyes(e):
@@ -169,7 +169,7 @@ def settings(world: str, name: str, what: Sweep) -> list[Setting]:
 
 
 def tag(what: Sweep, value: float) -> str:
-    """The configuration under which a value's episodes stand."""
+    """Give the configuration under which a value's episodes stand."""
     return f"{what.label}={value:g}"
 
 
@@ -239,7 +239,7 @@ def _curve(
 
 
 def _over(cost: Estimate) -> str:
-    """What the cost of the high end, against the low one, says of the measurement."""
+    """Give what the cost of the high end, against the low one, says of the measurement."""
     low, high = -cost.high, -cost.low
     return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
 

@@ -27,7 +27,7 @@ FLAT = 0.25  # of the torque that a saturated drive gives, by which that varies 
 
 
 def driven(rec: Recording, robot: RobotModel) -> Recording:
-    """The recording, or where a drive is saturated most of the time the same as one under torque control."""
+    """Give the recording, or where a drive is saturated most of the time the same as one under torque control."""
     if rec.control.mode != "position" or rec.q_cmd is None or not saturated(rec, robot).any():
         return rec
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=_asked(rec))

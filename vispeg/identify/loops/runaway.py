@@ -26,7 +26,7 @@ RUNAWAY = (
 
 
 def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
-    """The recording with what each episode shows before its loop lost the arm, or else after.
+    """Give the recording with what each episode shows before its loop lost the arm, or else after.
 
     It is `rec` itself where there are none, where no loop is known that could lose the arm, where the robot's file
     states no speeds, or where nothing longer than `least` seconds would be left.
@@ -46,7 +46,7 @@ def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
 
 
 def said(before: Recording, after: Recording) -> str:
-    """A note on what was left out of a recording."""
+    """Give a note on what was left out of a recording."""
     spent = [np.ptp(time) for time in (after.time, before.time)]
     return RUNAWAY.format(before.name, BEYOND, *spent, after.time[0])
 
@@ -61,5 +61,5 @@ def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
 
 
 def _stretches(rows: np.ndarray) -> list[np.ndarray]:
-    """Runs of consecutive row numbers."""
+    """Run of consecutive row numbers."""
     return [run for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]

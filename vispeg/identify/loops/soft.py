@@ -28,7 +28,7 @@ SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques th
 
 
 def near(evidence: Evidence, world: World) -> Evidence:
-    """The evidence, those of its OSC recordings that `world` drifts away from as under torque control."""
+    """Give the evidence, those of its OSC recordings that `world` drifts away from as under torque control."""
     drift = _drift(evidence, world)
     if not drift:
         return evidence
@@ -54,7 +54,7 @@ def _drift(evidence: Evidence, world: World) -> dict[int, float]:
 
 
 def as_asked(rec: Recording, robot: RobotModel) -> Recording:
-    """An OSC recording as one under torque control: with what its law asks for at what it read, beside gravity."""
+    """Give an OSC recording as one under torque control: with what its law asks for at what it read, beside gravity."""
     read = np.isfinite(rec.q).all(axis=1, keepdims=True)
     torque = np.where(read, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)

@@ -77,7 +77,9 @@ def _coarse(item: Item, world: World) -> bool:
 
 
 def _begun(item: Item, world: World, draw: int) -> World:
-    """The world with each rounding encoder's zero somewhere in its step: the arm begins so far from its reading."""
+    """Give the world with each rounding encoder's zero somewhere in its step: the arm begins so far from its
+    reading.
+    """
     rng = stream(draw, "begun")
     for joint in item.recording.joints:
         steps = [

@@ -20,7 +20,7 @@ def passed(robot: RobotModel, q: np.ndarray) -> tuple[str, ...]:
 
 
 def without_stops(robot: RobotModel, joints: tuple[str, ...]) -> RobotModel:
-    """The robot without stops in these joints; its `range`, which is what motions are planned for, stays."""
+    """Give the robot without stops in these joints; its `range`, which is what motions are planned for, stays."""
 
     def build() -> mujoco.MjSpec:
         spec = robot.build()

@@ -70,7 +70,7 @@ ABOUT = {
 
 
 def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
-    """A commanded motion of the arm in a cell, at rest at both ends.
+    """Give a commanded motion of the arm in a cell, at rest at both ends.
 
     Args:
         name: one of `LOOKS`.
@@ -99,7 +99,7 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
 
 
 def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
-    """The motion, however fast. Raises UserError for a pose out of reach."""
+    """Give the motion, however fast. Raises UserError for a pose out of reach."""
     knots = np.linspace(0.0, duration, round(duration * KNOTS) + 1)
     nominal = nominal_of(scene.nominal, len(knots))
     x, y, z = scene.target
@@ -121,7 +121,7 @@ def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
 
 
 def _down(scene: Scene, home: np.ndarray) -> Rotation:
-    """The flange straight down, turned about its axis as it is at home: the last joint is then amid its range."""
+    """Give the flange straight down, turned about its axis as it is at home: the last joint is then amid its range."""
     at_home = Rotation.from_quat(flange_pose(scene.nominal, home)[[4, 5, 6, 3]])
     axis = (at_home * DOWN.inv()).as_matrix()[:, 0]
     return Rotation.from_euler("z", float(np.arctan2(axis[1], axis[0]))) * DOWN
@@ -144,7 +144,7 @@ def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotati
 
 
 def _speed(motion: Motion, scene: Scene) -> tuple[float, str]:
-    """The greatest share of a joint's speed that may be used, and whose it is."""
+    """Give the greatest share of a joint's speed that may be used, and whose it is."""
     share = np.abs(motion.dq_cmd).max(axis=0) / (FAST * np.asarray(scene.velocity_limit))
     return float(share.max()), scene.joints[int(share.argmax())]
 
@@ -162,7 +162,7 @@ def _shortest(name: str, scene: Scene, rate_hz: float) -> float:
 
 
 def _touches_nothing(motion: Motion, scene: Scene) -> None:
-    """Raises UserError where the motion touches what stands in the cell."""
+    """Raise UserError where the motion touches what stands in the cell."""
     model = scene.compile()
     data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
     every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))

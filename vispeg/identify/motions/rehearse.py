@@ -17,7 +17,8 @@ ROUNDS, OWN = 6, 2  # trials, and after how many of them all joints are told les
 
 
 def rehearsed(world: World, motion: Motion, control: Control, nthread: int = 1) -> tuple[Motion, np.ndarray]:
-    """The motion with which no joint of this world passes its speed limit, and the share (nj,) that is left of each.
+    """Give the motion with which no joint of this world passes its speed limit, and the share (nj,) that is left of
+    each.
 
     A joint that is too fast is told less, about its first angle; where that does not help, because the others shake it,
     all are. Flange commands (osc) stay as they are.

@@ -15,7 +15,7 @@ from vispeg.robots.model import RobotModel
 
 
 def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
-    """The motion in a .csv or .parquet table, put on a clock of `rate_hz` by cubic splines where its own differs.
+    """Give the motion in a .csv or .parquet table, put on a clock of `rate_hz` by cubic splines where its own differs.
 
     Columns: `time` (s), `q_cmd.<joint>` (rad), and `dq_cmd.<joint>` (rad/s; the spline's slope where absent).
 

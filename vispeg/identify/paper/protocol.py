@@ -136,7 +136,7 @@ class Coordinates:
         return np.array([self.placed[name, where].params[key].value / unit for name, where, key, unit in self.axes])
 
     def at(self, x: np.ndarray) -> World:
-        """The world at a point."""
+        """Give the world at a point."""
         low, high = self.bounds
         values: dict[tuple[str, str], dict[str, float]] = {}
         for (name, where, key, unit), v in zip(self.axes, np.clip(x, low, high), strict=True):
@@ -153,7 +153,7 @@ def fit_paper(
     nthread: int = 1,
     trace: Trace | None = None,
 ) -> World:
-    """The world with masses, damping and gravity that bring the flange's path nearest to the measured one."""
+    """Give the world with masses, damping and gravity that bring the flange's path nearest to the measured one."""
     space = Coordinates(world, pieces)
     low, high = space.bounds
 

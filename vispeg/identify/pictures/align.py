@@ -34,7 +34,7 @@ SPARSE = 12  # frames of the coarse stage
 def free_world(
     world: World, scene_joints: Sequence[str], cameras: Sequence[str], also: Sequence[str] = ()
 ) -> tuple[World, list[int]]:
-    """The world with every effect that moves a picture, those it lacks at null; and the indices that are free.
+    """Give the world with every effect that moves a picture, those it lacks at null; and the indices that are free.
 
     `also` are further effects of cameras.
     """
@@ -56,7 +56,7 @@ def unremembered(question: Any, work_out: Callable[[], Any]) -> Any:
 def align(
     predictor: Predictor, sights: Sequence[Sight], world: World, recall: Recall = unremembered
 ) -> tuple[World, list[Points]]:
-    """The world whose borders lie on the edges, and the points found there; `recall` may know the former."""
+    """Give the world whose borders lie on the edges, and the points found there; `recall` may know the former."""
 
     def work_out() -> list:
         return _plain(_aligned(predictor, sights, world))
@@ -86,7 +86,7 @@ def _plain(effects: Sequence[EffectInstance]) -> list:
 
 
 def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[EffectInstance, ...]:
-    """The effects of the world whose borders lie on the edges."""
+    """Give the effects of the world whose borders lie on the edges."""
     cameras = list(dict.fromkeys(s.camera.name for s in sights))
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
@@ -104,7 +104,7 @@ def _settled(
     free: Sequence[int],
     windows: Sequence[float],
 ) -> tuple[World, float]:
-    """The world after robust steps in each window, and the share of border points without an edge near."""
+    """Give the world after robust steps in each window, and the share of border points without an edge near."""
     lost = 1.0
     for window in windows:
         points = [gather(predictor, s, world, window) for s in sights]

@@ -105,7 +105,9 @@ def _looked(
     scatter: Scatter | None,
     freed: tuple[str, ...] = (),
 ) -> tuple[BorderEvidence, BorderEvidence]:
-    """The evidence of sights to fit and to judge on, about the world that those to fit, with their points, settled."""
+    """Give the evidence of sights to fit and to judge on, about the world that those to fit, with their points,
+    settled.
+    """
     (fitted, held_out), geometry = sights, predictor.geometry
     judged = [gather(predictor, s, settled, WINDOWS[-1]) for s in held_out]
     away, to_judge = (

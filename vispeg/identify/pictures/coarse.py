@@ -58,7 +58,7 @@ class Outline:
 
 
 def brought_near(predictor: Predictor, sights: Sequence[Sight], world: World) -> list[World]:
-    """The world with its cameras late, and with them elsewhere, where their borders lie nearest to edges.
+    """Give the world with its cameras late, and with them elsewhere, where their borders lie nearest to edges.
 
     Args:
         predictor: of the cell.
@@ -99,13 +99,13 @@ def _outline(predictor: Predictor, sight: Sight, world: World, fields: np.ndarra
 
 
 def _late(world: World, camera: str) -> Iterator[World]:
-    """The world with a late camera, or a late log."""
+    """Yield the world with a late camera, or a late log."""
     for delay in DELAYS:
         yield _with(world, camera, "camera_delay", delay=float(delay))
 
 
 def _elsewhere(world: World, camera: str) -> Iterator[World]:
-    """The world with the camera elsewhere."""
+    """Yield the world with the camera elsewhere."""
     for rx, ry, x, y in product(TURNS, TURNS, SHIFTS, SHIFTS):
         yield _with(world, camera, "camera_offset", rx=float(rx), ry=float(ry), x=float(x), y=float(y))
 
@@ -116,7 +116,7 @@ def _with(world: World, camera: str, name: str, **values: float) -> World:
 
 
 def _refined(geometry: Geometry, outline: Outline, world: World, reach: float) -> tuple[World, float]:
-    """The world after Gauss-Newton steps of the camera's offset and delay, and its score."""
+    """Give the world after Gauss-Newton steps of the camera's offset and delay, and its score."""
     names = ("camera_offset", "camera_delay")
     camera = outline.sight.camera.name
     space = Space(world, [i for i, e in enumerate(world.effects) if e.effect in names and e.where == camera])

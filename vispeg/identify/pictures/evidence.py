@@ -143,7 +143,7 @@ class BorderEvidence(Evidence):
         return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
-        """The image of every residual entry, in the order of `residuals`: errors within an image hang together.
+        """Give the image of every residual entry, in the order of `residuals`: errors within an image hang together.
 
         Whatever the `seconds`, a test of single moments (above 0) takes each part in an image by itself: what moves all
         of an image alike, the robot's error, is whitened.
@@ -190,7 +190,7 @@ class BorderEvidence(Evidence):
         return out
 
     def part(self, first: int, step: int) -> BorderEvidence:
-        """The evidence of every `step`-th frame from `first` on."""
+        """Give the evidence of every `step`-th frame from `first` on."""
         items = []
         for item in self.items:
             rows = item.points.frame % step == first

@@ -43,5 +43,5 @@ class Figures(Protocol):
         ...
 
     def modelled(self, world: World) -> np.ndarray:
-        """The same of rendered frames that passed through a world's sensor."""
+        """Give the same of rendered frames that passed through a world's sensor."""
         ...

@@ -23,7 +23,7 @@ FAINT = 15.0  # grey levels, the step of an edge that texture and shadows may ma
 
 
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
-    """The points that a world predicts, of borders and a board's corners, each sought within `window` px."""
+    """Give the points that a world predicts, of borders and a board's corners, each sought within `window` px."""
     name, geometry, parts = sight.camera.name, predictor.geometry, []
     for i, rgb, b in _drawn(predictor, sight, world):
         ahead, behind = (geometry.cast(name, b.pixel + side * b.normal)[2] for side in (BESIDE, -BESIDE))
@@ -39,12 +39,12 @@ def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> P
 
 
 def outlined(predictor: Predictor, sight: Sight, world: World) -> Points:
-    """The border points that a world predicts, sought nowhere."""
+    """Give the border points that a world predicts, sought nowhere."""
     return _joined([_points(i, b, np.full(len(b), np.nan)) for i, _, b in _drawn(predictor, sight, world)])
 
 
 def _drawn(predictor: Predictor, sight: Sight, world: World) -> Iterator[tuple[int, np.ndarray, Borders]]:
-    """Number, picture and predicted borders of each frame that has a picture at measured angles."""
+    """Give number, picture and predicted borders of each frame that has a picture at measured angles."""
     name, frames = sight.camera.name, np.arange(len(sight))
     predictor.see(world)
     for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):

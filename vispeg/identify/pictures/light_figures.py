@@ -68,7 +68,7 @@ class LightFigures:
         return self._figures(pictures, self._noisy(world), seconds)
 
     def _noisy(self, world: World) -> Sequence[np.ndarray]:
-        """The measured pictures, smoothed, with a world's noise in place of their own."""
+        """Give the measured pictures, smoothed, with a world's noise in place of their own."""
         noise = world.only(lambda e: e.effect == NOISE)
         if not noise.effects:
             return self.still
@@ -118,7 +118,9 @@ def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
 
 
 def _at_rest(world: World) -> tuple[World, float]:
-    """The world without what moving things smear, and for how many s its shutter is open: each border has a speed."""
+    """Give the world without what moving things smear, and for how many s its shutter is open: each border has a
+    speed.
+    """
     open_for = sum(e.params["exposure"].value for e in world.effects if e.effect == MOTION)
     effects = (e.with_values(exposure=0.0) if e.effect == MOTION else e for e in world.effects)
     return replace(world, effects=tuple(effects)), open_for

@@ -36,7 +36,7 @@ class Whitener:
         return cls(basis, 1 - 1 / np.sqrt(1 + value), float(np.log1p(value).sum()))
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
-        """The residual (n,) or (n, c) whitened."""
+        """Give the residual (n,) or (n, c) whitened."""
         along = self.basis.T @ residual
         shrink = self.shrink if along.ndim == 1 else self.shrink[:, None]
         return residual - self.basis @ (shrink * along)

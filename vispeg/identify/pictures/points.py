@@ -37,7 +37,7 @@ class Points:
     depth: np.ndarray
 
     def only(self, rows: np.ndarray) -> Points:
-        """Some of the points."""
+        """Give some of the points."""
         return Points(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 

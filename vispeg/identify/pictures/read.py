@@ -23,7 +23,7 @@ MOST = 40  # frames of a camera that are looked at in one recording: evenly spre
 
 
 def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
-    """What the cameras of some recordings photographed.
+    """Give what the cameras of some recordings photographed.
 
     Raises:
         UserError: a recording without frames, a camera whose pose is not stated, or too few frames to compare.
@@ -94,7 +94,8 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
 
 
 def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:
-    """The frame farthest from one in time, after it or else before it, in the stretch in which no joint moves; or None.
+    """Give the frame farthest from one in time, after it or else before it, in the stretch in which no joint moves; or
+    None.
 
     Args:
         q: (n, nj) rad where each frame was taken, NaN where that is not known.

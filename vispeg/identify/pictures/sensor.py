@@ -106,7 +106,7 @@ class SensorEvidence(Evidence):
         return name not in PARAMS and (kind.name, name) not in self.held
 
     def holding(self, names: Collection[tuple[str, str]]) -> SensorEvidence:
-        """The same evidence, to which fits leave these parameters of effects as they are."""
+        """Give the same evidence, to which fits leave these parameters of effects as they are."""
         out = copy(self)
         out.held = frozenset(names)
         return out
@@ -128,7 +128,7 @@ class SensorEvidence(Evidence):
         return (np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds)
 
     def blocks(self, seconds: float = 0.0) -> np.ndarray:
-        """The frame of every residual entry."""
+        """Give the frame of every residual entry."""
         shapes = [i.figures.measured.shape for i in self.items]
         return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))
 
@@ -142,7 +142,7 @@ class SensorEvidence(Evidence):
         return np.concatenate(columns)
 
     def change(self, first: World, other: World) -> float:
-        """The figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
+        """Give the figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
         return max((abs(v) for v in self._apart(self.misplaced(first), self.misplaced(other)).values()), default=0.0)
 
     def off(self, world: World) -> dict[str, float]:
@@ -198,7 +198,7 @@ class SensorEvidence(Evidence):
 def sensor_evidence(
     scene: Scene, shots: Sequence[tuple[Sight, Sequence[Shot]]], kind: Kind, world: World
 ) -> SensorEvidence | None:
-    """The figures of some sights' frames, or None where too few frames have such a picture.
+    """Give the figures of some sights' frames, or None where too few frames have such a picture.
 
     Args:
         scene: the cell.

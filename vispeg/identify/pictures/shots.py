@@ -48,7 +48,7 @@ class Shot:
     again: np.ndarray | None = None
 
     def sensed(self, world: World, kinds: Callable[[Effect], bool], draw: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """The predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m.
+        """Give the predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m.
 
         Another `draw` is another picture of the same moment.
         """
@@ -58,7 +58,7 @@ class Shot:
 
 
 def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarray) -> list[Shot]:
-    """The frames of a sight, `MOST` at most, evenly spread.
+    """Give the frames of a sight, `MOST` at most, evenly spread.
 
     Args:
         predictor: of the cell.

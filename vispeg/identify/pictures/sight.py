@@ -48,7 +48,7 @@ class Sight:
         return self.joints(self.time[frames] + late, frames)
 
     def only(self, frames: Sequence[int] | np.ndarray) -> Sight:
-        """Some of the frames, in this order."""
+        """Give some of the frames, in this order."""
         chosen = np.asarray(frames, int)
         return Sight(
             self.name,

@@ -57,7 +57,7 @@ def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray,
 
 
 def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
-    """What one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
+    """Give what one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
     p, sight, scene = item.points, item.sight, geometry.scene
     scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
     here = pixels(geometry, sight, world, p)

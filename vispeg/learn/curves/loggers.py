@@ -24,7 +24,7 @@ STEP = "steps"
 
 
 def curves(folder: Path, config: TrainConfig) -> Logger:
-    """A logger into the run's folder and, where the configuration names a project, into Weights & Biases.
+    """Give a logger into the run's folder and, where the configuration names a project, into Weights & Biases.
 
     Nothing goes to TensorBoard where it is not installed.
 
@@ -43,7 +43,7 @@ def curves(folder: Path, config: TrainConfig) -> Logger:
 
 
 def record(logger: Logger, row: Row, stage: str, step: int) -> None:
-    """An evaluation's row as `STAGE/success` and so on, at a step."""
+    """Give an evaluation's row as `STAGE/success` and so on, at a step."""
     for name in TOLD:
         if (value := row.get(name)) is not None:
             logger.record(f"{stage}/{name}", value)
@@ -83,16 +83,16 @@ class WeightsAndBiases(KVWriter):
         self.run.define_metric("*", step_metric=STEP)
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
-        """Sends numbers of a step."""
+        """Send numbers of a step."""
         self.run.log({**{k: v for k, v in key_values.items() if isinstance(v, int | float)}, STEP: step})
 
     def close(self) -> None:
-        """Sends the rest; the run can be gone on with."""
+        """Send the rest; the run can be gone on with."""
         self.run.finish()
 
 
 def _run_id(folder: Path) -> str:
-    """The id that the folder's run has there, made where it has none yet."""
+    """Give the id that the folder's run has there, made where it has none yet."""
     file = folder / RUN_ID
     try:
         return str(read_json(file)["id"])

@@ -84,7 +84,7 @@ class Table:
         return float(self.rows[-1]["seconds"]) if self.rows else 0.0
 
     def add(self, row: Row) -> None:
-        """Adds a row and writes the whole file anew."""
+        """Add a row and write the whole file anew."""
         self.rows.append({name: _cell(row.get(name)) for name in COLUMNS})
         lines = [",".join(COLUMNS), *(",".join(str(row.get(name, "")) for name in COLUMNS) for row in self.rows)]
         write_text_atomic(self.path, "\n".join(lines) + "\n", overwrite=True)
@@ -150,7 +150,7 @@ class Bar:
             )
 
     def say(self, line: str) -> None:
-        """A line that stays."""
+        """Give a line that stays."""
         if self.live is not None:
             self.live.console.print(line, highlight=False)
         elif self.show:

@@ -135,7 +135,7 @@ class Replay:
             self.began[over] = self.head[over]
 
     def cut(self) -> None:
-        """Ends the episodes in progress without their last transition: what follows is another episode."""
+        """End the episodes in progress without their last transition: what follows is another episode."""
         self.open[:] = -1
         self.began[:] = self.head
 
@@ -160,7 +160,7 @@ class Replay:
         return self.length if self.full else int(self.head.max())
 
     def __len__(self) -> int:
-        """Number of transitions that can be drawn."""
+        """Give the number of transitions that can be drawn."""
         return int(self.starts.sum())
 
     def sample(self, n: int, rng: np.random.Generator | None = None, images: Images = "both") -> Batch:
@@ -216,12 +216,12 @@ class Replay:
         return torch.from_numpy(packed if kind is None else kind.unpack(packed)).to(self.device)
 
     def save(self, folder: Path) -> None:
-        """Writes the ring as one .npy an array, so that no more than the file's own size is in memory."""
+        """Write the ring as one .npy an array, so that no more than the file's own size is in memory."""
         for name, array in self._arrays().items():
             np.save(folder / f"{name}.npy", array[: self._used] if array.ndim > 1 else array)
 
     def load(self, folder: Path) -> None:
-        """Reads what `save` wrote into a ring of the same shapes.
+        """Read what `save` wrote into a ring of the same shapes.
 
         Raises:
             UserError: a file is missing, or is from a ring of other shapes.
@@ -243,7 +243,7 @@ class Replay:
 
 
 def afford(entries: int, observation_space: Any, action_space: Any, key: str, what: str) -> str:
-    """The memory that a ring will take, in words, before it takes it: pages come only as they are written.
+    """Give the memory that a ring will take, in words, before it takes it: pages come only as they are written.
 
     Args:
         entries: that will be written.

@@ -29,7 +29,7 @@ SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write
 
 
 def feature_of(key: str, features: Container[str]) -> str:
-    """The feature that holds `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged` of our observations."""
+    """Give the feature that holds `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged` of our observations."""
     if key == PRIVILEGED:
         return truth_of(features)
     kind = kind_of(key)
@@ -48,7 +48,7 @@ def from_folder(
     config: TaskConfig | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Replay:
-    """The folder's successful episodes; all of them where it does not say which succeeded.
+    """Give the folder's successful episodes; all of them where it does not say which succeeded.
 
     A folder without `observation.policy`, or one whose kind of actions is stated, is read as `Theirs` does.
 
@@ -88,7 +88,7 @@ def from_folder(
         raise UserError("no episode of the dataset succeeded", file=place, got=f"{len(index.episodes)} that did not")
 
     def read(number: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        """What is seen in an episode's frames, the actions, and the rewards."""
+        """Give what is seen in an episode's frames, the actions, and the rewards."""
         episode = data.episode(number)
         seen, action = {key: _channels_first(key, episode[name]) for key, name in names.items()}, episode[act]
         if theirs is not None:
@@ -141,7 +141,7 @@ def successes(data: Dataset) -> list[int]:
 
 
 def made_in(folder: str | Path) -> Origin:
-    """The dataset's world as a policy's record has it; empty entries where the dataset does not say."""
+    """Give the dataset's world as a policy's record has it; empty entries where the dataset does not say."""
     plan = Dataset(split(str(folder))[0], theirs=True).made.get("plan") or {}
     return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
 

@@ -62,7 +62,7 @@ class Theirs:
         self.features: list[str] = list(dict.fromkeys([*read, *more]))
 
     def _check(self, rate: float) -> None:
-        """Raises UserError for what the folder lacks."""
+        """Raise UserError for what the folder lacks."""
         period = self.interface.policy_period_s
         if abs(rate * period - 1) > RATE:
             raise UserError(
@@ -93,7 +93,8 @@ class Theirs:
         return np.stack([episode[f].reshape(len(episode[f]), -1)[:, i] for f, i in places], axis=1).astype(float)
 
     def read(self, episode: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """What the policy is told in each frame of an episode, (T, k) float32, and the offset that is meant, (T, d).
+        """Give what the policy is told in each frame of an episode, (T, k) float32, and the offset that is meant, (T,
+        d).
 
         Raises:
             UserError: numbers that are not finite, or no actions of their kind.
@@ -111,7 +112,7 @@ class Theirs:
         return told(stack), offset
 
     def _observer(self, episode: Mapping[str, np.ndarray], n: int) -> Observer:
-        """An observer of the episode's frames, one a row."""
+        """Give an observer of the episode's frames, one a row."""
         o = self.interface.observer(n)
         o.believed[:] = self.interface.goal.nominal_m
         if self._has(self.joints):

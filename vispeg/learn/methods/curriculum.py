@@ -35,14 +35,14 @@ class Curriculum:
         return self.at == len(self.stages) - 1
 
     def after(self, success: float) -> bool:
-        """Moves on if an evaluation's success rate allows; returns whether it did."""
+        """Move on if an evaluation's success rate allows; return whether it did."""
         if self.last or success < self.pass_rate:
             return False
         self.at += 1
         return True
 
     def settings(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The task's settings at this stage, from the run's own."""
+        """Give the task's settings at this stage, from the run's own."""
         radius = {} if self.stage.radius is None else {"start_radius": self.stage.radius}
         return {**settings, **self.stage.settings, **radius}
 
@@ -68,7 +68,7 @@ def stages(tolerances: Sequence[float], radii: Sequence[float], task: TaskConfig
 
 
 def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float]]:
-    """The setting of each stage that has one of its own."""
+    """Give the setting of each stage that has one of its own."""
     if not tolerances:
         return []
     if task.tolerance is None:
@@ -79,7 +79,7 @@ def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float
 
 
 def _towards(values: Sequence[float], easiest: float, target: float, key: str, order: str) -> list[float]:
-    """The values without `target` at their end; they must go one way from `easiest` to it."""
+    """Give the values without `target` at their end; they must go one way from `easiest` to it."""
     before = [*values[:-1], *(v for v in values[-1:] if v != target)]
     steps = np.diff([easiest, *before, target])
     if len(values) and not (np.all(steps > 0) or np.all(steps < 0)):

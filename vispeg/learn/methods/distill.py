@@ -71,7 +71,7 @@ def collect(
     device: torch.device | str = "cpu",
     looks: int = 1,
 ) -> Replay:
-    """A round of experience.
+    """Give a round of experience.
 
     Args:
         env: the student's environment.
@@ -142,8 +142,9 @@ def demonstrations(
 
 
 def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks: int = 1) -> Replay:
-    """A ring for `length` steps of every row in every look; an episode's end takes an entry of its own, every other
-    step at most."""
+    """Give a ring for `length` steps of every row in every look; an episode's end takes an entry of its own, every
+    other step at most.
+    """
     rows = env.num_envs * looks
     size = rows * (length + length // 2 + 2)
     afford(size, env.observation_space, env.action_space, "--distill-steps", "a ring of what is shown")
@@ -196,7 +197,7 @@ def distill(
     watch: Callable[[int, float], RoundResult] | None = None,
     rounds: Rounds | None = None,
 ) -> list[Replay]:
-    """Runs all rounds; moves `actor`.
+    """Run all rounds; move `actor`.
 
     Args:
         actor: the student.
@@ -250,7 +251,7 @@ def _learn(
     watch: Callable[[int, float], RoundResult] | None,
     rounds: Rounds | None,
 ) -> list[Replay]:
-    """Rounds of cloning from what was shown and from what each of them (number, beta) plays before; returns both."""
+    """Round of cloning from what was shown and from what each of them (number, beta) plays before; return both."""
     optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
     done, rings = 0, list(demos)
     if rounds is not None:

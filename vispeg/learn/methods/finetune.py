@@ -160,7 +160,9 @@ def finetune(
 
 
 def trained_at(policy: NetPolicy) -> float:
-    """The learning rate of a policy's training, by its record; of its recipe's default where the record has none."""
+    """Give the learning rate of a policy's training, by its record; of its recipe's default where the record has
+    none.
+    """
     if "lr" in policy.meta:
         return float(policy.meta["lr"])
     imitated = policy.meta.get("recipe") == "distill"

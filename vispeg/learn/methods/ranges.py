@@ -45,7 +45,7 @@ class Opening:
         self.drawn = [self.levels] * env.num_envs
 
     def after(self, env: VecEnv, step: int, dones: np.ndarray, infos: Sequence[Mapping[str, Any]]) -> None:
-        """A step of every row has led to this step of the run; rows that are done (n,) have begun anew already."""
+        """Give a step of every row has led to this step of the run; rows that are done (n,) have begun anew already."""
         for row in np.flatnonzero(dones).tolist():
             drawn, self.drawn[row] = self.drawn[row], self.levels
             if self.adaptive is not None and isinstance(drawn, dict):

@@ -98,7 +98,7 @@ def distilled(
 
 
 def distill_settings(overrides: Any) -> DistillSettings:
-    """Settings with some replaced. Raises UserError for an unknown key."""
+    """Give settings with some replaced. Raises UserError for an unknown key."""
     choices = [f.name for f in fields(DistillSettings) if f.name != "clone"]
     for key in overrides:
         if key not in choices:

@@ -76,7 +76,7 @@ class Rounds:
         return 0 if state is None else state["rounds"]
 
     def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, result: RoundResult) -> None:
-        """Stores one more round. `result` (JSON) comes back as `state`, which is written last: only then it counts."""
+        """Store one more round. `result` (JSON) comes back as `state`, which is written last: only then it counts."""
         done = self.done
         self.folder.mkdir(exist_ok=True)
         if ring is not None:
@@ -87,11 +87,11 @@ class Rounds:
         write_text_atomic(self.folder / "state.json", text, overwrite=True)
 
     def rings(self) -> list[Replay]:
-        """What was played in the finished rounds, of which each has a ring. Raises UserError where one lacks."""
+        """Give what was played in the finished rounds, of which each has a ring. Raises UserError where one lacks."""
         return [kept_ring(self.folder / f"ring-{number}", self.like) for number in range(self.done)]
 
     def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> None:
-        """Puts student, optimizer and torch's generator where the last round left them, if there was one.
+        """Put student, optimizer and torch's generator where the last round left them, if there was one.
 
         Raises:
             UserError: a file is missing, damaged, or of another student.
@@ -111,14 +111,14 @@ class Rounds:
 
 
 def keep_ring(ring: Replay, folder: Path) -> None:
-    """Stores transitions, with the size of the ring that they need."""
+    """Store transitions, with the size of the ring that they need."""
     with new_folder(folder, overwrite=True, holds=None) as place:
         ring.save(place)
         (place / "ring.json").write_text(json.dumps({"length": ring.length, "n_envs": ring.n_envs}) + "\n")
 
 
 def kept_ring(folder: Path, like: Replay) -> Replay:
-    """The transitions that `keep_ring` stored, for another ring's spaces. Raises UserError if they do not fit."""
+    """Give the transitions that `keep_ring` stored, for another ring's spaces. Raises UserError if they do not fit."""
     with as_written(folder / "ring.json", "vispeg train"):
         size = read_json(folder / "ring.json")
         length, rows = int(size["length"]), int(size["n_envs"])

@@ -140,7 +140,7 @@ class AsymmetricSAC(SAC):
         self.logger.record("train/updates", self._n_updates)
 
     def measure(self) -> None:
-        """Sets the input scales of critics and of a new actor from what batches will hold."""
+        """Set the input scales of critics and of a new actor from what batches will hold."""
         batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON, images="none")
         if self.demos is not None and self.new and len(self.replay):  # what is new explores far from demonstrations
             batch = mixed(batch, self.replay.sample(MEASURED_ON, images="none"))
@@ -151,7 +151,7 @@ class AsymmetricSAC(SAC):
         self.measured = True
 
     def _sample(self, images: Images) -> tuple[Batch, int]:
-        """A batch and how many of its last rows are demonstrations."""
+        """Give a batch and how many of its last rows are demonstrations."""
         s, rng = self.settings, self.replay.rng
         demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
         if self.demos is None or demos == 0:
@@ -237,7 +237,7 @@ class AsymmetricSAC(SAC):
             self._hidden = (self._hidden[0] * going, self._hidden[1] * going)
 
     def restart(self, seed: int) -> None:
-        """Starts every environment anew from `seed`; episodes in progress end without their last transition.
+        """Start every environment anew from `seed`; episodes in progress end without their last transition.
 
         A checkpoint is taken at such a cut: what follows depends on the seed and on what is saved, and on nothing else.
         """
@@ -255,7 +255,7 @@ def teachers_share(env: Any, modality: Modality) -> tuple[int, ...]:
 
 
 def critics(space: Any, layout: Layout, modality: Modality, settings: SacSettings) -> Critic:
-    """New critics, of ground truth and the actor's vector, or of what the actor sees."""
+    """Make new critics, of ground truth and the actor's vector, or of what the actor sees."""
     keys = (VECTOR,) if settings.symmetric else tuple(k for k in (PRIVILEGED, VECTOR) if k in space.spaces)
     images = layout.images if settings.symmetric else {}
     return Critic(
@@ -267,7 +267,7 @@ def critics(space: Any, layout: Layout, modality: Modality, settings: SacSetting
 
 
 def tensors(obs: Mapping[str, np.ndarray], layout: Layout, device: torch.device | str) -> dict[str, Tensor]:
-    """The parts that the layout names, as tensors."""
+    """Give the parts that the layout names, as tensors."""
     return {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in layout.keys}
 
 

@@ -100,7 +100,7 @@ class SacRun:
         return Sb3Env(env), judge
 
     def resume(self) -> None:
-        """Puts everything where the last checkpoint left it. Raises UserError where there is none."""
+        """Put everything where the last checkpoint left it. Raises UserError where there is none."""
         folder = self.folder / "checkpoints" / "last"
         if not folder.is_dir():
             raise UserError("there is no checkpoint to go on from", file=folder)
@@ -166,7 +166,7 @@ class SacRun:
         return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
 
     def row(self, outcomes: list[Outcome], seconds: float) -> Row:
-        """A row of progress.csv."""
+        """Give a row of progress.csv."""
         values = self.model.logger.name_to_value
         return {
             "steps": self.model.num_timesteps,
@@ -185,7 +185,7 @@ class SacRun:
         }
 
     def keep(self, row: Row, contender: bool = True) -> None:
-        """Exports the actor, and as the best if it did better than ever: more successes, or as many with less force.
+        """Export the actor, and as the best if it did better than ever: more successes, or as many with less force.
 
         Every evaluation's actor is kept, bad ones too: how well success at home foretells success elsewhere is only
         known from policies that differ.
@@ -200,7 +200,7 @@ class SacRun:
                 save(place, self.model.actor, self.modality.name, self.meta(row))
 
     def _note(self, row: Row) -> None:
-        """Keeps the best, moves the curriculum on, writes the checkpoint."""
+        """Keep the best, move the curriculum on, write the checkpoint."""
         success, last = row["success"], self.course.last
         self.keep(row, last)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
@@ -220,7 +220,7 @@ class SacRun:
             self._move_to(self.course.at)
 
     def meta(self, row: Row) -> Mapping[str, object]:
-        """What a policy's record says of where it comes from."""
+        """Give what a policy's record says of where it comes from."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
             "command": self.command,
@@ -237,7 +237,7 @@ class SacRun:
 
 
 def line(row: Row) -> str:
-    """A row of progress.csv for a terminal."""
+    """Give a row of progress.csv for a terminal."""
     opened = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
     return (
         f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "

@@ -39,7 +39,7 @@ class Modality:
 
 
 def enrol(modality: Modality) -> Modality:
-    """Makes a modality known by its name. Raises UserError where another has it."""
+    """Make a modality known by its name. Raises UserError where another has it."""
     if modality.name in _REGISTRY:
         raise UserError("two modalities share a name", got=modality.name)
     _REGISTRY[modality.name] = modality
@@ -53,7 +53,9 @@ def names() -> tuple[str, ...]:
 
 
 def modality(name: str) -> Modality:
-    """The modality of that name; a file of that name is looked into first. Raises UserError that lists the choices."""
+    """Give the modality of that name; a file of that name is looked into first. Raises UserError that lists the
+    choices.
+    """
     if name not in _REGISTRY and name in _files():
         importlib.import_module(f"{__name__}.{name}")
     if name not in _REGISTRY:
@@ -73,5 +75,5 @@ def _load() -> None:
 
 
 def blind(key: str, shape: tuple[int, int, int]) -> nn.Module:
-    """The encoder of a modality without images."""
+    """Give the encoder of a modality without images."""
     raise UserError("this modality sees no images", key=key, got=shape)

@@ -29,7 +29,7 @@ class DepthEncoder(ConvEncoder):
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:
-    """Encoder of one depth camera."""
+    """Make the encoder of one depth camera."""
     return DepthEncoder(shape)
 
 

@@ -17,7 +17,7 @@ class RgbEncoder(ConvEncoder):
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:
-    """Encoder of one colour camera."""
+    """Make the encoder of one colour camera."""
     return RgbEncoder(shape)
 
 

@@ -10,7 +10,7 @@ from vispeg.render.image_kinds import DEPTH, kind_of
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:
-    """Encoder of one image, by its key's kind."""
+    """Make the encoder of one image, by its key's kind."""
     return DepthEncoder(shape) if kind_of(key) is DEPTH else RgbEncoder(shape)
 
 

@@ -92,7 +92,7 @@ class Actor(nn.Module):
         return torch.tanh(u), (gauss - squash).sum(-1)
 
     def initial(self, n: int) -> State | None:
-        """The state before the first step of n episodes."""
+        """Give the state before the first step of n episodes."""
         if not self.recurrent:
             return None
         zero = torch.zeros(1, n, self.recurrent, device=self.device)

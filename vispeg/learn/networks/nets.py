@@ -37,7 +37,7 @@ class Scale(nn.Module):
         self.register_buffer("spread", torch.ones(size))
 
     def measure(self, x: Tensor) -> None:
-        """Sets the numbers from samples (n, size); a spread below `floor` counts as `floor`."""
+        """Set the numbers from samples (n, size); a spread below `floor` counts as `floor`."""
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(self.floor))
 

@@ -19,7 +19,7 @@ PER_EPISODE = 32  # transitions of a batch that one episode stands for
 def draw(
     ring: Replay, n: int, horizon: int, recurrent: bool, rng: np.random.Generator, images: Images = "both"
 ) -> Batch:
-    """A batch worth n transitions: n of them, or n / 32 whole episodes (at least 2) of up to `horizon` steps.
+    """Give a batch worth n transitions: n of them, or n / 32 whole episodes (at least 2) of up to `horizon` steps.
 
     `images` says where single transitions need theirs; episodes need all.
     """
@@ -29,7 +29,7 @@ def draw(
 
 
 def latents(actor: Actor, batch: Batch, after: bool = False, shift: int = 0) -> Tensor:
-    """The actor's latent (..., hidden) at each transition's start, or at its end where `after`.
+    """Give the actor's latent (..., hidden) at each transition's start, or at its end where `after`.
 
     Args:
         actor: with a memory, the batch must hold sequences (time, n, ...) that start with an episode.

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 
 
 def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
-    """What Adam remembers, as `adam.NAME.PARAMETER.KEY`; not copies, and nothing of what never had a gradient."""
+    """Give what Adam remembers, as `adam.NAME.PARAMETER.KEY`; not copies, and nothing of what never had a gradient."""
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
     return {
         f"adam.{name}.{number}.{key}": value
@@ -23,7 +23,7 @@ def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
 
 
 def wake(optimizer: torch.optim.Optimizer) -> None:
-    """Makes Adam's moments exist, as zeros and without moving a weight, so that they can be filled."""
+    """Make Adam's moments exist, as zeros and without moving a weight, so that they can be filled."""
     for group in optimizer.param_groups:
         for parameter in group["params"]:
             optimizer.state[parameter] = {
@@ -34,12 +34,12 @@ def wake(optimizer: torch.optim.Optimizer) -> None:
 
 
 def write(path: Path, tensors: Mapping[str, Tensor]) -> None:
-    """Writes tensors of any device as safetensors."""
+    """Write tensors of any device as safetensors."""
     save_file({name: value.detach().cpu().contiguous() for name, value in tensors.items()}, path)
 
 
 def fill(wanted: Mapping[str, Tensor], stored: Mapping[str, Tensor], file: Path) -> None:
-    """Copies what was found into the tensors of the same names; moments that were not stored stay as they are.
+    """Copy what was found into the tensors of the same names; moments that were not stored stay as they are.
 
     Raises:
         UserError: a tensor lacks, is too many, or has another shape; nothing was copied.

@@ -88,7 +88,7 @@ def check(
     progress: Callable[[float], None] = lambda share: None,
     needs: Needs | None = None,
 ) -> CheckReport:
-    """Examines a recording, joint by joint, so that a long one needs little more memory than it takes itself.
+    """Examine a recording, joint by joint, so that a long one needs little more memory than it takes itself.
 
     Args:
         rec: the recording.

@@ -61,7 +61,7 @@ class Extent:
 
 
 def joined(some: Sequence[Extent]) -> Extent:
-    """That of several recordings together: what each shows of the same cell adds up."""
+    """Join several recordings: what each shows of the same cell adds up."""
     forces, yaws = [e.forces for e in some if e.forces], [e.yaw for e in some if e.yaw]
     again = [e.blows for e in some if e.blows is not None]
     return Extent(
@@ -105,7 +105,7 @@ def lacking(e: Extent) -> dict[str, str]:
 
 
 def lacks_blows(blows: Sequence[float] | None) -> str:
-    """What some recordings lack to tell a contact's damping: "" for nothing.
+    """Give what some recordings lack to tell a contact's damping: "" for nothing.
 
     Args:
         blows: of those that can be run again, in any recording; None where none of the recordings can.

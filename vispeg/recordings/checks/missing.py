@@ -36,7 +36,9 @@ def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
 
 
 def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
-    """The row (n, nj) by which every joint is read, or a later one with all of them within `least` s; None if never."""
+    """Give the row (n, nj) by which every joint is read, or a later one with all of them within `least` s; None if
+    never.
+    """
     if not read.any(axis=0).all():
         return None
     first = int(read.argmax(axis=0).max())
@@ -51,7 +53,7 @@ def said(rec: Recording) -> list[str]:
 
 
 def compared(rec: Recording) -> tuple[str, ...]:
-    """The signals that recordings like this one are compared by."""
+    """Give the signals that recordings like this one are compared by."""
     torque = ("tau",) if rec.torque_sensor != "none" else ()
     load = ("load",) if rec.control.mode == "servo" else ()
     wrench = ("ft",) if rec.wrench is not None or rec.cell is not None else ()

@@ -18,7 +18,7 @@ MOST_GAPS = 200  # bands drawn: more would be one red area, and take minutes
 
 
 def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> bytes:
-    """A PNG: one row a joint; columns q (rad), dq (rad/s), tau (N m). Episodes are laid end to end.
+    """Give a PNG: one row a joint; columns q (rad), dq (rad/s), tau (N m). Episodes are laid end to end.
 
     Gaps are red bands, bad readings and saturated torque thick red dots, limits dashed where the motion comes near
     them. Of a long recording the lowest and highest value of every stretch are drawn, so that nothing is missed.

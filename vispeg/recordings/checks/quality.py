@@ -43,7 +43,7 @@ class Limits:
 
     @classmethod
     def of(cls, robot: Limited, joints: Sequence[str] | None = None) -> Limits:
-        """A robot's limits, of these of its joints and in their order; by default of all, in its own order."""
+        """Give a robot's limits, of these of its joints and in their order; by default of all, in its own order."""
         order = [robot.joints.index(joint) for joint in (robot.joints if joints is None else joints)]
         return cls(robot.range[order], robot.velocity_limit[order], robot.torque_limit[order])
 
@@ -82,7 +82,7 @@ def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarra
 
 
 def quantization(values: np.ndarray) -> float | None:
-    """The step of a quantized signal (n,), in its unit, or None where it is not seen to be quantized.
+    """Give the step of a quantized signal (n,), in its unit, or None where it is not seen to be quantized.
 
     Distinct values of a quantized signal differ by whole multiples of one step. The smallest difference, or a simple
     fraction of it, is taken for the step if all small differences are near whole multiples of it; the step then follows

@@ -26,7 +26,7 @@ class Spike:
 
 
 def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
-    """Readings of one joint that stand off their neighbours as no motion can, in order of rows.
+    """Find readings of one joint that stand off their neighbours as no motion can, in order of rows.
 
     A reading counts if it is further from the running median over five samples than twelve standard deviations of that
     distance, than five usual steps nearby, than three steps of a coarse encoder, and than 1 mrad (Hampel's filter, kept
@@ -59,7 +59,7 @@ def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
 
 
 def without(q: np.ndarray, bad: tuple[Spike, ...]) -> np.ndarray:
-    """A copy of q (n,) in which the bad readings are missing."""
+    """Give a copy of q (n,) in which the bad readings are missing."""
     out = q.copy()
     out[[spike.row for spike in bad]] = np.nan
     return out

@@ -81,7 +81,7 @@ def within_episode(rec: Recording) -> np.ndarray:
 
 
 def _repeated(rec: Recording, inside: np.ndarray) -> int:
-    """An arm that moves through rows k-1, k, k+1 cannot read exactly the same twice in every joint at once."""
+    """Give an arm that moves through rows k-1, k, k+1 cannot read exactly the same twice in every joint at once."""
     same, step = inside.copy(), np.zeros(len(inside))
     for column in rec.q.T:
         change = np.diff(column)

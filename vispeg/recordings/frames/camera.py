@@ -88,7 +88,7 @@ class _Section(BaseModel):
 
 
 def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
-    """The cameras of `cameras.yaml` by name, and the keys in it that this version does not know.
+    """Give the cameras of `cameras.yaml` by name, and the keys in it that this version does not know.
 
     Raises:
         UserError: no such file, or a camera that cannot be; names the key.
@@ -113,7 +113,7 @@ def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
 
 
 def camera_entry(camera: RecordedCamera) -> Mapping[str, object]:
-    """What `cameras.yaml` says of a camera, plain values."""
+    """Give what `cameras.yaml` says of a camera, plain values."""
     out: dict[str, object] = {"width": int(camera.width), "height": int(camera.height)}
     out |= {key: float(getattr(camera, key)) for key in ("fx", "fy", "cx", "cy")}
     out |= {"distortion": [float(k) for k in camera.distortion], "depth_unit_m": float(camera.depth_unit)}

@@ -79,7 +79,7 @@ class Frames:
         return self.some(np.array([frame.camera.name == camera for frame in self], bool))
 
     def of_kinds(self, kinds: Mapping[str, Sensor]) -> Frames:
-        """The same with the kind of depth camera stated of some cameras, by name."""
+        """Give the same with the kind of depth camera stated of some cameras, by name."""
         cameras = {n: replace(c, sensor=kinds[n]) if n in kinds else c for n, c in self.cameras.items()}
         frames = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in self)
         return replace(self, cameras=cameras, frames=frames)

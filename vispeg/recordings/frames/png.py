@@ -27,7 +27,9 @@ class Head:
 
 
 def head(file: Path) -> Head:
-    """What the first bytes of a PNG say. Raises UserError: no such file, no PNG, or one that has been cut short."""
+    """Give what the first bytes of a PNG say. Raises UserError: no such file, no PNG, or one that has been cut
+    short.
+    """
     with opened(file) as stream:
         begin = stream.read(33)
         stream.seek(0, 2)
@@ -52,12 +54,12 @@ def read_steps(file: Path) -> np.ndarray:
 
 
 def write_colour(file: Path, rgb: np.ndarray) -> None:
-    """Writes (H, W, 3) uint8 RGB."""
+    """Write (H, W, 3) uint8 RGB."""
     _write(file, np.ascontiguousarray(rgb[..., ::-1]))
 
 
 def write_steps(file: Path, depth: np.ndarray, unit: float) -> None:
-    """Writes depth (H, W) in m as 16-bit steps of `unit` m; NaN, 0 and what 16 bits cannot hold are no reading."""
+    """Write depth (H, W) in m as 16-bit steps of `unit` m; NaN, 0 and what 16 bits cannot hold are no reading."""
     steps = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0) / unit)
     _write(file, np.where((steps > 0) & (steps <= 65535), steps, 0).astype(np.uint16))
 

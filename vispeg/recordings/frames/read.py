@@ -26,7 +26,7 @@ LARGEST = 64_000_000  # bytes of an index: half a million frames
 
 
 def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> Frames | None:
-    """The frames of a recording's folder, or None where it has no `frames/`.
+    """Give the frames of a recording's folder, or None where it has no `frames/`.
 
     A frame before the first or after the last sample (of its episode) is left out, with one warning for all: a camera
     that runs longer than the robot's log is no error, one on another clock is.
@@ -118,7 +118,7 @@ def _number(file: Path, line: int, text: str, column: str) -> float:
 
 
 def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: int) -> Path:
-    """A picture's file, once its head agrees with its camera."""
+    """Give a picture's file, once its head agrees with its camera."""
     path = place / said
     if Path(said).is_absolute() or ".." in Path(said).parts:
         expected = "a name below frames/"
@@ -156,7 +156,7 @@ def _within(
 
 
 def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
-    """A camera takes one picture at a time."""
+    """Note that a camera takes one picture at a time."""
     there: set[tuple[int, str, float]] = set()
     for frame in frames:
         key = frame.episode, frame.camera.name, frame.time

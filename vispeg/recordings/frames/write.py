@@ -16,7 +16,7 @@ from vispeg.recordings.frames.read import CAMERAS, COLUMNS, EPISODE, FOLDER, IND
 
 
 def write_frames(frames: Frames, folder: Path, episodes: bool = False) -> Path:
-    """Writes `frames/` into a recording's folder.
+    """Write `frames/` into a recording's folder.
 
     Colour comes back bit for bit, depth to half a step of its camera's `depth_unit`; what was read from a file is
     copied as it is.

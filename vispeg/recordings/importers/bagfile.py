@@ -21,7 +21,7 @@ STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Any]:
-    """An open `rosbags.highlevel.AnyReader`; whatever goes wrong while it is read becomes a UserError.
+    """Open a `rosbags.highlevel.AnyReader`; whatever goes wrong while it is read becomes a UserError.
 
     Args:
         path: a .bag file, a ROS 2 bag folder, or a .db3 or .mcap file with or without its folder's metadata.yaml.
@@ -48,7 +48,7 @@ def open_bag(path: Path) -> Iterator[Any]:
 
 
 def _with_metadata(path: Path, scratch: Path) -> Path:
-    """A ROS 2 bag folder around one storage file: a link to it, and the metadata that the file itself gives."""
+    """Give a ROS 2 bag folder around one storage file: a link to it, and the metadata that the file itself gives."""
     from rosbags.rosbag2.storage_mcap import McapReader
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 

@@ -24,7 +24,7 @@ HEAD = 12  # bytes before the PNG of a compressedDepth message
 
 
 def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> dict[str, str]:
-    """The topics of pictures that are meant, and the name that a camera is given; "" where none is.
+    """Give the topics of pictures that are meant, and the name that a camera is given; "" where none is.
 
     Args:
         reader: an open bag.
@@ -59,7 +59,7 @@ def camera_name(topic: str) -> str:
 def read_images(
     reader: Any, topics: Mapping[str, str], album: Album, clock: Callable[[float, float], float], source: Path
 ) -> dict[str, RecordedCamera]:
-    """Reads pictures into an album; returns what CameraInfo says of their cameras, whose poses no bag states.
+    """Read pictures into an album; return what CameraInfo says of their cameras, whose poses no bag states.
 
     Colour and depth of one optical frame are two streams of one camera.
 
@@ -88,7 +88,7 @@ def read_images(
 
 
 def _reading(reader: Any, topic: str) -> tuple[str, Callable[[Any, Path, str], tuple[np.ndarray, float]]]:
-    """The type of a topic's messages, and what makes pictures of them."""
+    """Give the type of a topic's messages, and what makes pictures of them."""
     return (IMAGE, _raw) if topic in topics_of(reader, IMAGE) else (COMPRESSED, _compressed)
 
 
@@ -114,7 +114,7 @@ def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, st
 
 
 def _info(reader: Any, topic: str, source: Path) -> Any:
-    """The first CameraInfo of the image's namespace; None where there is none."""
+    """Give the first CameraInfo of the image's namespace; None where there is none."""
     parts = topic.split("/")
     while len(parts) > 1 and parts[-1] in TAILS:
         parts.pop()
@@ -166,7 +166,7 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
 
 
 def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """The same of a CompressedImage: JPEG or PNG, or depth as PNG after a head of its own (compressed_depth)."""
+    """Give the same of a CompressedImage: JPEG or PNG, or depth as PNG after a head of its own (compressed_depth)."""
     import cv2
 
     data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)

@@ -21,7 +21,7 @@ EPOCH = 1e6  # s: times beyond are dates; seconds from the first sample keep mor
 
 
 def joints_of(joints: Sequence[str], mapping: ColumnMap) -> list[str]:
-    """The joints to import: the map's own list where it has one, else the robot's."""
+    """Give the joints to import: the map's own list where it has one, else the robot's."""
     stated = mapping.recording.get("joints", list(joints))
     return [str(name) for name in stated] if isinstance(stated, list) else list(joints)
 
@@ -40,7 +40,7 @@ def build(
     first_row: int = 0,
     **header: Any,
 ) -> Recording:
-    """A recording from columns (n,) in SI units, named as in samples.csv.
+    """Give a recording from columns (n,) in SI units, named as in samples.csv.
 
     Args:
         columns: `time`, `q.joint1`, ...
@@ -71,6 +71,6 @@ def build(
 
 
 def _rounded(rate: float) -> float:
-    """A rate within 1 % of a whole number is that number: clocks jitter, controllers do not run at 499.98 Hz."""
+    """Take a rate within 1 % of a whole number for that number: clocks jitter, controllers do not run at 499.98 Hz."""
     nearest = round(rate)
     return float(nearest) if nearest and abs(rate / nearest - 1) < 0.01 else rate

@@ -55,7 +55,7 @@ def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) ->
 
 
 def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
-    """Number of each sample in its episode, (rows,)."""
+    """Give the number of each sample in its episode, (rows,)."""
     if episode is None:
         return np.arange(rows, dtype=float)
     starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
@@ -63,7 +63,7 @@ def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
 
 
 def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """A new episode wherever the clock steps back inside one."""
+    """Give a new episode wherever the clock steps back inside one."""
     time = columns["time"]
     inside = np.ones(len(time) - 1, bool) if "episode" not in columns else np.diff(columns["episode"]) == 0
     back = np.flatnonzero(inside & (np.diff(time) < 0))

@@ -89,7 +89,7 @@ class Scales:
 
 
 def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
-    """The order of the joints in which torques fit the model by far better than as given; None where none does.
+    """Give the order of the joints in which torques fit the model by far better than as given; None where none does.
 
     All orders are tried up to six joints, beyond them exchanges of two and three, as long as they help.
 
@@ -119,7 +119,7 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
 
 
 def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
-    """The order that no exchange of two, and none of three, makes better."""
+    """Give the order that no exchange of two, and none of three, makes better."""
     best, least = list(range(n)), error(range(n))
     for some in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
         for places in some:

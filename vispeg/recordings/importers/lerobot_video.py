@@ -26,7 +26,7 @@ PREFIX = "observation.images."
 
 
 def root_of(table: Path) -> Path | None:
-    """The folder of the data set that a table belongs to; None where it belongs to none."""
+    """Give the folder of the data set that a table belongs to; None where it belongs to none."""
     return next(
         (folder for folder in (table.resolve(), *table.resolve().parents) if (folder / "meta" / "info.json").is_file()),
         None,
@@ -36,7 +36,7 @@ def root_of(table: Path) -> Path | None:
 def import_video(
     table: Path, rec: Recording, wanted: Sequence[str], cameras: Mapping[str, RecordedCamera], scratch: Path
 ) -> Frames | None:
-    """The pictures at the samples of a recording that was made of a LeRobot table.
+    """Give the pictures at the samples of a recording that was made of a LeRobot table.
 
     Args:
         table: of the data set; a parquet file.
@@ -102,7 +102,7 @@ def where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple
 
 
 def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
-    """What meta/episodes says of an episode's video."""
+    """Give what meta/episodes says of an episode's video."""
     import pyarrow.parquet as pq
 
     names = ("chunk_index", "file_index", "from_timestamp")

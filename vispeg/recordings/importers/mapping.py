@@ -91,7 +91,7 @@ def _read(file: Path) -> ColumnMap:
 
 
 def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
-    """Reads a map file for a robot with these joints; without one every name stands for itself.
+    """Read a map file for a robot with these joints; without one every name stands for itself.
 
     A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
     offset (SI) is added last, and `plus` names a further column to add, or lists several. A torque in A or mA has a
@@ -104,7 +104,7 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
 
 
 def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
-    """The map that plain data stand for; `file` is what messages name. Raises UserError as `read_map` does."""
+    """Give the map that plain data stand for; `file` is what messages name. Raises UserError as `read_map` does."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected="lines like 'q.joint1: pos_1'", got=data)
     recording = _section(data, "recording", file)
@@ -144,7 +144,7 @@ def _motors(section: dict, joints: Sequence[str], file: Path) -> dict[str, dict[
 
 
 def _factor(value: Any, key: str, file: Path) -> float:
-    """A number that is not 0; `1/8` counts as one."""
+    """Give a number that is not 0; `1/8` counts as one."""
     parts = value.split("/") if isinstance(value, str) else [value]
     try:
         numbers = [float(part) for part in parts if not isinstance(part, bool)]
@@ -158,7 +158,7 @@ def _factor(value: Any, key: str, file: Path) -> float:
 
 
 def checked_rate(value: Any, key: str, file: Path | None = None) -> float:
-    """A rate, samples a second. Raises UserError: none that a log can have."""
+    """Give a rate, samples a second. Raises UserError: none that a log can have."""
     number = not isinstance(value, bool) and isinstance(value, int | float)
     if not number or not 1 <= value <= 100_000:
         raise UserError("not a rate", file=file, key=key, expected="1 to 100000 samples a second", got=value)

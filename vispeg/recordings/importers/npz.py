@@ -20,7 +20,7 @@ from vispeg.recordings.tables.table import MAX_BYTES
 def import_npz(
     source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None, **header: Any
 ) -> Recording:
-    """A recording from an .npz file; nothing in it is ever unpickled.
+    """Give a recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays are `time`, `episode` (n,), `q`, `dq`, `tau`, `tau_cmd`, `q_cmd`, `dq_cmd` (n, nj), `ee`, `ee_cmd` (n, 7),
     `ft` (n, 6), under these names or those that the map gives, and `joints` (nj,), the names of the columns.

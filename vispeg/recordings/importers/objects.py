@@ -17,7 +17,7 @@ UNIT = 1e-2  # of a quaternion's norm
 def import_object(
     source: Path, name: str, rate_hz: float | None, first: int = 0, last: int | None = None
 ) -> ObjectRecording:
-    """An object recording from an .npz file; nothing in it is ever unpickled.
+    """Give an object recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays: `state` (n, 13), position (m), quaternion (w x y z), velocity (m/s, world), angular velocity (rad/s, body's
     frame), or (n, 7) without velocities; `start` (k,), first rows of the tosses (and the end, n, if it is listed);

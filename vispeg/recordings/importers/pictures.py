@@ -31,7 +31,8 @@ class Album:
         self.unit: dict[str, float] = {}
 
     def add(self, camera: str, time: float, image: np.ndarray, episode: int = 0, unit: float = DEPTH_UNIT) -> None:
-        """A picture: (H, W, 3) uint8 colour, or (H, W) depth in m, 0 or NaN = no reading, kept in steps of `unit` m.
+        """Give a picture: (H, W, 3) uint8 colour, or (H, W) depth in m, 0 or NaN = no reading, kept in steps of `unit`
+        m.
 
         Raises:
             UserError: another size than the camera's other pictures have.
@@ -51,7 +52,8 @@ class Album:
         self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
 
     def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
-        """What came, within the times of a recording's samples; colour and depth of a camera at a moment are one frame.
+        """Give what came, within the times of a recording's samples; colour and depth of a camera at a moment are one
+        frame.
 
         Raises:
             UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.
@@ -82,7 +84,8 @@ Row = tuple[float, str, int, str, Path]
 
 
 def _together(rows: Sequence[Row]) -> list[Row]:
-    """The pictures, depth at the time of the colour picture next to it, if that is nearer than half a period of colour.
+    """Give the pictures, depth at the time of the colour picture next to it, if that is nearer than half a period of
+    colour.
 
     A device's two streams are stamped a little apart.
     """

@@ -33,7 +33,7 @@ Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n,
 
 
 def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
-    """What the units of a recording make impossible, the surest first; empty where all can be.
+    """Give what the units of a recording make impossible, the surest first; empty where all can be.
 
     Args:
         rec: the recording, in what is said to be SI units.
@@ -80,7 +80,7 @@ def _rate(rate: float) -> Doubt | None:
 
 
 def _against_commands(rec: Recording) -> Doubt | None:
-    """An arm goes where it is told: angles that follow their commands at another scale are in another unit."""
+    """Test whether an arm goes where told: angles that follow their commands at another scale are in another unit."""
     ratio = None if rec.q_cmd is None else slope(rec.q_cmd, rec.q, 0.9)
     if ratio is None:
         return None
@@ -159,7 +159,7 @@ def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None
 def refuse_units(
     rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str, needs: Needs | None = None
 ) -> None:
-    """Raises UserError where units cannot be true, with the likely ones; a joint that is not the robot's tells nothing.
+    """Raise UserError where units cannot be true, with the likely ones; a joint that is not the robot's tells nothing.
 
     Args:
         rec: what the units made of a log.

@@ -54,7 +54,7 @@ def import_rosbag(
     cameras: Mapping[str, RecordedCamera] | None = None,
     **header: Any,
 ) -> Recording:
-    """A recording on the clock of the measured joint states.
+    """Give a recording on the clock of the measured joint states.
 
     Times are the messages' header stamps, or the bag's where a topic's headers are empty. Joints are found by name;
     what a message does not hold is missing. Poses and wrenches are interpolated (positions and wrenches linearly,
@@ -114,7 +114,7 @@ def import_rosbag(
 
 
 def joint_topics(source: Path) -> tuple[str, ...]:
-    """The topics of joint states in a bag. Raises UserError: not a bag that can be read."""
+    """Give the topics of joint states in a bag. Raises UserError: not a bag that can be read."""
     with open_bag(source) as reader:
         return tuple(topics_of(reader, JOINTS))
 
@@ -130,7 +130,7 @@ def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:
 def _joint_states(
     reader: Any, topic: str, names: list[str], mapping: ColumnMap, source: Path
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for what a message does not hold."""
+    """Give times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for what a message does not hold."""
     wanted = [mapping.joints.get(name, name) for name in names]
     places: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
     all_names: set[str] = set()
@@ -201,7 +201,7 @@ def _overlapping(
 
 
 def _add(columns: dict[str, np.ndarray], signal: str, joints: list[str], values: np.ndarray) -> None:
-    """Adds a signal unless nothing of it was ever sent."""
+    """Add a signal unless nothing of it was ever sent."""
     if np.isfinite(values).any():
         columns |= dict(zip(columns_of(signal, joints), values.T, strict=True))
 

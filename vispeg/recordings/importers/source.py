@@ -54,7 +54,7 @@ def read_source(
     scratch: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """The recording that a table, an archive or a ROS bag makes.
+    """Give the recording that a table, an archive or a ROS bag makes.
 
     Args:
         source: a .csv, .csv.gz, .parquet, .npz, .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.

@@ -27,7 +27,7 @@ def import_table(
     progress: Callable[[float], None] = lambda share: None,
     **header: Any,
 ) -> Recording:
-    """A recording from a table; columns that the map does not name are taken by the recording format's own names.
+    """Give a recording from a table; columns that the map does not name are taken by the recording format's own names.
 
     Args:
         source: what `read_table` reads.
@@ -50,7 +50,7 @@ def import_table(
 def from_table(
     table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap, **header: Any
 ) -> Recording:
-    """A recording from a table that is read; see `import_table`."""
+    """Give a recording from a table that is read; see `import_table`."""
     targets = _targets(joints_of(joints, mapping))
     columns = {}
     for target, origin in mapping.columns.items():

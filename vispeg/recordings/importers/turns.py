@@ -44,7 +44,7 @@ def straightened(q: np.ndarray, limits: np.ndarray, episode: np.ndarray | None =
 
 
 def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
-    """A recording whose measured and commanded angles do not wrap, with one note. Unchanged where none does."""
+    """Give a recording whose measured and commanded angles do not wrap, with one note. Unchanged where none does."""
     q, changed = straightened(rec.q, limits.range, rec.episode)
     q_cmd = rec.q_cmd
     if q_cmd is not None:
@@ -84,7 +84,7 @@ def _into(q: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def _by_episode(values: np.ndarray, episode: np.ndarray | None, of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """A value (nj,) of each episode's rows, repeated in them, (n, nj)."""
+    """Give a value (nj,) of each episode's rows, repeated in them, (n, nj)."""
     out = np.empty_like(values)
     breaks = [] if episode is None else np.flatnonzero(np.diff(episode) != 0) + 1
     for rows in np.split(np.arange(len(values)), breaks):

@@ -32,7 +32,9 @@ def is_text(file: Path) -> bool:
 
 
 def parts(source: Path) -> list[Path]:
-    """The files of a table that is a folder, in order: a LeRobot data set's, or all tables in it; empty for others."""
+    """Give the files of a table that is a folder, in order: a LeRobot data set's, or all tables in it; empty for
+    others.
+    """
     if not source.is_dir():
         return []
     if (source / LEROBOT).is_file():
@@ -43,7 +45,7 @@ def parts(source: Path) -> list[Path]:
 
 
 def read_table(file: Path, reading: Reading = EVERYTHING) -> Table:
-    """Reads a table.
+    """Read a table.
 
     Args:
         file: a text table, Parquet, a file of arrays (`stores`), or a folder. Of a folder's files those with the same

@@ -28,7 +28,7 @@ MOST_TEXT = 256_000_000  # bytes of JSON
 
 
 def read_store(file: Path, reading: Reading) -> Table:
-    """The table that a file of arrays makes. Raises UserError: damaged, or without arrays of samples."""
+    """Give the table that a file of arrays makes. Raises UserError: damaged, or without arrays of samples."""
     arrays = READERS[file.suffix.lower()](file)
     if file.suffix.lower() == ".npy" and reading.dialect.names:
         arrays = {"": arrays[""]} if "" in arrays else arrays

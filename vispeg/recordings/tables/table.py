@@ -61,7 +61,7 @@ class Table:
         return f"row {self.first_row + int(index)}"
 
     def number(self, name: str) -> np.ndarray:
-        """A column, (n,). Raises UserError if it is absent or holds something that is not a number."""
+        """Give a column, (n,). Raises UserError if it is absent or holds something that is not a number."""
         if name in self.text:
             row, cell = self.text[name]
             point = cell.strip().replace(",", ".")
@@ -113,7 +113,7 @@ def _in_order(names: list[str], some: Collection[str]) -> list[str]:
 
 
 def checked_names(names: list[str], file: Path) -> list[str]:
-    """A header's names; raises UserError where there are too many, or one comes twice."""
+    """Give a header's names; raises UserError where there are too many, or one comes twice."""
     if len(names) > MAX_COLUMNS:
         raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
     earlier: set[str] = set()
@@ -125,13 +125,13 @@ def checked_names(names: list[str], file: Path) -> list[str]:
 
 
 def check_rows(rows: int, file: Path) -> None:
-    """Raises UserError beyond the number of rows that is read."""
+    """Raise UserError beyond the number of rows that is read."""
     if rows > MAX_ROWS:
         raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
 
 
 def as_float(cell: str) -> float | None:
-    """A cell's number, NaN for an empty one, None for what is no number."""
+    """Give a cell's number, NaN for an empty one, None for what is no number."""
     cell = cell.strip()
     if not cell:
         return np.nan
@@ -149,7 +149,7 @@ class Columns:
         self.rows = 0
 
     def add(self, block: dict[str, np.ndarray], rows: int) -> None:
-        """Takes the next rows of every column."""
+        """Take the next rows of every column."""
         end = self.rows + rows
         for name, values in self._values.items():
             if end > len(values):
@@ -158,5 +158,5 @@ class Columns:
         self.rows = end
 
     def done(self) -> dict[str, np.ndarray]:
-        """The columns, once all is read."""
+        """Give the columns, once all is read."""
         return {name: values[: self.rows] for name, values in self._values.items()}

@@ -52,7 +52,7 @@ class Head:
 
 
 def read_csv(file: Path, reading: Reading) -> Table:
-    """The table. Raises UserError for what is no text table, and for cells that are missing or too many."""
+    """Give the table. Raises UserError for what is no text table, and for cells that are missing or too many."""
     with opened(file) as stream:
         head = _head(stream, file, reading.dialect)
     wanted = reading.wanted(head.names)
@@ -61,7 +61,7 @@ def read_csv(file: Path, reading: Reading) -> Table:
 
 
 def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
-    """Reads up to the first sample. Raises UserError: no header or sample that these signs separate."""
+    """Read up to the first sample. Raises UserError: no header or sample that these signs separate."""
     before: list[str] = []
     while True:
         line = _line(stream, file, len(before))
@@ -92,13 +92,13 @@ def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
 
 
 def uncommented(line: str, dialect: Dialect) -> list[str]:
-    """The cells of a comment, without its sign; `%time` of rostopic is a name and stays."""
+    """Give the cells of a comment, without its sign; `%time` of rostopic is a name and stays."""
     text = line.lstrip()
     return split_cells(text if text[0] == "%" and text[1:2].isalpha() else text[1:].lstrip(), dialect)
 
 
 def split_cells(line: str, dialect: Dialect) -> list[str]:
-    """The cells of a line; none where it cannot be cut."""
+    """Give the cells of a line; none where it cannot be cut."""
     line = line.rstrip("\r\n")
     if dialect.separator == " ":
         return line.split()
@@ -110,7 +110,7 @@ def split_cells(line: str, dialect: Dialect) -> list[str]:
 
 @contextmanager
 def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
-    """The bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is.
+    """Give the bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is.
 
     With `blanks` every run of blanks and tabs becomes one blank, and none stays at the ends of a line.
     """
@@ -132,11 +132,11 @@ class _Limited(io.RawIOBase):
         self._held, self._ready, self._count = b"", b"", 0
 
     def readable(self) -> bool:
-        """It is."""
+        """Say that it is."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Reads on; blank bytes are held back until something follows them."""
+        """Read on; blank bytes are held back until something follows them."""
         while not self._ready:
             data = self._stream.read(1 << 18)
             if not data:
@@ -158,7 +158,7 @@ class _Limited(io.RawIOBase):
 
 
 def _one(run: re.Match[bytes]) -> bytes:
-    """A line's end for blanks around one, else one blank."""
+    """Give a line's end for blanks around one, else one blank."""
     return b"\n" * run[0].count(b"\n") or b" "
 
 
@@ -171,7 +171,7 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
 
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:
-    """The header decides between semicolons, tabs and commas: the wrong one makes one column of all."""
+    """Give the header decides between semicolons, tabs and commas: the wrong one makes one column of all."""
     separator = dialect.separator
     other = max((sign for sign in (",", ";", "\t") if sign != separator), key=head.count)
     if head.count(other) <= head.count(separator):
@@ -183,7 +183,7 @@ def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> Non
 
 
 def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table | None:
-    """The wanted columns where each of their cells is a number or empty; None where a closer look is needed."""
+    """Give the wanted columns where each of their cells is a number or empty; None where a closer look is needed."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 

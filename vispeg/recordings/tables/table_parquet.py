@@ -14,7 +14,7 @@ BLOCK = 65_536  # rows
 
 
 def read_parquet(file: Path, reading: Reading) -> Table:
-    """The table. Raises UserError for what is no Parquet file that can be read."""
+    """Give the table. Raises UserError for what is no Parquet file that can be read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

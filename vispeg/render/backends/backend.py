@@ -119,7 +119,7 @@ class Renderer:
         return self._backend.name if self._backend else self._wanted
 
     def place(self, cameras: Sequence[Camera]) -> None:
-        """Looks through these cameras from now on; cheap unless a picture is larger than any before."""
+        """Look through these cameras from now on; cheap unless a picture is larger than any before."""
         self.aim(cameras)
         self.nominal = self.cameras
 
@@ -138,7 +138,7 @@ class Renderer:
             self._open(max(width, self._size[0]), max(height, self._size[1]))
 
     def refresh(self, textures: Sequence[int] | None = None) -> list[int]:
-        """Takes over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded.
+        """Take over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded.
 
         Args:
             textures: ids to upload; default: those whose pixels differ from what was uploaded last.
@@ -158,7 +158,7 @@ class Renderer:
     def render(
         self, qpos: np.ndarray | None = None, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
     ) -> dict[str, Shot]:
-        """What every camera sees.
+        """Give what every camera sees.
 
         Args:
             qpos: (nq,) joint positions, rad and m; default: as they were.
@@ -239,14 +239,16 @@ class Renderer:
 
 
 def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
-    """What makes a picture's normals; a caller may change the depth that it was given, so they are made of a copy."""
+    """Give what makes a picture's normals; a caller may change the depth that it was given, so they are made of a
+    copy.
+    """
     if (normals := picture.normals) is not None:
         return lambda: normals
     return partial(normals_of, picture.depth.copy(), view.camera)
 
 
 def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> Backend:
-    """The backend of that name for pictures up to width x height px. Raises UserError where it does not work."""
+    """Give the backend of that name for pictures up to width x height px. Raises UserError where it does not work."""
     from vispeg.render.backends.raycast import Raycast
 
     if name == "raycast":

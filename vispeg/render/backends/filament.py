@@ -90,7 +90,7 @@ class Filament:
             self.model.geom_group[:] = groups
 
     def upload(self, texture: int) -> None:
-        """Takes over edited textures at the next picture."""
+        """Take over edited textures at the next picture."""
         self._parts = None
 
     @_quiet()

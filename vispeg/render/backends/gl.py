@@ -16,7 +16,7 @@ _OPEN: dict[tuple[int, int], Any] = {}  # (process, thread) -> its context
 
 
 def shared(width: int, height: int) -> Any:
-    """This thread's context, not yet current; opened at the first call and kept until the process ends.
+    """Give this thread's context, not yet current; opened at the first call and kept until the process ends.
 
     Renderers share it, each with framebuffers and textures of its own: a driver compiles its shaders once a context,
     which takes far longer than anything else about a renderer. A thread has its own, since a context can be current in
@@ -36,7 +36,7 @@ def shared(width: int, height: int) -> Any:
 
 
 def _open(width: int, height: int) -> Any:
-    """A context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
+    """Give a context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
 
     MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found.
 

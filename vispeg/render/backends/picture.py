@@ -48,7 +48,7 @@ class Backend(Protocol):
         ...
 
     def upload(self, texture: int) -> None:
-        """Takes over a texture's changed pixels."""
+        """Take over a texture's changed pixels."""
         ...
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
 
 
 def place(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """The array of a model by its name, dotted below the top level; a view."""
+    """Give the array of a model by its name, dotted below the top level; a view."""
     value = model
     for part in name.split("."):
         value = getattr(value, part)
@@ -29,7 +29,7 @@ class Pristine:
         self._kept = {name: array.copy() for name, array in _visual(model)}
 
     def restore(self, model: mujoco.MjModel) -> None:
-        """Makes these fields of `model` what they were, bit for bit."""
+        """Make these fields of `model` what they were, bit for bit."""
         for name, array in self._kept.items():
             place(model, name)[...] = array
 

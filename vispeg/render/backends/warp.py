@@ -29,7 +29,7 @@ class Warp:
         self._nearest = np.rint(self._map).astype(int)
 
     def __call__(self, picture: Picture) -> Picture:
-        """The picture as the lens shows it: colour interpolated, depth, ids and normals from the nearest ray."""
+        """Give the picture as the lens shows it: colour interpolated, depth, ids and normals from the nearest ray."""
         import cv2
 
         u, v = self._nearest[..., 0], self._nearest[..., 1]

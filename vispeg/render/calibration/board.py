@@ -103,7 +103,7 @@ class Board:
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
     def opencv(self) -> Any:
-        """The `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
+        """Give the `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
         import cv2
 
         words = self.words()

@@ -65,7 +65,7 @@ def board_scale(
     stated: HandEye,
     lens_of: Callable[[Sequence[View]], Intrinsics],
 ) -> BoardScale | None:
-    """The size of the board by the robot's motion; None where they do not tell, or not with a view less.
+    """Give the size of the board by the robot's motion; None where they do not tell, or not with a view less.
 
     Args:
         views, board, camera, flange, mount: as `solve` takes them.
@@ -107,7 +107,7 @@ def _scaled(
 
 
 def scaled(board: Board, factor: float) -> Board:
-    """The board, `factor` times as large."""
+    """Give the board, `factor` times as large."""
     return replace(board, square=factor * board.square, marker=factor * board.marker)
 
 

@@ -62,8 +62,10 @@ class Calibration:
     board_scale: BoardScale | None = None
 
     def to_camera(self, name: str) -> Camera:
-        """The project's camera: on its mount, or at the base's origin without poses. Raises UserError for a lens that
-        shows one direction twice inside the image, which more distortion terms than the views can fix may make."""
+        """Give the project's camera: on its mount, or at the base's origin without poses. Raises UserError for a
+        lens that shows one direction twice inside the image, which more distortion terms than the views can fix may
+        make.
+        """
         lens, (width, height) = self.camera, self.camera.size
         camera = Camera(name, width, height, *lens.focal, *lens.centre, lens.distortion)
         if self.hand_eye is None or self.mount is None:

@@ -56,7 +56,7 @@ class Chain:
         return np.concatenate([predicted[..., :3, 3] - self.flange[:, :3, 3], turned], axis=-1)
 
     def weigh(self, x: np.ndarray, z: np.ndarray, trust: np.ndarray) -> None:
-        """Sets the robot's errors to what the differences at X, Z show, and the views' covariances by them.
+        """Set the robot's errors to what the differences at X, Z show, and the views' covariances by them.
 
         Args:
             trust: weight of each view, 0 to 1, shape (n,).
@@ -79,11 +79,11 @@ class Chain:
         return np.einsum("nij,...nj->...ni", self.whiten, self.differences(x, z))
 
     def weighted(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """The same with each view as far as it is trusted: what least squares sees."""
+        """Give the same with each view as far as it is trusted: what least squares sees."""
         return np.sqrt(self.trust)[:, None] * self.standard(x, z)
 
     def slopes(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Derivative of the flat weighted differences by small shifts of X, then Z, shape (6 n, 12): central steps."""
+        """Differentiate the flat weighted differences by small shifts of X, then Z, shape (6 n, 12): central steps."""
         by_x = self.weighted(shifted(x, STEPS)[:, None], z)
         by_z = self.weighted(x, shifted(z, STEPS)[:, None])
         both = np.concatenate([by_x[:6] - by_x[6:], by_z[:6] - by_z[6:]]) / (2 * STEP)

@@ -46,7 +46,7 @@ class View:
 
 
 def pictures(folder: str | Path) -> list[Path]:
-    """The picture files of a folder, `2.png` before `10.png`. Raises UserError where there are none."""
+    """Give the picture files of a folder, `2.png` before `10.png`. Raises UserError where there are none."""
     root = Path(folder)
     if not root.is_dir():
         raise UserError("no such folder of images", file=folder)
@@ -57,7 +57,7 @@ def pictures(folder: str | Path) -> list[Path]:
 
 
 def read_grey(path: Path) -> np.ndarray:
-    """A picture as grey values, uint8, shape (height, width). Raises UserError where it is not one."""
+    """Give a picture as grey values, uint8, shape (height, width). Raises UserError where it is not one."""
     import cv2
 
     try:
@@ -71,7 +71,8 @@ def read_grey(path: Path) -> np.ndarray:
 
 
 def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View], dict[str, str]]:
-    """The views of a folder or of some files in which the board was found; the other pictures' names with the reason.
+    """Give the views of a folder or of some files in which the board was found; the other pictures' names with the
+    reason.
 
     A picture that repeats another within a pixel is left out: it adds nothing, and intervals would take it for proof.
 
@@ -113,7 +114,7 @@ def _alike(a: View, b: View) -> bool:
 
 
 def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:
-    """The board in one grey picture, uint8 (height, width), or None where it is not found."""
+    """Give the board in one grey picture, uint8 (height, width), or None where it is not found."""
     finders = {"chessboard": _chessboard, "charuco": _charuco, "tag": _tag}
     corners = finders[board.kind](image, board)
     if corners is None:
@@ -185,7 +186,7 @@ def the_tag(files: Sequence[Path], board: Board) -> Board:
 
 
 def _tags(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
-    """The corners (4, 2) of each tag in a picture: top left, top right, bottom right, bottom left."""
+    """Give the corners (4, 2) of each tag in a picture: top left, top right, bottom right, bottom left."""
     import cv2
 
     how = cv2.aruco.DetectorParameters()
@@ -201,7 +202,7 @@ def _tag(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | Non
 
 
 def _other_pattern(image: np.ndarray, board: Board) -> str:
-    """A hint where the board is there but was described in another usual way."""
+    """Give a hint where the board is there but was described in another usual way."""
     if board.kind == "tag":
         there = {name: _tags(image, replace(board, dictionary=name, tag=None)) for name in USUAL}
         found = [f"{', '.join(map(str, tags))} of {name}" for name, tags in there.items() if tags]

@@ -89,7 +89,7 @@ def solve(
     mount: Mount,
     start: HandEye | None = None,
 ) -> HandEye:
-    """The camera's and the board's poses of least robust misfit.
+    """Give the camera's and the board's poses of least robust misfit.
 
     Args:
         flange: base_T_flange of each view, shape (n, 4, 4), m.
@@ -230,7 +230,7 @@ def refine(
 
 
 def _mean(poses: np.ndarray) -> np.ndarray:
-    """The middle of poses (n, 4, 4)."""
+    """Give the middle of poses (n, 4, 4)."""
     out = np.eye(4)
     out[:3, :3] = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
     out[:3, 3] = np.median(poses[:, :3, 3], axis=0)

@@ -142,6 +142,6 @@ def _fixed(distortion: Distortion) -> int:
 
 
 def undetermined(got: str | None = None) -> UserError:
-    """The error for views that are too much alike."""
+    """Give the error for views that are too much alike."""
     message = "the images do not fix the focal length: take some with the board tilted 20 to 45 degrees, both ways"
     return UserError(message, got=got)

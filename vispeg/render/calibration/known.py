@@ -22,7 +22,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("camera model (ViSP)", _example)
 def read_intrinsics(path: str | Path) -> Intrinsics:
-    """The intrinsics in a file.
+    """Give the intrinsics in a file.
 
     Args:
         path: a file as `vispeg.render.cameras.camera_files` reads them (YAML: the project's, OpenCV's, ROS
@@ -41,7 +41,7 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
 
 
 def _visp(text: str, file: Path) -> Intrinsics:
-    """The one flat table that ViSP writes, read by its tags alone: an XML reader would follow entities as well."""
+    """Give the one flat table that ViSP writes, read by its tags alone: an XML reader would follow entities as well."""
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
 
     def value(tag: str, default: float | None = None) -> float:

@@ -17,7 +17,8 @@ DETECTED, FITTED, ROBOT = (80, 220, 80), (255, 140, 40), (60, 60, 255)  # BGR: g
 
 
 def overlay(path: Path, calibration: Calibration, board: Board, number: int, flange: np.ndarray | None) -> bytes:
-    """A PNG of one view: detected corners (green rings), reprojected with a free board pose (blue), by robot (red).
+    """Give a PNG of one view: detected corners (green rings), reprojected with a free board pose (blue), by robot
+    (red).
 
     Args:
         path: the picture.

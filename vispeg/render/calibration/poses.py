@@ -34,7 +34,7 @@ def _visp_example(folder: Path) -> Path:
 
 
 def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
-    """The flange's pose on the base for each picture of `names`, base_T_flange, shape (n, 4, 4), m.
+    """Give the flange's pose on the base for each picture of `names`, base_T_flange, shape (n, 4, 4), m.
 
     Args:
         path: a CSV file with the columns file, x, y, z (m), qw, qx, qy, qz; or a folder of YAML files as ViSP writes

@@ -45,7 +45,7 @@ class CalibrationRecord(TypedDict):
 
 
 def record(calibration: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
-    """What results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
+    """Give what results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
 
     Args:
         missed: names of the pictures that were not used, and why.

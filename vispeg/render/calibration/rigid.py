@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 
 def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) of rotation vectors (..., 3) rad and translations (..., 3) m."""
+    """Transform (..., 4, 4) of rotation vectors (..., 3) rad and translations (..., 3) m."""
     turn = np.asarray(rotation_vector, float)
     out = np.zeros((*turn.shape[:-1], 4, 4))
     out[..., :3, :3] = Rotation.from_rotvec(turn.reshape(-1, 3)).as_matrix().reshape(*turn.shape[:-1], 3, 3)
@@ -17,12 +17,12 @@ def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarra
 
 
 def from_quaternion(translation: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
-    """Transforms (..., 4, 4) of translations (..., 3) m and unit quaternions (..., 4), w first."""
+    """Transform (..., 4, 4) of translations (..., 3) m and unit quaternions (..., 4), w first."""
     return transform(Rotation.from_quat(wxyz, scalar_first=True).as_rotvec(), translation)
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of rigid transforms, shape (..., 4, 4)."""
+    """Give the inverse of rigid transforms, shape (..., 4, 4)."""
     out = np.zeros_like(matrix)
     turned = np.swapaxes(matrix[..., :3, :3], -1, -2)
     out[..., :3, :3] = turned
@@ -48,7 +48,7 @@ def move(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def shifted(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """The inverse of `difference`: transforms (..., 4, 4) moved by (..., 6), m outside and rad inside."""
+    """Give the inverse of `difference`: transforms (..., 4, 4) moved by (..., 6), m outside and rad inside."""
     out = pose @ transform(by[..., 3:], np.zeros(3))
     out[..., :3, 3] += by[..., :3]
     return out

@@ -90,7 +90,7 @@ class Camera:
         return rotation(self.quat)
 
     def moved(self, **changes: Any) -> Camera:
-        """The same camera with some fields changed."""
+        """Give the same camera with some fields changed."""
         return replace(self, **changes)
 
     def project(self, points: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ def load_camera(path: str | Path, name: str | None = None) -> Camera:
 def save_cameras(
     path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg", overwrite: bool = False
 ) -> Path:
-    """Writes cameras; `opencv` and `ros` files take one camera and drop its pose. Every number comes back bit for bit.
+    """Write cameras; `opencv` and `ros` files take one camera and drop its pose. Every number comes back bit for bit.
 
     Raises:
         UserError: the file exists and `overwrite` is False, cannot be written, or cannot hold these cameras.
@@ -98,13 +98,13 @@ def save_cameras(
 
 
 def to_record(camera: Camera) -> Mapping[str, object]:
-    """A camera as plain JSON or YAML values."""
+    """Give a camera as plain JSON or YAML values."""
     values = {key: getattr(camera, key) for key in FIELDS}
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
 
 
 def from_record(record: Any, path: str | Path) -> Camera:
-    """The camera that `to_record` wrote. Raises UserError for what is none; names the file and the key."""
+    """Give the camera that `to_record` wrote. Raises UserError for what is none; names the file and the key."""
     if not isinstance(record, Mapping):
         raise UserError("not a camera", file=path, key="cameras", got=record)
     for key in record:

@@ -21,7 +21,7 @@ PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do
 
 
 def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camera, ...]:
-    """The cameras that a robot's own file states, on the flange or the base where they do not move against it.
+    """Give the cameras that a robot's own file states, on the flange or the base where they do not move against it.
 
     Args:
         robot: with its file's cameras.
@@ -63,7 +63,7 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
 
 
 def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
-    """Gives a spec a row for each camera; `write` fills it once the spec is compiled."""
+    """Give a spec a row for each camera; `write` fills it once the spec is compiled."""
     there = {camera.name for camera in spec.cameras}
     for camera in cameras:
         if camera.name not in there:
@@ -77,7 +77,7 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
 
 
 def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
-    """Gives a spec these cameras in MuJoCo's own words, for a file that plain MuJoCo reads; it knows no lens."""
+    """Give a spec these cameras in MuJoCo's own words, for a file that plain MuJoCo reads; it knows no lens."""
     for camera in cameras:
         site = None if camera.parent == WORLD else spec.site(camera.parent)
         body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
@@ -95,14 +95,14 @@ def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
 
 
 def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:
-    """The row of a camera, or None where the model has none of that name on that body."""
+    """Give the row of a camera, or None where the model has none of that name on that body."""
     row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera.name)
     body, _, _ = _mount(model, camera.parent)
     return row if row >= 0 and model.cam_bodyid[row] == body else None
 
 
 def write(model: mujoco.MjModel, row: int, camera: Camera) -> None:
-    """Puts a camera into its row."""
+    """Put a camera into its row."""
     _, pos, rot = _mount(model, camera.parent)
     size = np.array([camera.width, camera.height])
     principal = size / 2 - 0.5 - (camera.cx, camera.cy)
@@ -115,7 +115,7 @@ def write(model: mujoco.MjModel, row: int, camera: Camera) -> None:
 
 
 def read(model: mujoco.MjModel, row: int, camera: Camera) -> Camera:
-    """The camera that a row says, its name, size, lens and parent those of `camera`."""
+    """Give the camera that a row says, its name, size, lens and parent those of `camera`."""
     _, pos, rot = _mount(model, camera.parent)
     size = np.array([camera.width, camera.height])
     focal, principal = np.split(

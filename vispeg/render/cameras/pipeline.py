@@ -26,7 +26,7 @@ class Stage:
     state: dict[str, Any] = field(default_factory=dict)
 
     def at(self, rows: np.ndarray | None) -> dict[str, np.ndarray]:
-        """The parameters, null but in these rows (n,) bool; in all if None."""
+        """Give the parameters, null but in these rows (n,) bool; in all if None."""
         if rows is None:
             return self.p
         null = {k: np.where(rows, self.p[k], self.effect.params[k].null) for k in self.effect.magnitudes}
@@ -55,7 +55,7 @@ class Pipeline:
         return sorted(self._stages.values(), key=lambda s: (s.effect.order, s.effect.name))
 
     def place(self, rows: Sequence[int], worlds: Sequence[World]) -> None:
-        """Gives some rows new worlds, as when episodes begin anew; what effects remembered of them is forgotten."""
+        """Give some rows new worlds, as when episodes begin anew; what effects remembered of them is forgotten."""
         for row, world in zip(rows, worlds, strict=True):
             for stage in self._stages.values():
                 for name, param in stage.effect.params.items():
@@ -72,7 +72,7 @@ class Pipeline:
         self._stages = {name: s for name, s in self._stages.items() if self._at_work(s)}
 
     def run(self, frame: Frame, rng: Sequence[np.random.Generator], rows: np.ndarray | None = None) -> Frame:
-        """The images as the camera delivers them; `frame` stays as it is.
+        """Give the images as the camera delivers them; `frame` stays as it is.
 
         Args:
             frame: as rendered, one image a row. Where it has depth but no truth, its depth is the truth.
@@ -122,7 +122,7 @@ class Streams(Sequence[np.random.Generator]):
         self._started: list[bool] = [False] * n
 
     def begin(self, keys: Sequence[int]) -> Streams:
-        """The streams of a frame, from one number below 2^63 an image."""
+        """Give the streams of a frame, from one number below 2^63 an image."""
         self._keys, self._started = list(keys), [False] * len(keys)
         return self
 

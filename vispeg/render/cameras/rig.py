@@ -103,7 +103,7 @@ class CameraRig:
         seeds: Mapping[int, int],
         levels: Mapping[str, float] | float = 1.0,
     ) -> None:
-        """New episodes in these rows: new looks, and sensors that remember nothing.
+        """Begin new episodes in these rows: new looks, and sensors that remember nothing.
 
         Args:
             snapshots: by row, how the cells stand; the contrast guard looks at them.
@@ -140,7 +140,7 @@ class CameraRig:
             self._shots[row], self._snapshots[row], self._new[row] = shots, snapshot, True
 
     def see(self) -> dict[str, np.ndarray]:
-        """The images of every row, KIND_CAMERA: (rows, C, H, W), as vispeg.render.image_kinds states them.
+        """Give the images of every row, KIND_CAMERA: (rows, C, H, W), as vispeg.render.image_kinds states them.
 
         What was not drawn anew by `look` is delivered as before: a camera that remembers does not see a moment twice.
         """
@@ -192,7 +192,7 @@ class CameraRig:
         return out
 
     def picture(self, row: int, snapshot: Snapshot) -> np.ndarray:
-        """A row from outside, (H, W, 3) uint8, in its episode's look."""
+        """Give a row from outside, (H, W, 3) uint8, in its episode's look."""
         if self.outside is None:
             raise ValueError("this rig has no camera outside")
         if self._film is None:

@@ -39,7 +39,7 @@ def standard_cameras(tip: float = TIP, goal: Sequence[float] = GOAL) -> tuple[Ca
 
 
 def square(name: str, focal: float, size: int = SIZE) -> Camera:
-    """A camera of `size` x `size` px with its principal point in the middle, at its parent's origin."""
+    """Give a camera of `size` x `size` px with its principal point in the middle, at its parent's origin."""
     middle = (size - 1) / 2
     return Camera(name, size, size, focal, focal, middle, middle)
 

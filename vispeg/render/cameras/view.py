@@ -57,7 +57,9 @@ class View:
 
 @lru_cache(maxsize=256)
 def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
-    """What does not change when a camera moves: its frustum, and the inward normals (5, 3) of its sides and front."""
+    """Give what does not change when a camera moves: its frustum, and the inward normals (5, 3) of its sides and
+    front.
+    """
     left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
     frustum = {
         "frustum_center": (left + right) / 2,
@@ -82,7 +84,7 @@ def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
 
 @lru_cache(maxsize=256)
 def _place(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """A camera's place (3,) and axes (3, 3) in its parent; read only."""
+    """Give a camera's place (3,) and axes (3, 3) in its parent; read only."""
     pos, rot = np.array(camera.pos), camera.rotation
     pos.flags.writeable = rot.flags.writeable = False
     return pos, rot
@@ -100,7 +102,7 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
 
 
 def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> View:
-    """The camera where its parent stands in `data` (kinematics done)."""
+    """Give the camera where its parent stands in `data` (kinematics done)."""
     (kind, i), (at, axes) = parent, _place(camera)
     if kind == "world":
         return View(camera, at, axes)

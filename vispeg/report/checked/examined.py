@@ -73,7 +73,7 @@ def examined(
     touched: Touch | None,
     drawing: bytes,
 ) -> Examined:
-    """What the page keeps of a recording.
+    """Give what the page keeps of a recording.
 
     Args:
         rec, report, limits, touched: the recording, and what was found of its joints and of contact.
@@ -97,7 +97,7 @@ def examined(
 
 
 def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Track:
-    """What was recorded of each joint. A bad reading stands in `bad` and in no line, a clipped torque in both."""
+    """Give what was recorded of each joint. A bad reading stands in `bad` and in no line, a clipped torque in both."""
     time, period = laid_out(rec), 1.0 / report.timing.rate_hz
     bad = np.full(rec.q.shape, np.nan)
     good, speed = rec.q.copy(), np.empty(rec.q.shape)
@@ -125,7 +125,7 @@ def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Trac
 
 
 def _contact(rec: Recording, touched: Touch) -> Track:
-    """The wrench as it was read and what is left of it for the contact, by axis; contact as bands."""
+    """Give the wrench as it was read and what is left of it for the contact, by axis; contact as bands."""
     time = laid_out(rec)
     arrays = {
         "force": touched.wrench[:, :3],
@@ -169,7 +169,7 @@ def _frame(frame: RecordedFrame, near: float, far: float) -> Frame:
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    """A picture at most HEIGHT px high, in its proportions."""
+    """Give a picture at most HEIGHT px high, in its proportions."""
     import cv2
 
     if image.shape[0] <= HEIGHT:
@@ -179,7 +179,7 @@ def _small(image: np.ndarray) -> np.ndarray:
 
 
 def _lighter(png: bytes) -> str:
-    """A PNG as WebP, a third of its size, as a `data:` link."""
+    """Give a PNG as WebP, a third of its size, as a `data:` link."""
     import cv2
 
     image = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR))

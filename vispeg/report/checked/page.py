@@ -56,7 +56,7 @@ WRENCH = (
 
 
 def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]], command: str) -> str:
-    """The whole page as text.
+    """Give the whole page as text.
 
     Args:
         checked: one or more recordings.
@@ -138,7 +138,7 @@ def _excites(checked: Sequence[Examined]) -> Mapping[str, object]:
 
 
 def _told(joint: JointCheck) -> Mapping[str, object]:
-    """A joint's row: for each parameter its share, and the 1 sigma that the torque's noise leaves on it."""
+    """Give a joint's row: for each parameter its share, and the 1 sigma that the torque's noise leaves on it."""
     moved, cells = joint.excitation, []
     for name, unit in zip(PARAMETERS, UNITS, strict=True):
         share = moved.identifiability[name]

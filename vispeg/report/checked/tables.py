@@ -44,7 +44,7 @@ def motion(report: CheckReport) -> Sheet:
 
 
 def signals(report: CheckReport) -> Sheet:
-    """The largest torque, the noise, and the precision of dry friction with it."""
+    """Give the largest torque, the noise, and the precision of dry friction with it."""
     heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
     rows = []
     for joint in report.joints:
@@ -55,7 +55,9 @@ def signals(report: CheckReport) -> Sheet:
 
 
 def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> list[Sheet]:
-    """The clock, light and depth of each camera, its views, how well its errors would be known, which effects show."""
+    """Give the clock, light and depth of each camera, its views, how well its errors would be known, which effects
+    show.
+    """
     if not checks:
         return []
     made = []
@@ -80,13 +82,13 @@ def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> lis
 
 
 def _excited(rows: Sequence[Excitation]) -> Sheet:
-    """What a typical size of each effect does to the pictures, of what can be told, and what shows the others."""
+    """Give what a typical size of each effect does to the pictures, of what can be told, and what shows the others."""
     heads = Column("changes pictures by", right=True), Column("told from", right=True), Column("not shown: it takes")
     return Sheet([Column("effect"), *heads], [_effect(x) for x in rows])
 
 
 def _effect(x: Excitation) -> list[str]:
-    """A row: px of borders, or a sensor's figure in multiples of what is ordinary."""
+    """Give a row: px of borders, or a sensor's figure in multiples of what is ordinary."""
     mark = " px" if x.channel == "border" else "-fold"
     silent = (", ".join(x.silent) if x.excited else "it") + f": {x.motion.split(':')[0]}" if x.silent else ""
     return [f"{x.effect}({x.where})", f"{x.change:.2f}{mark}", f"{x.needed:.2f}{mark}", silent]

@@ -28,7 +28,7 @@ LARGE = 192  # px
 
 
 def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: bool = False) -> Path:
-    """Writes OUT/contact-sheet.png and OUT/index.html; returns the page's path.
+    """Write OUT/contact-sheet.png and OUT/index.html; return the page's path.
 
     Args:
         dataset: its folder.
@@ -52,7 +52,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
 
 
 def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
-    """The page as text, with the contact sheet (H, W, 3) uint8 in it."""
+    """Give the page as text, with the contact sheet (H, W, 3) uint8 in it."""
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
     labels = any(k.startswith("label.parts.") for k in data.features)
     sections = [
@@ -87,7 +87,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
 
 
 def cameras(data: Dataset | Stored) -> Mapping[str, object]:
-    """A large view of each camera, its intrinsics, and how much of its depth is missing."""
+    """Give a large view of each camera, its intrinsics, and how much of its depth is missing."""
     frames = [data[i] for i in chosen(data, SAMPLED)]
     limits = depth_range(data, frames)
     out = []
@@ -111,7 +111,7 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
 
 
 def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
-    """What is said of a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
+    """Give what is said of a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
     missing, read = (depths == 0).mean(axis=(1, 2)), depths[depths > 0]
     return {
         "low": f"{low:.3f}",

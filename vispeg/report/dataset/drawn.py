@@ -15,7 +15,7 @@ BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
 
 
 def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, object]:
-    """What a template shows of drawn worlds (label to parameters, one world an episode).
+    """Give what a template shows of drawn worlds (label to parameters, one world an episode).
 
     Returns:
         `effects`, by name: its histograms (place, parameter, unit, lowest, highest, svg, in how many episodes); and

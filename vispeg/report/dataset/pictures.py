@@ -50,7 +50,9 @@ def part_picture(parts: np.ndarray) -> np.ndarray:
 def views(
     data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float] | None, side: int
 ) -> list[np.ndarray]:
-    """What a camera delivers, each `side` px high: colour, depth (`limits`: its range), parts (where there are any)."""
+    """Give what a camera delivers, each `side` px high: colour, depth (`limits`: its range), parts (where there are
+    any).
+    """
     pictures = [frame[colour_of(name)]]
     if limits is not None:
         pictures.append(depth_picture(frame[depth_of(name, frame)], *limits))
@@ -60,7 +62,7 @@ def views(
 
 
 def enlarged(image: np.ndarray, side: int) -> np.ndarray:
-    """A picture `side` px high, in its proportions; pixels stay square where it grows."""
+    """Give a picture `side` px high, in its proportions; pixels stay square where it grows."""
     import cv2
 
     width = max(1, round(image.shape[1] * side / image.shape[0]))
@@ -83,7 +85,7 @@ def chosen(data: Dataset | Stored, count: int) -> list[int]:
 
 
 def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
-    """A contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
+    """Give a contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
 
     Args:
         data: the dataset, with cameras.
@@ -109,5 +111,5 @@ def _edged(image: np.ndarray) -> np.ndarray:
 
 
 def embedded(image: np.ndarray) -> str:
-    """A picture as a `data:` link."""
+    """Give a picture as a `data:` link."""
     return "data:image/png;base64," + base64.b64encode(encode(np.ascontiguousarray(image))).decode()

@@ -23,7 +23,7 @@ CHANNELS = (  # words and unit, key of a frame's row, array over distance, array
 
 
 def residual_figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
-    """The figure; None without frames.
+    """Give the figure; None without frames.
 
     Args:
         samples: arrays of one camera, of `vispeg.vision.residuals`.

@@ -21,7 +21,7 @@ FRAMES = 24
 
 
 def draw(world: str = "S", frames: int = FRAMES, seed: int = 0, backend: str = "auto") -> np.ndarray:
-    """A contact sheet (H, W, 3) uint8: for each frame and each camera of the world its colour, depth and parts.
+    """Give a contact sheet (H, W, 3) uint8: for each frame and each camera of the world its colour, depth and parts.
 
     Args:
         world: a built-in world's name or a world file.

@@ -95,7 +95,7 @@ def styled(shape: Shape = WIDE) -> Iterator[None]:
 
 
 def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -> str:
-    """A figure as inline SVG for wide and for narrow windows; empty where `draw` has nothing to show."""
+    """Give a figure as inline SVG for wide and for narrow windows; empty where `draw` has nothing to show."""
     parts = []
     for shape in (WIDE, NARROW):
         with styled(shape):
@@ -109,7 +109,7 @@ def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -
 
 
 def new_figure(height: float, width: float = WIDE.width) -> Figure:
-    """An empty figure, sizes in inch; call inside `styled()`."""
+    """Give an empty figure, sizes in inch; call inside `styled()`."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -125,7 +125,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
-    """The figure as inline SVG: scales with the page, in the page's colours, ids prefixed by `name`."""
+    """Give the figure as inline SVG: scales with the page, in the page's colours, ids prefixed by `name`."""
     from html import escape
 
     stream = StringIO()
@@ -149,7 +149,7 @@ def svg(figure: Figure, name: str, description: str) -> str:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Sets the layout as `savefig` would, which draws a figure twice for it: the same picture in less time."""
+    """Set the layout as `savefig` would, which draws a figure twice for it: the same picture in less time."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     for ax in figure.axes:
@@ -181,7 +181,7 @@ def _bare(axis: XAxis | YAxis) -> bool:
 
 
 def _lighter(text: str) -> str:
-    """The same drawing in fewer letters: 0.01 px, 0.1 px in long paths, no names that nothing refers to."""
+    """Give the same drawing in fewer letters: 0.01 px, 0.1 px in long paths, no names that nothing refers to."""
     used = {*re.findall(r'(?:url\(|href=")#([^)"]+)', text), *re.findall(r'id="([^"]*QuadMesh[^"]*)"', text)}
     text = re.sub(r' id="([^"]*)"', lambda name: name[0] if name[1] in used else "", text)
     text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)

@@ -20,7 +20,7 @@ LONGEST = 44  # letters of a model's name in the figure
 
 
 def ladder_rows(record: Record) -> list[dict[str, str]]:
-    """The ladder as text: errors, the step from the model before, multiples of the noise floor."""
+    """Give the ladder as text: errors, the step from the model before, multiples of the noise floor."""
     ladder = record.rows("ladder")
     lines = []
     for i, row in enumerate(ladder):

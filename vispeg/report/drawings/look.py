@@ -25,7 +25,7 @@ SIZE = 240  # px
 
 
 def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: bool = False) -> None:
-    """Writes a PNG: colour and depth of the external and the wide wrist camera, nominal above, with the effect below.
+    """Write a PNG: colour and depth of the external and the wide wrist camera, nominal above, with the effect below.
 
     Args:
         kind: the effect, at its typical values.

@@ -18,7 +18,7 @@ SHOWN = 1.0  # s of a step
 
 
 def picture(joint: str, measured: Joint) -> bytes:
-    """A PNG of six panels; a panel of what was not measured says so."""
+    """Give a PNG of six panels; a panel of what was not measured says so."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator
 

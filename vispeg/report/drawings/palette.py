@@ -42,17 +42,17 @@ _HEX = re.compile(r"#[0-9a-f]{6}\b")
 
 
 def day(name: str) -> str:
-    """The colour on white, as `#rrggbb`."""
+    """Give the colour on white, as `#rrggbb`."""
     return COLOURS[name][0]
 
 
 def name_of(colour: str) -> str:
-    """The name of a colour on white, `#rrggbb`."""
+    """Give the name of a colour on white, `#rrggbb`."""
     return _NAMES[colour]
 
 
 def themed(text: str) -> str:
-    """The drawing with every colour that has a name as a variable; others stay."""
+    """Give the drawing with every colour that has a name as a variable; others stay."""
     return _HEX.sub(lambda match: f"var(--{_NAMES[match[0]]})" if match[0] in _NAMES else match[0], text)
 
 

@@ -25,7 +25,7 @@ HELD = (0.85, 0.55, 0.15)
 
 
 def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[float]]]:
-    """The picture, and where places of effects lie in it.
+    """Give the picture, and where places of effects lie in it.
 
     Returns:
         (HEIGHT, WIDTH, 3) uint8; and for each joint, link and the flange its (x, y), each 0 to 1 from the top left.

@@ -46,7 +46,7 @@ def interval_strip(
 
 
 def bar(share: float, colour: str = AFTER) -> str:
-    """A bar of `share` (0 to 1, clipped) of the full length."""
+    """Give a bar of `share` (0 to 1, clipped) of the full length."""
     full = LENGTH - 2 * MARGIN
     end = MARGIN + max(1.0, min(1.0, max(0.0, share)) * full)
     return _wrap([_line(MARGIN, MARGIN + full, HEIGHT / 2, 8, day("empty")), _line(MARGIN, end, HEIGHT / 2, 8, colour)])

@@ -30,7 +30,7 @@ class Bar:
 
 
 def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool = False) -> Bar:
-    """The bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
+    """Give the bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
     value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
     text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
     percent = f"{value:.0f}\N{NO-BREAK SPACE}%"
@@ -44,7 +44,7 @@ def policies(values: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """A panel a world with a bar a policy."""
+    """Give a panel a world with a bar a policy."""
     order = ordered(values["policies"])
     styles = of_policies(order)
     rates = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}

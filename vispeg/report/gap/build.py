@@ -39,7 +39,7 @@ def render(
     command: str = "gap",
     played: Sequence[Episode] = (),
 ) -> str:
-    """The page as text; `media` as `pairs.context` takes it, `command` one of KINDS, `played` its episodes."""
+    """Give the page as text; `media` as `pairs.context` takes it, `command` one of KINDS, `played` its episodes."""
     sections: list[tuple[str, str, Mapping[str, Any]]] = [("headline", headline.TITLE, headline.context(values))]
     if (by_control := controls.context(values)) is not None:
         sections.append(("controls", controls.TITLE, by_control))
@@ -63,7 +63,7 @@ def render(
 
 
 def write(out: Path, command: str = "gap", *, overwrite: bool = False) -> Path:
-    """Reads OUT/COMMAND.json and, where there is one, OUT/media.json; writes OUT/COMMAND.html and returns its path.
+    """Read OUT/COMMAND.json and, where there is one, OUT/media.json; write OUT/COMMAND.html and return its path.
 
     Raises:
         UserError: no such record, another format, or a page there already while `overwrite` is False.
@@ -83,7 +83,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example, slow=True)
 def read(out: Path, command: str = "gap") -> str:
-    """The page of OUT/COMMAND.json with the media that OUT/media.json lists. Raises UserError as `write`."""
+    """Give the page of OUT/COMMAND.json with the media that OUT/media.json lists. Raises UserError as `write`."""
     path, listed = out / f"{command}.json", out / "media.json"
     values = GAP.read(path)
     media = read_json(listed) if listed.exists() else []

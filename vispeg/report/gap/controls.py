@@ -12,7 +12,9 @@ TITLE = "Do the images matter?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """A table a world: a row a policy, a column a control; None where there is neither control nor blind policy."""
+    """Give a table a world: a row a policy, a column a control; None where there is neither control nor blind
+    policy.
+    """
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]
     kinds += sorted({k for _, _, k in rates if k and k not in words.CONTROLS})

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
-    """The page of a `vispeg-explain/1` record, with pictures of one trial."""
+    """Give the page of a `vispeg-explain/1` record, with pictures of one trial."""
     lines = [f"{values['policy']}: {values['words']}"]
     if values["next"]:
         lines += [values["next"]["why"], f"next: {values['next']['command']}"]

@@ -12,7 +12,7 @@ TITLE = "What the change costs, and which part of it"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """The heat map, rows of the attribution, gaps in words."""
+    """Give the heat map, rows of the attribution, gaps in words."""
     gaps = [
         {**row, "interval": words.change(row["gap"]), "of": _of(row), "holm": words.p_value(row["p_holm"])}
         for row in values["gaps"]
@@ -42,7 +42,7 @@ def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, 
 
 
 def _of(row: Mapping[str, Any]) -> str:
-    """What a gap is of: `60 pairs`, `3 networks`, `20 episodes, not the same`."""
+    """Give what a gap is of: `60 pairs`, `3 networks`, `20 episodes, not the same`."""
     if len(row["train_seeds"]) > 1:
         return f"{len(row['train_seeds'])} networks"
     return f"{row['gap']['n']} {'pairs' if row['paired'] else 'episodes, not the same'}"

@@ -16,7 +16,7 @@ TITLE = "How they fail"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """The picture, and a row a policy and target."""
+    """Give the picture, and a row a policy and target."""
     rows = []
     for row in values["categories"]:
         counts = [_counts(row["first"], row["n"][0]), _counts(row["second"], row["n"][1])]

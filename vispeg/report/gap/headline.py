@@ -15,7 +15,7 @@ MOST = 5  # figures side by side
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """The hardest target's headline, the picture, and one line a policy (those that see first)."""
+    """Give the hardest target's headline, the picture, and one line a policy (those that see first)."""
     target = values["joint"] or (values["worlds"][-1]["name"] if len(values["worlds"]) > 1 else None)
     reference = values["reference"]
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
@@ -49,7 +49,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 def _best(
     values: Mapping[str, Any], policies: Sequence[Mapping[str, Any]], target: str, there: Mapping[str, Any]
 ) -> str:
-    """The title: who keeps most in the target, if the page's comparisons tell."""
+    """Give the title: who keeps most in the target, if the page's comparisons tell."""
     best = policies[0]
     name, others = best["name"], [p["name"] for p in policies[1:] if words.role(p) == words.role(best)]
     told = {frozenset((c["first"], c["second"])): c["verdict"] for c in values["comparisons"] if c["world"] == target}
@@ -63,7 +63,9 @@ def _best(
 
 
 def _evaluation(values: Mapping[str, Any]) -> str:
-    """The title of an evaluation in one world: what the episodes of its only policy can tell, or that it compares."""
+    """Give the title of an evaluation in one world: what the episodes of its only policy can tell, or that it
+    compares.
+    """
     rows = [r for r in values["success"] if not r["control"]]
     if len(rows) > 1:
         return f"Success in {values['reference']}"
@@ -72,7 +74,7 @@ def _evaluation(values: Mapping[str, Any]) -> str:
 
 
 def _dearest(values: Mapping[str, Any], policy: str) -> str:
-    """What the single factors cost that are called different from nothing, the dearest first."""
+    """Give what the single factors cost that are called different from nothing, the dearest first."""
     for row in values["attribution"]:
         if row["policy"] == policy:
             parts = [(f, row["parts"][f]) for f in values["factors"] if row["verdict"][f] == "different"]

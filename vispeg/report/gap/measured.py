@@ -30,7 +30,7 @@ def _trained(policy: Mapping[str, Any]) -> str:
 
 
 def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:
-    """Notes that say the same of several policies, in one line."""
+    """Note that say the same of several policies, in one line."""
     said: dict[str, list[str]] = {}
     for note in notes:
         name = next((p for p in sorted(policies, key=len, reverse=True) if note.startswith(f"{p} ")), "")

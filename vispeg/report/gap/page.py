@@ -13,7 +13,7 @@ SCRIPTS = {"headline": bars.SCRIPTS, "episodes": episodes.SCRIPTS}  # template -
 
 
 def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, Any]]]) -> str:
-    """The whole page as text.
+    """Give the whole page as text.
 
     Args:
         title: of the document.

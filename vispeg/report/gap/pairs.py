@@ -31,7 +31,7 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, ob
 
 
 def data_uri(folder: Path, name: str | None) -> str | None:
-    """A file's content as a data URI.
+    """Give a file's content as a data URI.
 
     Raises:
         UserError: the file is not there, or not a video or picture that a browser shows.

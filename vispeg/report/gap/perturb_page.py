@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def render(values: Mapping[str, Any]) -> str:
-    """The page of a `vispeg-perturb/1` record."""
+    """Give the page of a `vispeg-perturb/1` record."""
     policies = list(dict.fromkeys(r["policy"] for r in values["rows"]))
     lines, sections = [], []
     for i, policy in enumerate(policies):
@@ -49,7 +49,7 @@ def _cost(r: Mapping[str, Any]) -> str:
 
 
 def picture(rows: list[Any], name: str) -> str:
-    """A dot with its interval a position and side."""
+    """Give a dot with its interval a position and side."""
     return chart(lambda shape: _figure(rows, shape), name, "Success by position, still and pushed")
 
 

@@ -17,7 +17,7 @@ TITLE = "Does the first world predict the others?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """The picture, and a row a target world."""
+    """Give the picture, and a row a target world."""
     rows = []
     for row in values["prediction"]:
         pairs = row["n"] * (row["n"] - 1) // 2

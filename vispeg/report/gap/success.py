@@ -51,12 +51,14 @@ def _cell(row: Mapping[str, Any] | None, home: bool) -> dict[str, str]:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """The bars as inline SVG."""
+    """Give the bars as inline SVG."""
     return chart(lambda shape: figure(values, shape), "success", "Success by world and policy, with 95 % intervals")
 
 
 def figure(values: Mapping[str, Any], shape: Shape) -> Figure:
-    """A bar a policy, grouped by world, with 95 % intervals; in a narrow window the groups lie below each other."""
+    """Give a bar a policy, grouped by world, with 95 % intervals; in a narrow window the groups lie below each
+    other.
+    """
     return (_lying if shape.narrow else _standing)(values, shape)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def render(
     versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()
 ) -> str:
-    """The page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
+    """Give the page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
     last = versions[-1]
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
     changed = [c for c in changes if c["verdict"] in ("fell", "rose")]

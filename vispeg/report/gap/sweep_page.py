@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def render(values: Mapping[str, Any]) -> str:
-    """The page of a `vispeg-sensitivity/1` record."""
+    """Give the page of a `vispeg-sensitivity/1` record."""
     lines = [f"{_title(s)}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
     sections = [table_page.title("How far off may it be", lines)]
     for i, sweep in enumerate(values["sweeps"]):
@@ -39,7 +39,7 @@ def _title(sweep: Mapping[str, Any]) -> str:
 
 
 def _axis(sweep: Mapping[str, Any]) -> str:
-    """What is swept, as `--sweep` takes it, and its unit."""
+    """Give what is swept, as `--sweep` takes it, and its unit."""
     return sweep["label"] + (f", {sweep['unit']}" if sweep["unit"] not in ("", "1") else "")
 
 

@@ -9,7 +9,7 @@ Section = tuple[str, str, Mapping[str, Any]]
 
 
 def title(text: str, lines: Sequence[str]) -> Section:
-    """The first section: what was found, a line each."""
+    """Give the first section: what was found, a line each."""
     return "title", "", {"title": text, "lines": list(lines)}
 
 
@@ -23,7 +23,7 @@ def table(
     note: str = "",
     anchor: str = "table",
 ) -> Section:
-    """A heading with a picture (SVG text), a table and a note; any of the three may be empty."""
+    """Give a heading with a picture (SVG text), a table and a note; any of the three may be empty."""
     values = {
         "heads": list(heads),
         "rows": [list(r) for r in rows],

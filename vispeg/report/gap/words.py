@@ -81,12 +81,12 @@ def p_value(p: float | None) -> str:
 
 
 def role(policy: Row) -> str:
-    """The role of a policy beside those with cameras: `teacher, told the goal`, `blind`, or nothing."""
+    """Give the role of a policy beside those with cameras: `teacher, told the goal`, `blind`, or nothing."""
     return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
 
 
 def conclusion(row: Row) -> str:
-    """What the episodes of a row of `success` can tell, and how many could tell more."""
+    """Give what the episodes of a row of `success` can tell, and how many could tell more."""
     more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
     return f"{name(row)}: {row['words']}{more}"
 

@@ -12,7 +12,9 @@ SHORT = {"V": "unseen looks", "N": "unseen sensor", "P": "hidden physics"}  # be
 
 
 def caption(name: str, values: Mapping[str, Any]) -> str:
-    """A few words below a world's name: `training world`, `unseen looks`, `all of them`; empty where there are none."""
+    """Give a few words below a world's name: `training world`, `unseen looks`, `all of them`; empty where there are
+    none.
+    """
     if len(values["worlds"]) < 2:
         return ""
     if name == values["reference"] and home_of_all(name, values["policies"]):
@@ -29,7 +31,7 @@ def home_of_all(world: str, policies: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def about(values: Mapping[str, Any]) -> list[dict[str, str]]:
-    """What each world is, in its own file's words; of those alone that are the built-in ones."""
+    """Give what each world is, in its own file's words; of those alone that are the built-in ones."""
     entries = []
     for world in values["worlds"]:
         name = str(world["name"])

@@ -20,7 +20,7 @@ KEYS = ("parent", "pos", "quat", "joint", "axis", "anchor", "zero", "vertex", "f
 
 
 def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
-    """The arm of a world, without its effects, as arrays `arm/KEY`; empty for a robot that has nothing to draw.
+    """Give the arm of a world, without its effects, as arrays `arm/KEY`; empty for a robot that has nothing to draw.
 
     Of `nb` bodies `parent` (nb,), `pos` (nb, 3) m and `quat` (nb, 4) in it; of `k` moved joints, in the order in which
     they act, `joint` (k, 2) body and place in `joints`, `axis`, `anchor` (k, 3) in the body, `zero` (k,) rad;
@@ -52,12 +52,12 @@ def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
 
 
 def picked(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arm's arrays among those of a file, by KEY; empty where one of them is not there."""
+    """Give the arm's arrays among those of a file, by KEY; empty where one of them is not there."""
     return {k: arrays[f"arm/{k}"] for k in KEYS} if all(f"arm/{k}" in arrays for k in KEYS) else {}
 
 
 def stage(arm: Mapping[str, np.ndarray]) -> dict[str, object]:
-    """What the page's script draws: numbers as they are, vertices and faces as text of 16-bit numbers.
+    """Give what the page's script draws: numbers as they are, vertices and faces as text of 16-bit numbers.
 
     Bodies' vertices stand together, so that each is one stretch of faces.
     """

@@ -20,7 +20,7 @@ MOST = 1_000  # seeds that the page lists
 def context(
     values: Mapping[str, Any], episodes: Sequence[Episode], media: Sequence[Mapping[str, Any]] = ()
 ) -> Mapping[str, object] | None:
-    """What the script shows; None where two sides cannot be paired."""
+    """Give what the script shows; None where two sides cannot be paired."""
     plain = [e for e in episodes if not e.control and not e.configuration]
     worlds = [w["name"] for w in values["worlds"] if any(e.world == w["name"] for e in plain)]
     replicas = {e.policy: len({o.train_seed for o in plain if o.policy == e.policy}) for e in plain}

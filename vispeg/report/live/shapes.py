@@ -10,7 +10,7 @@ HIDDEN = 3  # geom groups from here on are for contact and marks
 
 
 def visible(model: mujoco.MjModel) -> list[int]:
-    """The geoms that are drawn: in a body with shapes that do not collide, those alone."""
+    """Give the geoms that are drawn: in a body with shapes that do not collide, those alone."""
     clear = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
     drawn = (model.geom_group < HIDDEN) & ~clear
     collides = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
@@ -105,7 +105,7 @@ def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | N
 
 
 def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with at most `most` faces: vertices that share a cell of a grid become one, at their mean.
+    """Give the mesh with at most `most` faces: vertices that share a cell of a grid become one, at their mean.
 
     (Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.) The grid's cells
     grow until it is enough; a face that collapses is left out.

@@ -61,7 +61,7 @@ class Track:
 def widget(
     channels: Sequence[str], panels: Sequence[Panel], tracks: Sequence[Track], visible: Sequence[bool]
 ) -> dict[str, object]:
-    """What the template `traces.html.j2` shows.
+    """Give what the template `traces.html.j2` shows.
 
     Args:
         channels: names of the columns, such as joints.
@@ -122,7 +122,7 @@ def thinned(values: np.ndarray, most: int) -> np.ndarray:
 
 
 def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
-    """The times (n,) that belong to `thinned` rows: two a stretch, evenly spaced in it."""
+    """Give the times (n,) that belong to `thinned` rows: two a stretch, evenly spaced in it."""
     n = len(time)
     if n <= most:
         return time

@@ -37,7 +37,7 @@ def moment(trace: Trace, joints: Sequence[str]) -> Worst:
 def arm_stage(
     arm: Mapping[str, np.ndarray], traces: Sequence[Trace], joints: Sequence[str]
 ) -> dict[str, object] | None:
-    """What the template `stage.html.j2` shows beside these tracks; None without an arm."""
+    """Give what the template `stage.html.j2` shows beside these tracks; None without an arm."""
     if not arm or not traces:
         return None
     worst = [moment(t, joints) for t in traces]

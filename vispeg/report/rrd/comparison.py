@@ -15,7 +15,7 @@ AFTER = np.array([10, 122, 117], np.uint8)
 
 
 def write_comparison(path: Path, title: str, evidence: Evidence) -> Path:
-    """Writes the file; returns the path. Raises UserError as `stream`."""
+    """Write the file; return the path. Raises UserError as `stream`."""
     with stream(path, title) as out:
         for trace in (*evidence.traces, *evidence.torques):
             _lines(out, trace, evidence.joints)
@@ -36,7 +36,7 @@ def _lines(out: Stream, trace: Trace, joints: Sequence[str]) -> None:
 
 
 def _arms(out: Stream, trace: Trace, arm: Mapping[str, np.ndarray]) -> None:
-    """The measured arm, and the model's as a ghost where angles are compared."""
+    """Give the measured arm, and the model's as a ghost where angles are compared."""
     model = trace.before if trace.after is None else trace.after
     angles = {"measured": (trace.measured, 255), "model": (model, GHOST)}
     if trace.unit != "rad":
@@ -90,7 +90,7 @@ def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector (3,) turned by each of the quaternions (T, 4) wxyz."""
+    """Give a vector (3,) turned by each of the quaternions (T, 4) wxyz."""
     v = quat[:, 1:]
     return vector + 2 * np.cross(v, np.cross(v, vector) + quat[:, :1] * vector)
 

@@ -30,7 +30,7 @@ class Shown:
 
 
 def write_episodes(path: Path, title: str, episodes: Sequence[Shown]) -> Path:
-    """Writes a file with all of them, each in a tab of its own; returns the path. Raises UserError as `stream`."""
+    """Write a file with all of them, each in a tab of its own; return the path. Raises UserError as `stream`."""
     with stream(path, title) as out:
         for episode in episodes:
             _episode(out, episode)
@@ -102,7 +102,7 @@ def _episode(out: Stream, episode: Shown) -> None:
 
 
 def _tabs(episodes: Sequence[Shown]) -> list[object]:
-    """A tab an episode: the cell beside pictures, force and tip."""
+    """Give a tab an episode: the cell beside pictures, force and tip."""
     import rerun.blueprint as rrb
 
     tabs = []

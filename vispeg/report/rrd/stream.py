@@ -17,7 +17,7 @@ SUFFIX, TIMELINE = ".rrd", "time"
 
 
 def check_target(path: Path, overwrite: bool) -> None:
-    """Raises UserError, before any work is begun, where no .rrd file can be written to `path`."""
+    """Raise UserError, before any work is begun, where no .rrd file can be written to `path`."""
     require("rerun", "--rerun")
     if path.suffix != SUFFIX:
         raise UserError("a Rerun recording has another ending", key="--rerun", expected=f"FILE{SUFFIX}", got=path.name)
@@ -28,7 +28,7 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 
 def entity(*parts: str) -> str:
-    """The path of an entity; a part may be any name."""
+    """Give the path of an entity; a part may be any name."""
     import rerun as rr
 
     return rr.new_entity_path([part or "unnamed" for part in parts])
@@ -66,14 +66,14 @@ class Stream:
             self.recording.send_columns(entity(*parts, name), self._index(time[there]), columns)
 
     def picture(self, at: str, time: float, image: np.ndarray) -> None:
-        """A picture (H, W, 3) uint8 at a time."""
+        """Give a picture (H, W, 3) uint8 at a time."""
         import rerun as rr
 
         self.recording.set_time(TIMELINE, duration=time)
         self.recording.log(at, rr.Image(image).compress(jpeg_quality=85))
 
     def say(self, at: str, time: float, text: str) -> None:
-        """A line of text at a time."""
+        """Give a line of text at a time."""
         import rerun as rr
 
         self.recording.set_time(TIMELINE, duration=time)
@@ -94,7 +94,7 @@ class Stream:
 
 @contextmanager
 def stream(path: Path, title: str) -> Iterator[Stream]:
-    """A file that takes its name when the body is done; nothing is left where it fails.
+    """Give a file that takes its name when the body is done; nothing is left where it fails.
 
     Raises:
         UserError: the extra `viz` is missing, or the file cannot be written.

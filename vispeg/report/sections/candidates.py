@@ -53,7 +53,9 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
-    """The rows of each model that candidates were added to, by its effects; models in the order of their best row."""
+    """Give the rows of each model that candidates were added to, by its effects; models in the order of their best
+    row.
+    """
     models: dict[str, list[dict[str, str]]] = {}
     for row in tried:
         models.setdefault(row["beside"], []).append(row)
@@ -61,7 +63,7 @@ def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
 
 
 def _beside(row: Mapping[str, Any]) -> str:
-    """What was in the model already when a candidate was added to it; empty where a record does not say."""
+    """Give what was in the model already when a candidate was added to it; empty where a record does not say."""
     if "tried_beside" not in row:
         return ""
     return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the initial model"
@@ -82,7 +84,7 @@ def _sortable(value: Any) -> float:
 
 
 def _decades(scores: Sequence[float | None]) -> tuple[int, int]:
-    """The powers of ten that the positive scores lie between."""
+    """Give the powers of ten that the positive scores lie between."""
     sizes = [math.log10(x) for x in scores if x is not None and x > 0]
     return (math.floor(min(sizes)), max(math.ceil(max(sizes)), math.floor(min(sizes)) + 1)) if sizes else (0, 1)
 

@@ -13,7 +13,7 @@ TITLE = "Channels"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """A row a channel; None where there is only one."""
+    """Give a row a channel; None where there is only one."""
     said = record.rows("by_channel")
     return {"channels": [channel_row(r) for r in said]} if said else None
 

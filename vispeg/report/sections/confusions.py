@@ -12,7 +12,7 @@ TITLE = "What cannot be told apart"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """The classes, chosen member first, and the experiment that is proposed against them."""
+    """Give the classes, chosen member first, and the experiment that is proposed against them."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     return {

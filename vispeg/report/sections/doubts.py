@@ -11,6 +11,6 @@ TITLE = "What to doubt"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """The reasons, in words; None without one."""
+    """Give the reasons, in words; None without one."""
     reasons = doubts(record.values)
     return {"doubts": reasons} if reasons else None

@@ -17,7 +17,7 @@ TITLE = "Has the robot changed?"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """The sentences, a row a value, and the picture; None where nothing of the model was identified."""
+    """Give the sentences, a row a value, and the picture; None where nothing of the model was identified."""
     drift = record.rows("drift")
     if not drift:
         return None

@@ -80,7 +80,7 @@ def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, 
 
 
 def _ends(choices: Choices, floor: float | None) -> tuple[float, float]:
-    """Ends of the bar's logarithmic axis."""
+    """End of the bar's logarithmic axis."""
     errors = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
     high = max(errors, default=1.0)
     return min(min(errors, default=0.1) / 1.6, high / 10), high

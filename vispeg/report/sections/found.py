@@ -21,7 +21,7 @@ AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """The effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
+    """Give the effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
     listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
     everything = [*listed, *(e for e in record.rows("effects") if not in_part(record, e))]
     return {
@@ -36,7 +36,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
-    """The effects under `key` as rows of a table, one a parameter."""
+    """Give the effects under `key` as rows of a table, one a parameter."""
     listed = record.rows(key)
     return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [_NOTHING]]
 
@@ -85,20 +85,20 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
-    """An effect as one row: its name, each value with its interval, and how sure the name is."""
+    """Give an effect as one row: its name, each value with its interval, and how sure the name is."""
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
     sure = "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named"
     return {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
 
 
 def bounds_of(effect: str, param: str) -> Param | None:
-    """The registered parameter, or None where this installation does not know the effect."""
+    """Give the registered parameter, or None where this installation does not know the effect."""
     kind = REGISTRY.get(effect)
     return kind.params.get(param) if kind is not None else None
 
 
 def remark(value: float | None, low: float | None, high: float | None, param: Param | None) -> str:
-    """What the numbers call for: no interval, at a bound, the interval reaches the null value."""
+    """Give what the numbers call for: no interval, at a bound, the interval reaches the null value."""
     if value is None:
         return "no value"
     notes = []

@@ -48,7 +48,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _judged(record: Record) -> str:
-    """What the ladder's errors are of."""
+    """Give what the ladder's errors are of."""
     if record.values.get("judged") == "fitted":
         return "Fitted recordings"
     return "Recordings" if record.kind == "compare" else "Held-out recordings"

@@ -40,7 +40,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def sentence(residual: ResidualMap, record: Record) -> str:
-    """The worst cell before and after, in multiples of the noise."""
+    """Give the worst cell before and after, in multiples of the noise."""
     joints = record.evidence.joints
     text = f"Over {residual.axis}: largest {_worst(residual.before, residual, joints)}"
     return (

@@ -29,7 +29,7 @@ SHARE = 0.15  # of the worst joint's residual: joints below it are folded away a
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """A picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
+    """Give a picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
     traces = [*record.evidence.traces, *record.evidence.torques]
     ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]
     names = {t.name for t in ordered}
@@ -70,7 +70,9 @@ def _worst_first(record: Record) -> list[Trace]:
 
 
 def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
-    """What was measured, and what each model leaves of it: residuals on their own scale, so that they stay exact."""
+    """Give what was measured, and what each model leaves of it: residuals on their own scale, so that they stay
+    exact.
+    """
     if trace is None:
         return {}
     arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
@@ -80,7 +82,7 @@ def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
 
 
 def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
-    """The signals themselves, and what is left of them."""
+    """Give the signals themselves, and what is left of them."""
     name = "torque" if unit == "N m" else "motion"
     first = last if last == "model" else "model before"
     ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
@@ -92,7 +94,7 @@ def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
-    """What happens to the residual of this recording, overall and at the joint that is worst in the end."""
+    """Give what happens to the residual of this recording, overall and at the joint that is worst in the end."""
     before, final = rms(trace.before - trace.measured), _final(trace)
     if before is None or final is None:
         return f"{trace.name}: no residual (the model has no finite prediction)"

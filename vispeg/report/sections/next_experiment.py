@@ -51,7 +51,7 @@ GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --val
 
 
 def _name(record: Record) -> list[str]:
-    """The words of the command that made the record; none where it is not known."""
+    """Give the words of the command that made the record; none where it is not known."""
     command = record.mapping("provenance").get("command")
     try:
         return [str(w) for w in command] if isinstance(command, list) else shlex.split(str(command or ""))
@@ -60,7 +60,7 @@ def _name(record: Record) -> list[str]:
 
 
 def again(record: Record, new: bool = True) -> str:
-    """This diagnosis, with the `new` recording, into another folder; a general one where it cannot be had."""
+    """Say this diagnosis again, with the `new` recording, into another folder; a general one where it cannot be had."""
     command = _name(record)
     if command[1:2] != ["diagnose"]:  # another command, whose arguments are others
         return GENERAL

@@ -12,7 +12,9 @@ TITLE = "First proposal"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """The proposed effects, and the torque that each joint lacks before and after; None where no torque is known."""
+    """Give the proposed effects, and the torque that each joint lacks before and after; None where no torque is
+    known.
+    """
     proposal = record.mapping("proposal")
     if not proposal:
         return None

@@ -10,7 +10,7 @@ TITLE = "Rendered for training"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """The contact sheet as a `data:` link; None where there is none."""
+    """Give the contact sheet as a `data:` link; None where there is none."""
     if record.sheet is None:
         return None
     return {"sheet": data_link(record.sheet)}

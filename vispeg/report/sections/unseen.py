@@ -11,6 +11,6 @@ TITLE = "What could not have been seen"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """The least certain effects and the rest; None where the record does not say."""
+    """Give the least certain effects and the rest; None where the record does not say."""
     hidden = unseen(record.values)
     return {"tables": [part for part in (hidden[:SHOWN], hidden[SHOWN:]) if part]} if hidden else None

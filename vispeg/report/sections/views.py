@@ -37,7 +37,7 @@ def context(record: Record) -> Mapping[str, object] | None:
 
 
 def _sensor(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The kinds of pictures some of whose figures are out of the ordinary, with those figures."""
+    """Give the kinds of pictures some of whose figures are out of the ordinary, with those figures."""
     out = []
     for row in values.get("sensor") or []:
         figures = [f for f in row["figures"] if max(abs(f["before"]), abs(f["after"])) > ODD]
@@ -74,7 +74,7 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
 def _drawn(
     measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
-    """The measured picture, pale, with each border point and how far off its edge is, `SHOWN` times as long."""
+    """Give the measured picture, pale, with each border point and how far off its edge is, `SHOWN` times as long."""
     import cv2
 
     scale = max(1, round(640 / measured.shape[1]))

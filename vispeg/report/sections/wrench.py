@@ -24,7 +24,7 @@ PHASES = tuple(map(day, ("pale", "lagoon", "violet", "sand", "wine")))  # in the
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """A figure a recording, errors by phase, the worst moment, what was not excited; None without a wrench."""
+    """Give a figure a recording, errors by phase, the worst moment, what was not excited; None without a wrench."""
     if record.values.get("evidence") != "contact":
         return None
     evidence = record.evidence
@@ -83,7 +83,7 @@ def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], sh
 
 
 def _band(ax: Axes, time: np.ndarray, codes: np.ndarray) -> None:
-    """The phase of contact as coloured stretches; the legend names them, for many are too short for a word."""
+    """Give the phase of contact as coloured stretches; the legend names them, for many are too short for a word."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     for part in np.split(np.arange(len(codes)), np.flatnonzero(np.diff(codes)) + 1):
         left, right = float(time[part[0]]) - step / 2, float(time[part[-1]]) + step / 2

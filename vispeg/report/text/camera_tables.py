@@ -42,7 +42,7 @@ def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _effect(effect: Mapping[str, Any]) -> str:
-    """What an effect is, and what a calibration that has it would be."""
+    """Give what an effect is, and what a calibration that has it would be."""
     (name, v), (before, after) = *effect["params"].items(), effect["board_scatter_mm"]
     value = f"{effect['effect']}({effect['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
     return (

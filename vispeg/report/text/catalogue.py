@@ -55,7 +55,7 @@ class EffectEntry(TypedDict):
 
 
 def describe(kind: Effect, robot: Any) -> EffectEntry:
-    """The effect for JSON: name, kind, summary, description, where, parameters."""
+    """Give the effect for JSON: name, kind, summary, description, where, parameters."""
     params: dict[str, ParamEntry] = {}
     for name, p in kind.params.items():
         null = None if p.shape else p.null
@@ -71,7 +71,9 @@ def describe(kind: Effect, robot: Any) -> EffectEntry:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """The effects as a list, groups by family: what each is, where it acts, its parameters with bounds and null."""
+    """Give the effects as a list, groups by family: what each is, where it acts, its parameters with bounds and
+    null.
+    """
     from rich.text import Text
 
     console = terminal()
@@ -128,5 +130,5 @@ def bounds(p: Param) -> str:
 
 
 def _block(text: str, width: int, indent: int) -> str:
-    """The text wrapped, every line `indent` columns in."""
+    """Give the text wrapped, every line `indent` columns in."""
     return "\n".join(" " * indent + line for line in wrapped(text, width - indent))

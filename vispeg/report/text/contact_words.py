@@ -32,7 +32,7 @@ def phases(values: Mapping[str, Any]) -> str:
 
 
 def left(values: Mapping[str, Any]) -> str:
-    """`What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor; largest at 12.3 s of slide-2.`
+    """Give `What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor; largest at 12.3 s of slide-2.`
 
     Of the phase whose squared error over its floor is greatest, over its time; empty where none stands above its floor.
     """

@@ -26,7 +26,7 @@ def summary(kind: Effect) -> str:
 
 
 def equation(kind: Effect) -> str:
-    """What its file says: equation, mechanism and source."""
+    """Give what its file says: equation, mechanism and source."""
     return (getattr(sys.modules.get(type(kind).__module__), "__doc__", None) or "").strip()
 
 
@@ -98,7 +98,7 @@ def sized(row: Mapping[str, Any]) -> str:
 
 
 def unit(text: Any) -> str:
-    """A unit as it is written beside a number: nothing for a ratio, a power as a power."""
+    """Give a unit as it is written beside a number: nothing for a ratio, a power as a power."""
     return "" if text in (None, "1") else str(text).replace("m2", "m²")
 
 

@@ -52,7 +52,7 @@ def quantity(value: Any, unit: str) -> str:
 
 
 def fold(ratio: float) -> str:
-    """A ratio above one as text: `1.3`, `4.2`, `37`."""
+    """Give a ratio above one as text: `1.3`, `4.2`, `37`."""
     return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
 
 

@@ -30,7 +30,7 @@ Block = Line | Sheet
 
 
 def print_summary(blocks: Iterable[Block], console: Console | None = None) -> None:
-    """Prints lines and tables to a console, or to the standard output."""
+    """Print lines and tables to a console, or to the standard output."""
     from rich.text import Text
 
     console = console or terminal()
@@ -45,6 +45,6 @@ def print_summary(blocks: Iterable[Block], console: Console | None = None) -> No
 
 
 def html(blocks: Sequence[Block]) -> str:
-    """The same as HTML for a notebook: no style sheet of its own, the notebook's colours."""
+    """Give the same as HTML for a notebook: no style sheet of its own, the notebook's colours."""
     parts = [{"line": b} if isinstance(b, Line) else {"sheet": b} for b in blocks]
     return templates().get_template("notebook.html.j2").render(parts=parts)

@@ -93,7 +93,7 @@ class Sheet:
 
 
 def terminal() -> Console:
-    """The standard output as rich sees it, 80 columns wide where it is a pipe or a file."""
+    """Give the standard output as rich sees it, 80 columns wide where it is a pipe or a file."""
     from rich.console import Console
 
     if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():

@@ -26,13 +26,14 @@ def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def _lines(model: str) -> str:
-    """A model's name with each effect that came in at once on a line of its own, where one line would be wide."""
+    """Give a model's name with each effect that came in at once on a line of its own, where one line would be wide."""
     return model if len(model) <= WIDE else model.replace(" + ", "\n+ ")
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """What was found: effect, parameter, value with its 95 % interval, unit, how sure its name is, and whether it ended
-    at its bound. A fit names nothing: its effects are the user's."""
+    """Give what was found: effect, parameter, value with its 95 % interval, unit, how sure its name is, and whether
+    it ended at its bound. A fit names nothing: its effects are the user's.
+    """
     effects = effect_rows(_record(diagnosis))
     bound, sure = any(row["bound"] for row in effects), bool(diagnosis.get("verdict"))
     columns = [Column("Effect"), Column("Parameter"), Column("Value", right=True), Column("95 % interval")]
@@ -62,7 +63,7 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """What each of several channels says."""
+    """Give what each of several channels says."""
     heads = [Column(head, right=True) for head in ("Before", "After", "Floor")]
     keys = ("channel", "verdict", "before", "after", "floor")
     cells = [[row[key] for key in keys] for row in map(channel_row, rows(diagnosis, "by_channel"))]
@@ -70,7 +71,7 @@ def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """The verdict in words, both tables, what cannot be separated, and what to do next."""
+    """Give the verdict in words, both tables, what cannot be separated, and what to do next."""
     out: list[Block] = []
     if verdict := diagnosis.get("verdict"):
         out.append(Line(words.verdict(diagnosis), head=str(verdict)))
@@ -116,7 +117,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
 
 
 def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """What a diagnosis of contact says besides: the insertion in closed loop, and notes."""
+    """Give what a diagnosis of contact says besides: the insertion in closed loop, and notes."""
     out: list[Block] = []
     trials = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
     if trials:
@@ -130,7 +131,7 @@ def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
 
 
 def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
-    """Prints the summary and where the report lies."""
+    """Print the summary and where the report lies."""
     print_summary([*diagnosis_summary(diagnosis), *written_lines(diagnosis, out)])
 
 
@@ -162,7 +163,7 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
 
 
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
-    """The error in words, joint by joint, and where it arises."""
+    """Give the error in words, joint by joint, and where it arises."""
     out: list[Block] = [Line(said) for said in words.diverged(comparison)]
     joints = rows(comparison, "joints")
     out += [Line(words.fall(comparison)), *([joints_table(comparison)] if joints else [])]
@@ -183,7 +184,7 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
 
 
 def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
-    """Prints the summary and where the report lies."""
+    """Print the summary and where the report lies."""
     print_summary([*comparison_summary(comparison), report_line(out)])
 
 

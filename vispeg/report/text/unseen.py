@@ -35,7 +35,7 @@ class Unseen:
 
 
 def unseen(values: Mapping[str, Any]) -> list[Unseen]:
-    """What was not found and up to which size it may be there, the least certain first, last what has no size."""
+    """Give what was not found and up to which size it may be there, the least certain first, last what has no size."""
     found = {(e.get("effect"), e.get("where")) for e in rows(values, "effects")}
     out = []
     for row in rows(values, "shows_from"):
@@ -55,7 +55,7 @@ def unseen(values: Mapping[str, Any]) -> list[Unseen]:
 
 
 def sentence(values: Mapping[str, Any]) -> str:
-    """The same for a terminal: the least certain; empty without a record."""
+    """Give the same for a terminal: the least certain; empty without a record."""
     hidden = unseen(values)
     if not hidden:
         return ""

@@ -26,13 +26,13 @@ BELOW = 0.8  # noise floors, under which an error shows that the floor allows fo
 
 
 def join(parts: Iterable[str], word: str = "and") -> str:
-    """`a`, `a and b`, `a, b and c`."""
+    """Give `a`, `a and b`, `a, b and c`."""
     items = list(parts)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
 
 
 def named(labels: list[str]) -> str:
-    """The labels joined, or `7 effects` where a sentence with all of them could not be read."""
+    """Give the labels joined, or `7 effects` where a sentence with all of them could not be read."""
     return join(labels) if len(labels) <= MOST_NAMED else f"{len(labels)} effects"
 
 
@@ -68,7 +68,7 @@ def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, 
 
 
 def error_name(values: Mapping[str, Any]) -> str:
-    """What the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
+    """Give what the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
     if values.get("judged") == "fitted":
         return "Error on the fitted recordings"
     of = f" of {values['of']}" if values.get("of") else ""
@@ -87,7 +87,7 @@ def fall(values: Mapping[str, Any]) -> str:
 
 
 def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
-    """An error as a multiple of the noise floor, after `joint`; one well below it says what that means."""
+    """Give an error as a multiple of the noise floor, after `joint`; one well below it says what that means."""
     if floor is not None and 0 < error < BELOW * floor:
         return f"{joint}below the noise floor: {quantity(floor, unit)} allows for errors that these recordings have not"
     times = against_floor(error, floor)
@@ -112,13 +112,13 @@ def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def spread(name: str, ends: Mapping[str, Any], unit: str) -> str:
-    """A value with its interval."""
+    """Give a value with its interval."""
     value, around, shown = scaled(ends["value"], ends["low"], ends["high"], unit)
     return " ".join(part for part in (name, value, shown, f"({around})") if part)
 
 
 def diverged(values: Mapping[str, Any]) -> list[str]:
-    """A sentence on each recording in which the model diverged."""
+    """Give a sentence on each recording in which the model diverged."""
     return [
         f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No "
         "error below counts that recording."
@@ -127,7 +127,7 @@ def diverged(values: Mapping[str, Any]) -> list[str]:
 
 
 def verdict(values: Mapping[str, Any]) -> str:
-    """The verdict in one or two plain sentences."""
+    """Give the verdict in one or two plain sentences."""
     kind = values.get("verdict")
     names = _names(values)
     last, floor = ladder_ends(values)[1], _floor(values)
@@ -161,7 +161,7 @@ def verdict(values: Mapping[str, Any]) -> str:
 
 
 def tentative(values: Mapping[str, Any]) -> str:
-    """That some names are not certain; empty where all are."""
+    """Say that some names are not certain; empty where all are."""
     labels = [named_effect(effect) for effect in _tentative(values)]
     return f"{TENTATIVE}: {join(labels)}" if labels else ""
 
@@ -174,7 +174,7 @@ def one_of(effect: Mapping[str, Any]) -> str:
 
 
 def baseline(values: Mapping[str, Any]) -> str:
-    """What the robot had before, where two of its states were compared; empty where not."""
+    """Give what the robot had before, where two of its states were compared; empty where not."""
     before = values.get("baseline")
     if not isinstance(before, dict):
         return ""
@@ -184,7 +184,7 @@ def baseline(values: Mapping[str, Any]) -> str:
 
 
 def paid(values: Mapping[str, Any]) -> list[str]:
-    """What the remainder costs each policy that played; none where none did."""
+    """Give what the remainder costs each policy that played; none where none did."""
     cost = values.get("cost")
     if not isinstance(cost, Mapping):
         return []
@@ -198,7 +198,7 @@ def paid(values: Mapping[str, Any]) -> list[str]:
 
 
 def price(values: Mapping[str, Any]) -> str:
-    """The command that says what the remainder costs a policy; empty where none is left, or where that is known.
+    """Give the command that says what the remainder costs a policy; empty where none is left, or where that is known.
 
     It names the joints whose missing torque is the greatest share of the torque that they needed.
     """
@@ -213,7 +213,7 @@ def price(values: Mapping[str, Any]) -> str:
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
-    """The classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
+    """Give the classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
     return [
         [sized(effect), *map(named_effect, others)]
         for effect in rows(values, "effects")
@@ -222,7 +222,9 @@ def rivals(values: Mapping[str, Any]) -> list[list[str]]:
 
 
 def combinations(values: Mapping[str, Any]) -> list[list[str]]:
-    """Sets of named effects, in words, of which each is a rival of the others: only their combination is determined."""
+    """Give the sets of named effects, in words, of which each is a rival of the others: only their combination is
+    determined.
+    """
     sets: list[list[str]] = []
     for effect in rows(values, "effects"):
         if effect.get("tentative"):
@@ -240,7 +242,7 @@ def reason(values: Mapping[str, Any]) -> str:
 
 
 def in_words(text: Any) -> str:
-    """A clause of a record with its effects in words in place of `name(place)`; empty where there is none."""
+    """Give a clause of a record with its effects in words in place of `name(place)`; empty where there is none."""
 
     def effect_of(label: re.Match[str]) -> str:
         return named_effect({"effect": label[1], "where": label[2]}) if label[1] in REGISTRY else label[0]
@@ -270,7 +272,7 @@ def depends_on(row: Mapping[str, Any]) -> str:
 
 
 def onward(values: Mapping[str, Any]) -> str:
-    """What is worth recording next, and why, in one sentence."""
+    """Give what is worth recording next, and why, in one sentence."""
     following = values.get("next_experiment")
     if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
         if values.get("verdict") == "unexplained":
@@ -285,7 +287,7 @@ def onward(values: Mapping[str, Any]) -> str:
 
 
 def _names(values: Mapping[str, Any]) -> list[str]:
-    """What is named, with its size; of partial effects with rivals, each class once. Nothing that is tentative."""
+    """Give what is named, with its size; of partial effects with rivals, each class once. Nothing that is tentative."""
     listed = rows(values, "effects") or rows(values, "partial")
     names: dict[frozenset[str], str] = {}
     for effect in (e for e in listed if not e.get("tentative")):
@@ -304,13 +306,15 @@ def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _down(values: Mapping[str, Any]) -> str:
-    """That all joints together stand at the noise floor, and which of them does not by itself."""
+    """Say that all joints together stand at the noise floor, and which of them does not by itself."""
     far = joint_errors.farthest(values)
     return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
 
 
 def _from_the_start(values: Mapping[str, Any]) -> str:
-    """That the error stood at the noise floor before anything was found, where it did: then it came down to nothing."""
+    """Say that the error stood at the noise floor before anything was found, where it did: then it came down to
+    nothing.
+    """
     first, floor = ladder_ends(values)[0], _floor(values)
     at = first is not None and floor is not None and first <= NEAR_FLOOR * floor
     return f"{BEST}, though the error was at the noise floor from the start" if at else ""
@@ -354,7 +358,7 @@ def _depends(values: Mapping[str, Any]) -> str:
 
 
 def _left_over(values: Mapping[str, Any]) -> str:
-    """What a record says of what is left; empty where that is its share and what it depends on."""
+    """Give what a record says of what is left; empty where that is its share and what it depends on."""
     rest = values.get("unexplained")
     if not isinstance(rest, dict) or "explained_share" in rest or rows(rest, "depends_on"):
         return ""

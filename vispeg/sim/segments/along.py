@@ -13,7 +13,7 @@ from vispeg.sim.segments.segment import Segment
 
 
 def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.ndarray]) -> np.ndarray:
-    """`get(s, robot)`, remembered with the segment."""
+    """Give `get(s, robot)`, remembered with the segment."""
     key = (get.__name__, id(robot))
     if key not in s.cache:
         s.cache[key] = get(s, robot)

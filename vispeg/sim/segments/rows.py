@@ -47,7 +47,7 @@ class Rows:
         self.nsim = nworld * len(segments)
 
     def by_tick(self, get: Callable[[Segment], np.ndarray]) -> ByTick:
-        """What `get` says of each segment, (n, ...), by tick."""
+        """Give what `get` says of each segment, (n, ...), by tick."""
         first = get(self.segments[0])
         held = np.empty((self.ticks, len(self.segments), *first.shape[1:]), first.dtype)
         for i, s in enumerate(self.segments):
@@ -57,6 +57,6 @@ class Rows:
         return ByTick(held, self.nworld)
 
     def constant(self, get: Callable[[Segment], np.ndarray | float | None], width: int) -> np.ndarray:
-        """What `get` says of each segment, (width,) or a number, as (nsim, width)."""
+        """Give what `get` says of each segment, (width,) or a number, as (nsim, width)."""
         rows = [np.broadcast_to(np.asarray(get(s), float), (self.nworld, width)) for s in self.segments]
         return np.concatenate(rows)

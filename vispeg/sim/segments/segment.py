@@ -50,7 +50,7 @@ class Segment:
         return len(self.q)
 
     def until(self, count: int) -> Segment:
-        """The same up to its first `count` samples: what comes after them is not simulated."""
+        """Give the same up to its first `count` samples: what comes after them is not simulated."""
         ticks = min(self.ticks, max(2, math.ceil(self.time[count - 1] / self.tick - 1e-6) + 1))
         command = {name: values[:ticks] for name, values in self.command.items()}
         q, dq, raw = (values[:ticks] for values in (self.q, self.dq, self.q_raw))
@@ -58,7 +58,7 @@ class Segment:
 
 
 def segments(rec: Recording) -> list[Segment]:
-    """The recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere.
+    """Give the recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere.
 
     An episode is cut where its angles are missing for long.
     """

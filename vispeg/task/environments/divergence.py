@@ -24,7 +24,7 @@ WORLD, EPISODE = "world.yaml", "episode.json"
 
 
 def leave(folder: Path, env: TaskVec, row: int) -> Path:
-    """Writes FOLDER/SEED with the row's present episode; returns it.
+    """Write FOLDER/SEED with the row's present episode; return it.
 
     `world.yaml` is a world file in which nothing is drawn any more, with the task as it was; `episode.json` holds seed,
     observation mode, the push if there was one, and the actions so far, the last being the one that ended it.

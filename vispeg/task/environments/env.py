@@ -64,7 +64,7 @@ class TaskEnv(gym.Env):
         )
 
     def render(self):
-        """An RGB image (H, W, 3) uint8 from outside, or None."""
+        """Give an RGB image (H, W, 3) uint8 from outside, or None."""
         images = self.vec.render()
         return None if images is None else images[0]
 

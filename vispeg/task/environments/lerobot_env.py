@@ -62,7 +62,7 @@ class LeRobotEnv(gym.Env):
         return {STATE: obs[MEASURED], PIXELS: images}
 
     def render(self):
-        """An RGB image (H, W, 3) uint8 from outside."""
+        """Give an RGB image (H, W, 3) uint8 from outside."""
         return self.env.render()
 
     def close(self) -> None:

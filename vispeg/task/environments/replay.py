@@ -48,7 +48,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example, slow=True)
 def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
-    """The episode again, up to just before the step that ended it.
+    """Give the episode again, up to just before the step that ended it.
 
     Returns:
         The environment, of one row, and the last action (1, d): `env.step` of it does what was seen.

@@ -79,7 +79,7 @@ class TaskSimulation:
         self.heard: Callable[..., None] | None = None  # called at each control tick with q, dq, and the wrench after it
 
     def _cell(self, names: Collection[str]) -> Cell:
-        """The cells, whose rows may have effects of these names."""
+        """Give the cells, whose rows may have effects of these names."""
         c = self.config
         h, tick = c.control_period / c.substeps, c.control_period
         cell = Cell(self.scene, self.drawn, h, tick, self.nthread, sorted(names))
@@ -124,7 +124,7 @@ class TaskSimulation:
         self.seen.stack.fill(rows, self.observed.read(self, self.observed.policy))
 
     def _begun(self, drawn: World, start: Start) -> World:
-        """The world of an episode that begins as `start` says."""
+        """Give the world of an episode that begins as `start` says."""
         world = drawn if start.effects is None else World(drawn.robot, drawn.tool, start.effects, drawn.cell)
         if start.goal is None:
             return world
@@ -251,8 +251,8 @@ class TaskSimulation:
     def settle(
         self, force: np.ndarray, wrenches: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
-        """A policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6), and the arms have
-        been seen where they stand; see `step`.
+        """Note that a policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6), and the
+        arms have been seen where they stand; see `step`.
         """
         c, cell = self.config, self.cell
         forces = np.linalg.norm(force, axis=2)
@@ -302,7 +302,7 @@ class TaskSimulation:
 
     # What can be seen -----------------------------------------------------------------------------------------
     def tip_in_goal(self) -> np.ndarray:
-        """True tip (nsim, 3) m in the goal's frame; z is negative below its plane."""
+        """Give the true tip (nsim, 3) m in the goal's frame; z is negative below its plane."""
         offset = self.cell.site_position("tip") - self.cell.site_position("goal")
         return np.einsum("nji,nj->ni", self.cell.site_rotation("goal"), offset)
 

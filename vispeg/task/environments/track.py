@@ -46,8 +46,8 @@ class Track(ABC):
 
     @abstractmethod
     def verdict(self, config: Any) -> str | None:
-        """The category once the episode is over by itself, else None."""
+        """Give the category once the episode is over by itself, else None."""
 
     @abstractmethod
     def at_time(self, config: Any) -> str:
-        """The category of an episode that ran out of time."""
+        """Give the category of an episode that ran out of time."""

@@ -61,7 +61,7 @@ def world_of(
     settings: Mapping[str, Any],
     arguments: Iterable[str] | None = None,
 ) -> tuple[RandomizedWorld, TaskConfig, WorldFile | None]:
-    """A world, the task it states with `settings` on top, and its file (None for a World object).
+    """Give a world, the task it states with `settings` on top, and its file (None for a World object).
 
     Args:
         world: a World, a built-in world's name, or a file; `nominal` if None.
@@ -97,7 +97,7 @@ TOLERANCE = ("tolerance", "gap", "play")  # what others call the setting of `Tas
 
 
 def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
-    """Raises UserError for a keyword argument that is neither a field of the task's settings nor among `others`."""
+    """Raise UserError for a keyword argument that is neither a field of the task's settings nor among `others`."""
     choices = (*others, *(f.name for f in fields(kind)))
     meant = MEANT if kind.tolerance is None else {**MEANT, **dict.fromkeys(TOLERANCE, kind.tolerance.setting)}
     for name in names:
@@ -250,7 +250,7 @@ class TaskVec(VectorEnv):
         return self._observe(), rewards, terminated, truncated, infos
 
     def advance(self, actions: np.ndarray):
-        """The simulation's step; an episode that diverged in it is left behind in `dump`."""
+        """Give the simulation's step; an episode that diverged in it is left behind in `dump`."""
         out = self.sim.step(actions)
         for row, record in enumerate(out[3]):
             if record is not None:
@@ -291,7 +291,7 @@ class TaskVec(VectorEnv):
         return rig_of(*where, file=self.file, backend=backend, look_seed=look_seed)
 
     def drawn(self, row: int) -> World:
-        """The world of a row's present episode: what its physics drew, and what its cameras show."""
+        """Give the world of a row's present episode: what its physics drew, and what its cameras show."""
         return self.sim.drawn[row].add(*self.eyes.drawn[row].effects)
 
     def look(self, rows: Sequence[int] | np.ndarray) -> None:
@@ -336,7 +336,7 @@ class TaskVec(VectorEnv):
 
 
 def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[int, Start]:
-    """The starts of the rows that have one. Raises UserError: something else, or of another number of rows."""
+    """Give the starts of the rows that have one. Raises UserError: something else, or of another number of rows."""
     each = [stated] * rows if stated is None or isinstance(stated, Start) else list(stated)
     if len(each) != rows or not all(one is None or isinstance(one, Start) for one in each):
         expected = f"a vispeg.task.start.Start, or {rows} of them"

@@ -50,6 +50,6 @@ class PegConfig(PegGeometry, TaskConfig):
         object.__setattr__(self, "clearance_mm", scene.clearance_mm)
 
     def scene(self) -> SceneConfig:
-        """The cell that this task needs."""
+        """Give the cell that this task needs."""
         same = {f.name for f in fields(SceneConfig)} & {f.name for f in fields(self)}
         return SceneConfig(**{name: getattr(self, name) for name in same})

@@ -31,7 +31,7 @@ class Expert:
         self.angle, self.searching = np.zeros(nsim), np.zeros(nsim, dtype=bool)
 
     def reset(self, rows: np.ndarray) -> None:
-        """These rows begin a new episode."""
+        """Let these rows begin a new episode."""
         self.angle[rows], self.searching[rows] = 0.0, False
 
     def act(self, observation: dict[str, np.ndarray]) -> np.ndarray:
@@ -61,5 +61,5 @@ class Expert:
         return np.clip(action[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)
 
     def _read(self, name: str, terms: np.ndarray) -> np.ndarray:
-        """A term (n, size) of the newest moment, in its unit."""
+        """Give a term (n, size) of the newest moment, in its unit."""
         return self.observed.term(name).scale * terms[:, self.observed[name]].astype(float)

@@ -45,7 +45,7 @@ class PegTrack(Track):
         self.deepest = max(self.deepest, depth if over else -1.0)
 
     def verdict(self, config: PegConfig) -> str | None:
-        """The category once the episode is over by itself (success, force limit, slip), else None."""
+        """Give the category once the episode is over by itself (success, force limit, slip), else None."""
         if self.peak > config.force_abort:
             return "force limit"
         if abs(self.slip) > SLIPPED:
@@ -53,7 +53,7 @@ class PegTrack(Track):
         return "success" if self.dwell >= config.dwell else None
 
     def at_time(self, config: PegConfig) -> str:
-        """The category of an episode that ran out of time.
+        """Give the category of an episode that ran out of time.
 
         `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982): a peg is wedged when it stands across
         the hole at two points, which takes a tilt of clearance over depth; stuck below that tilt it is jammed by the

@@ -20,7 +20,7 @@ RARE = 1e-3  # share of a Gaussian's draws that may lie further out than what is
 
 
 def check_places(scene: Scene, offset: RandomizedEffect | None, file: Path, key: str) -> None:
-    """Looks at the outermost places of the hole, and those nearest the base's axis.
+    """Look at the outermost places of the hole, and those nearest the base's axis.
 
     Args:
         scene: whose fixture stands where the task says.

@@ -36,7 +36,7 @@ class PegTask(Task):
         return build(config.scene(), CAMERAS if cameras is None else cameras)
 
     def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
-        """The arm must reach the hole wherever it may stand."""
+        """Require that the arm can reach the hole wherever it may stand."""
         check_places(scene, None, file, "task.fixture")
         for r, where, key in ranges:
             if r.effect == "hole_offset":
@@ -55,7 +55,7 @@ class PegTask(Task):
         return {"tilt": sim.tilt(), "slip": sim.slip()}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome]:
-        """The tip must come as deep as success asks, with no more force than the task allows."""
+        """Require that the tip comes as deep as success asks, with no more force than the task allows."""
         from vispeg.task.belief import recorded_cell
         from vispeg.task.rig.record import outcome_of  # which builds cells, and so looks up tasks
         from vispeg.task.rig.replay import replay

@@ -57,7 +57,7 @@ class Place:
         return 0.5 * (config.apothem + config.chamfer + config.block)
 
     def vary(self, value: float, share: float = 0.12) -> float:
-        """The value, somewhat more or less."""
+        """Give the value, somewhat more or less."""
         return float(value * (1 + share * self.rng.uniform(-1.0, 1.0)))
 
     def begin(self, over: float = OVER) -> Path:
@@ -130,7 +130,7 @@ def insert(place: Place, yaw: float = 0.0) -> Path:
 
 
 def _inserted(path: Path, place: Place) -> Path:
-    """The insertion itself, from free air over the goal."""
+    """Give the insertion itself, from free air over the goal."""
     angle = place.rng.uniform(0, 2 * np.pi)
     x, y = 0.6 * place.gap * np.cos(angle), 0.6 * place.gap * np.sin(angle)
     path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
@@ -145,7 +145,7 @@ def _inserted(path: Path, place: Place) -> Path:
 
 
 def insert_turned(place: Place) -> Path:
-    """Inserts with the flange turned by 90 deg: separates the part's pose in the grip from the goal's place."""
+    """Insert with the flange turned by 90 deg: separates the part's pose in the grip from the goal's place."""
     return insert(place, quarter(place.scene))
 
 
@@ -218,7 +218,7 @@ def mix(place: Place) -> Path:
 
 
 def look_and_insert(place: Place) -> Path:
-    """Looks at the goal from all sides, slides beside it, goes in as `insert` does: for joints, wrench and cameras.
+    """Look at the goal from all sides, slides beside it, go in as `insert` does: for joints, wrench and cameras.
 
     The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the goal kept in
     sight of a camera on the hand: turns leave the goal where it is.
@@ -272,7 +272,7 @@ ROOM = 1.25  # the controller's force limit over the greatest force that is aske
 def motion(
     name: str, scene: Scene, config: TaskConfig, rate_hz: float, rng: np.random.Generator, paths: Motions = PATHS
 ) -> CellMotion:
-    """A motion by name, for the believed cell.
+    """Give a motion by name, for the believed cell.
 
     Args:
         name: of `paths`.

@@ -18,7 +18,7 @@ SOFT = 1e-6  # beside the inverse of the operational inertia, kg^-1: near a sing
 
 
 def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray) -> Path:
-    """The path with legs so long that no joint passes `SHARE` of its speed limit where the arm follows its poses.
+    """Give the path with legs so long that no joint passes `SHARE` of its speed limit where the arm follows its poses.
 
     Args:
         path: of the tool's tip, with forces: these bend the commanded poses, not the way of the arm, and are left out.

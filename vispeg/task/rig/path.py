@@ -120,7 +120,7 @@ def facing(yaw: np.ndarray) -> np.ndarray:
 
 
 def quarter(scene: Scene) -> float:
-    """A quarter turn of the flange over the goal, to the side that leaves the last joints more room, rad."""
+    """Give a quarter turn of the flange over the goal, to the side that leaves the last joints more room, rad."""
     nominal, at = nominal_of(scene.nominal, 1), np.array(scene.target) + [0, 0, 0.03 + scene.tip]
     margins = []
     for yaw in (np.pi / 2, -np.pi / 2):
@@ -138,7 +138,7 @@ def _softness(scene: Scene, stiffness: tuple[float, float], q: np.ndarray) -> np
 
 
 def _check(scene: Scene, pos: np.ndarray, rot: np.ndarray, near: np.ndarray, count: int = 64) -> None:
-    """Looks at some of the poses. Raises UserError for one that the arm cannot take."""
+    """Look at some of the poses. Raises UserError for one that the arm cannot take."""
     some = np.unique(np.linspace(0, len(pos) - 1, count).astype(int))
     nominal = nominal_of(scene.nominal, len(some))
     q, error = reach(nominal, pos[some], rot[some], np.tile(near, (len(some), 1)))

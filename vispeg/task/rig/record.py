@@ -36,7 +36,9 @@ def controller(
     stiffness: tuple[float, float] | None = None,
     near: np.ndarray | None = None,
 ) -> Control:
-    """The task's controller as a recording states it, with another limit, stiffness or posture where a motion asks."""
+    """Give the task's controller as a recording states it, with another limit, stiffness or posture where a motion
+    asks.
+    """
     kp = np.repeat(np.array(stiffness or config.stiffness, float), 3)
     null = Nullspace(POSTURE, DAMPING, posture(scene) if near is None else near)
     limit = scene.nominal.torque_limit
@@ -122,7 +124,7 @@ def recording(
     outcomes: tuple[Outcome, ...] = (),
     row: int = 0,
 ) -> Recording:
-    """What the sensors of one run read, without noise; `row` of those that ran side by side."""
+    """Give what the sensors of one run read, without noise; `row` of those that ran side by side."""
     scene = belief.scene
     return Recording(
         path=Path(name),
@@ -148,14 +150,16 @@ def recording(
 
 
 def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
-    """The belief as a recording states it: a cell by name in full numbers, so that a reader sees what is believed."""
+    """Give the belief as a recording states it: a cell by name in full numbers, so that a reader sees what is
+    believed.
+    """
     if cell is not None and not cell.open:
         return cell
     return CellBelief("", stated_cell(belief.config))
 
 
 def stated_cell(config: TaskConfig) -> dict[str, Any]:
-    """The numbers of a cell, keys of a world file's `task`."""
+    """Give the numbers of a cell, keys of a world file's `task`."""
     numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f not in OTHERS and hasattr(config, f)}
     return {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
 
@@ -167,7 +171,9 @@ def with_noise(
     torque_sensor: Literal["joint", "none"] = "joint",
     sensed: bool = False,
 ) -> Recording:
-    """What noisy sensors read in runs of one motion; several become episodes. With `sensed` the angles have theirs."""
+    """Give what noisy sensors read in runs of one motion; several become episodes. With `sensed` the angles have
+    theirs.
+    """
     rec, repeat = runs[0], len(runs)
     names = ["q", "dq", "ee", "ft"] + (["tau"] if torque_sensor != "none" else [])
     level = dict(noise)

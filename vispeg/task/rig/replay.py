@@ -19,7 +19,7 @@ from vispeg.worlds.world import World
 
 
 def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthread: int = 1) -> list[Ran]:
-    """Runs each episode again in the recording's believed cell.
+    """Run each episode again in the recording's believed cell.
 
     Args:
         rec: under a controller of mode osc, on its clock.

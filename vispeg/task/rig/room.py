@@ -16,7 +16,8 @@ ROUND, SQUARE = (0.0, 0.15, 0.3, 0.6, np.pi / 2), (0.0, np.pi / 2)  # rad: how f
 
 
 def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray) -> Path:
-    """The path as it is where the joints have room for it, else with the flange turned as little as gives them room.
+    """Give the path as it is where the joints have room for it, else with the flange turned as little as gives them
+    room.
 
     Args:
         path: of the tool's tip.
@@ -57,7 +58,7 @@ def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np
 
 
 def turned_by(path: Path, yaw: float) -> Path:
-    """The path with the flange turned about the vertical through the tip by so many rad more, all along."""
+    """Give the path with the flange turned about the vertical through the tip by so many rad more, all along."""
 
     def turned(frame):
         return replace(frame, yaw=frame.yaw + yaw)

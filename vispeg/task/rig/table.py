@@ -42,7 +42,7 @@ def text(motion: CellMotion, joints: Sequence[str]) -> str:
 
 
 def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float | None = None) -> CellMotion:
-    """The motion in a .csv or .parquet table, put on a clock of `rate_hz` where its own differs.
+    """Give the motion in a .csv or .parquet table, put on a clock of `rate_hz` where its own differs.
 
     Positions are interpolated linearly, orientations on the sphere; a table at the controller's rate stays as it is.
 

@@ -47,7 +47,7 @@ class Borders(Subject):
         return self.judged.error(world)
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """A track a camera of a recording, a row a frame: the RMS of its borders."""
+        """Give a track a camera of a recording, a row a frame: the RMS of its borders."""
         out = []
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
@@ -81,7 +81,7 @@ class Borders(Subject):
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """A sight's recording; time counts from its first reading."""
+        """Give a sight's recording; time counts from its first reading."""
         rec = self.recordings[self.judged.items[track].name]
         return rec, float(rec.time[0])
 

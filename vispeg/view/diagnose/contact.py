@@ -49,7 +49,7 @@ class Contact(Subject):
         return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """A track an episode, a row a block of time."""
+        """Give a track an episode, a row a block of time."""
         out = []
         for item, before, after in zip(self.judged.items, *self._predicted(first, now), strict=True):
             posture = np.nan_to_num(item.recording.q[item.segment.rows])
@@ -76,7 +76,7 @@ class Contact(Subject):
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """An episode's recording; its time is the recording's own."""
+        """Give an episode's recording; its time is the recording's own."""
         item = self.judged.items[track]
         return item.recording, float(item.recording.time[item.segment.rows[0]] - item.segment.time[0])
 

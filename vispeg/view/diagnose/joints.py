@@ -59,7 +59,7 @@ class Joints(Subject):
         return self.judged.angle_rms(self.judged.residuals([world])[0])
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """A track a segment."""
+        """Give a track a segment."""
         before, after = self.judged.simulated([first]), self.judged.simulated([now])
         return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
 
@@ -68,6 +68,6 @@ class Joints(Subject):
         return maps(self.judged, self.judged.simulated([first]), self.judged.simulated([now]))
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """A segment's recording and start."""
+        """Give a segment's recording and start."""
         item = self.judged.items[track]
         return item.recording, float(item.recording.time[item.segment.rows[0]])

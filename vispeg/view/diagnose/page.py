@@ -110,7 +110,7 @@ class StudyPage(Page):
             self.open()
 
     def take(self, path: Path) -> None:
-        """Takes a model or a log that was dropped."""
+        """Take a model or a log that was dropped."""
         kind = kind_of(path)
         if kind == "log":
             self.log_dropped(path, self.chosen_model)
@@ -135,7 +135,7 @@ class StudyPage(Page):
         self._guided()
 
     def open(self, channel: str | None = None) -> None:
-        """Compares the model with the recordings in a channel, by default their first, then scores candidates."""
+        """Compare the model with the recordings in a channel, by default their first, then score candidates."""
         fitted, held_out = self._sides()
         if not fitted and not held_out:
             self._guided()
@@ -148,7 +148,7 @@ class StudyPage(Page):
         self.job.begin(Study, args, *asked)
 
     def receive(self, name: str, value: Any) -> None:
-        """What the worker tells."""
+        """Give what the worker tells."""
         if name == "model":
             self.drawn += 1
             self.traces.draws(*value)
@@ -192,7 +192,7 @@ class StudyPage(Page):
             self._listed()
 
     def close(self) -> None:
-        """Ends the worker."""
+        """End the worker."""
         self.job.end()
 
     last = ""  # the candidate that was fitted last, by hand
@@ -283,14 +283,14 @@ class StudyPage(Page):
             self.add(path)
 
     def _example(self) -> None:
-        """The bundled recordings with the arm that they are of."""
+        """Give the bundled recordings with the arm that they are of."""
         self._offered("iiwa14")
         for path in shipped_recordings():
             self.add(path)
         self.open()
 
     def _other_channel(self) -> None:
-        """Looks in the channel that is chosen, unless it is looked in already."""
+        """Look in the channel that is chosen, unless it is looked in already."""
         if self.standing is not None and self.channel.value != self.standing.channel:
             self.open(str(self.channel.value))
 
@@ -396,7 +396,7 @@ class StudyPage(Page):
         self._commands()
 
     def _stood(self) -> None:
-        """Shows what there is once a model was compared, and hides it where none was."""
+        """Show what there is once a model was compared, and hides it where none was."""
         there = self.standing is not None
         for folder in (self.missing, self.history, self.results, self.same):
             folder.visible = there
@@ -457,7 +457,7 @@ class StudyPage(Page):
         return fitted, held_out
 
     def _file(self) -> Path:
-        """A file that is not there yet."""
+        """Give a file that is not there yet."""
         names = (self.place.out / f"model{n}.yaml" for n in ("", *range(2, 1000)))
         return next(path for path in names if not path.exists())
 

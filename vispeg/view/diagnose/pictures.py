@@ -45,7 +45,7 @@ class Pictures:
             self.camera.options = names
 
     def show(self, taken: Pictured) -> None:
-        """Shows a frame."""
+        """Show a frame."""
         self.taken = taken
         kinds = tuple(kind for kind, (picture, _) in KINDS.items() if picture in taken.pictures)
         if kinds and tuple(self.kind.options) != kinds:

@@ -19,7 +19,7 @@ class Done(TypedDict):
 
 
 def read_steps(part: Path) -> Done:
-    """What a folder says of its search; empty where it is nobody's."""
+    """Give what a folder says of its search; empty where it is nobody's."""
     try:
         data = json.loads((part / STEPS).read_text(encoding="utf-8"))
         return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}
@@ -28,5 +28,5 @@ def read_steps(part: Path) -> Done:
 
 
 def write_steps(part: Path, key: str, steps: list[list[str]]) -> None:
-    """Writes it down, over what was there."""
+    """Write it down, over what was there."""
     write_text_atomic(part / STEPS, json.dumps(Done(key=key, steps=steps)) + "\n", overwrite=True)

@@ -171,7 +171,7 @@ class Study:
         return went_on
 
     def run(self) -> None:
-        """The search by itself, until nothing more earns its place."""
+        """Give the search by itself, until nothing more earns its place."""
         while self.advance():
             pass
 
@@ -192,7 +192,7 @@ class Study:
         self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(comparison)))
 
     def undo(self) -> None:
-        """Takes the last step back."""
+        """Take the last step back."""
         if not self.before:
             raise UserError("there is nothing to take back")
         self.state, self.rungs = self.before.pop()
@@ -202,13 +202,13 @@ class Study:
         self.show()
 
     def report(self) -> str:
-        """Runs what is left of `vispeg diagnose` and writes its folder; returns its path."""
+        """Run what is left of `vispeg diagnose` and write its folder; return its path."""
         out = self.part.with_suffix("")
         result = diagnose(*self.asked, threads=self.threads, part=self.part, say=lambda text: self.tell("say", text))
         return str(result.save(out, overwrite=True))  # nobody else's: its name was free at the start
 
     def save(self, file: Path, overwrite: bool) -> str:
-        """Writes the model with what was added; returns the path."""
+        """Write the model with what was added; return the path."""
         world = self.world if self.state is None else self.state.world
         partial = {e.label for e in self.world.effects if e.partial}  # still so: what they leave was not judged
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
@@ -216,7 +216,7 @@ class Study:
         return str(write_text_atomic(file, text, overwrite=overwrite))
 
     def _whole(self, world: World) -> World:
-        """A world of this channel with what the channel cannot show of the given model."""
+        """Give a world of this channel with what the channel cannot show of the given model."""
         return replace(world, cell=self.given.cell, effects=(*self.aside, *world.effects))
 
     def standing(self) -> Standing:
@@ -271,7 +271,7 @@ class Study:
         self._write()
 
     def _claimed(self) -> list[list[str]]:
-        """What was done in this folder before; from now on it is this search's."""
+        """Give what was done in this folder before; from now on it is this search's."""
         done = read_steps(self.part)["steps"]
         if len(self.channels) > 1:
             self.others = [step for step in done if step[0] != self.channel]
@@ -296,7 +296,7 @@ class Study:
 
 
 def _progress(inputs: Inputs, out: Path) -> Progress:
-    """The progress of these inputs, in the first folder that is theirs or nobody's."""
+    """Give the progress of these inputs, in the first folder that is theirs or nobody's."""
     for name in ("found", *(f"found-{n}" for n in range(2, 1000))):
         part = out / f"{name}.part"
         progress = progress_of(inputs, SECONDS, 0, part)

@@ -39,11 +39,11 @@ class Steps(Protocol):
         ...
 
     def advance(self, state: State, n_fixed: int) -> bool:
-        """Adds the effect that earns its place best; False where none does."""
+        """Add the effect that earns its place best; False where none does."""
         ...
 
     def scored(self, state: State) -> list[Score]:
-        """The candidates, best first by what each promises."""
+        """Give the candidates, best first by what each promises."""
         ...
 
     def tested(self, state: State) -> int:
@@ -55,7 +55,7 @@ class Steps(Protocol):
         ...
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Adds what a trial tried."""
+        """Add what a trial tried."""
         ...
 
 
@@ -86,7 +86,7 @@ class Subject(ABC):
         """The arm or cell that effects have places in."""
 
     def begin(self, world: World) -> Beginning:
-        """The model before its search."""
+        """Give the model before its search."""
         return Beginning(world, len(world.effects))
 
     @property
@@ -100,7 +100,7 @@ class Subject(ABC):
 
     @abstractmethod
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """What was measured, and what two worlds predict."""
+        """Give what was measured, and what two worlds predict."""
 
     @abstractmethod
     def maps(self, first: World, now: World) -> dict[str, Field]:
@@ -108,7 +108,7 @@ class Subject(ABC):
 
     @abstractmethod
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """The recording of a track, and when the track begins in it, s."""
+        """Give the recording of a track, and when the track begins in it, s."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ def field(
     moment: np.ndarray,
     labels: tuple[str, ...] = (),
 ) -> Field:
-    """A map of readings.
+    """Give a map of readings.
 
     Args:
         edges: (k+1,) of its cells.
@@ -156,7 +156,7 @@ def field(
 
 
 def over_time(before: np.ndarray, after: np.ndarray, moment: np.ndarray) -> Field:
-    """The same readings over time."""
+    """Give the same readings over time."""
     time = moment[:, 1]
     edges = np.linspace(float(time.min()), float(time.max()) + 1e-9, BINS + 1)
     return field(edges, np.clip(np.digitize(time, edges) - 1, 0, BINS - 1), before, after, moment)

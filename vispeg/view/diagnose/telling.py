@@ -19,23 +19,23 @@ MOST = 3000  # samples of a track that the page draws
 
 
 def key(score: Score) -> str:
-    """The members as `EFFECT:WHERE`, joined by ` + `."""
+    """Give the members as `EFFECT:WHERE`, joined by ` + `."""
     return " + ".join(f"{e.effect}:{e.where}" for e in score.members)
 
 
 def spelt(score: Score) -> str:
-    """The members with the values that the fit started from, as `parse` reads them."""
+    """Give the members with the values that the fit started from, as `parse` reads them."""
     starts = [",".join(f"{name}={v.value!r}" for name, v in e.params.items()) for e in score.members]
     return " + ".join(f"{e.effect}:{e.where}:{s}" for e, s in zip(score.members, starts, strict=True))
 
 
 def size(score: Score) -> int:
-    """Number of parameters."""
+    """Give the number of parameters."""
     return sum(len(e.params) for e in score.members)
 
 
 def words(score: Score) -> str:
-    """The members in words."""
+    """Give the members in words."""
     name, where = score.key
     if not score.beside:
         return effect_words.named({"effect": name, "where": where})
@@ -44,7 +44,7 @@ def words(score: Score) -> str:
 
 
 def named(placed: EffectInstance) -> Named:
-    """An effect as the page names it."""
+    """Give an effect as the page names it."""
     row = placed_dict(placed)
     return Named(effect_words.named(row), effect_words.size(row), f"{placed.effect}:{placed.where}")
 
@@ -66,7 +66,7 @@ def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
 
 
 def maps(judged: Evidence, first: list[np.ndarray], now: list[np.ndarray]) -> dict[str, Field]:
-    """The maps of what is missing first and now, by axis."""
+    """Give the maps of what is missing first and now, by axis."""
 
     def missing(predicted: list[np.ndarray]) -> list:
         return [missing_torque(i, y[0]) for i, y in zip(judged.items, predicted, strict=True)]

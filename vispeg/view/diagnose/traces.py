@@ -47,7 +47,7 @@ class Traces:
         self.play.on_click(lambda _: self._toggle())
 
     def take(self, standing: Standing) -> None:
-        """Shows another standing, at the same joint and moment where it has them."""
+        """Show another standing, at the same joint and moment where it has them."""
         self.standing = standing
         self.times.visible = _enlarged(standing)
         if self.ghost is None and self.arm is not None and _enlarged(standing):
@@ -63,7 +63,7 @@ class Traces:
         self.draw()
 
     def go(self, column: str, track: int, moment: float) -> None:
-        """Shows a column of a track (0, 1, ..) at a moment, s."""
+        """Show a column of a track (0, 1, ..) at a moment, s."""
         if self.standing is None or column not in self.standing.columns or track >= len(self.standing.tracks):
             return
         self.track.value = self.track.options[track]
@@ -173,7 +173,7 @@ class Traces:
         return self.standing.tracks[self.number]
 
     def _worst(self) -> tuple[str, int, float]:
-        """The column, track and moment, s, at which the model fails most."""
+        """Give the column, track and moment, s, at which the model fails most."""
         assert self.standing is not None
         standing = self.standing
         if standing.maps:
@@ -217,7 +217,7 @@ class Traces:
             )
 
     def _wrench(self, track: Track) -> None:
-        """The forces that were measured, where there are some."""
+        """Give the forces that were measured, where there are some."""
         if track.wrench is None:
             if self.forces is not None:
                 self.forces.remove()

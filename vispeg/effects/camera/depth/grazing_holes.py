@@ -88,7 +88,7 @@ def _slope(z: np.ndarray) -> np.ndarray:
 
 
 def _normal_cdf(x: np.ndarray) -> np.ndarray:
-    """Standard normal distribution function, to 2e-4: Page, Approximations to the cumulative normal, 1977."""
+    """Give the standard normal distribution function, to 2e-4: Page, Approximations to the cumulative normal, 1977."""
     import cv2
 
     return 1 / (1 + cv2.exp(-x * (np.float32(1.5976) + np.float32(0.070566) * x * x)))

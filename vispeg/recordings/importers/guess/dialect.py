@@ -14,7 +14,7 @@ DECIMAL_COMMA = re.compile(r"(?<![\d.])-?\d+,\d+(?![\d,])")
 
 
 def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
-    """What separates cells in a text table, and what stands in its numbers.
+    """Give what separates cells in a text table, and what stands in its numbers.
 
     Args:
         file: the table.

@@ -81,7 +81,7 @@ class Meaning:
 
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
-    """Reads a name; `labels` are columns whose joint is known from elsewhere."""
+    """Read a name; `labels` are columns whose joint is known from elsewhere."""
     unit, rest = _unit(re.sub(r"[\[(]\s*(m?)A\s*[\])]", lambda hit: "_milliamp" if hit[1] else "_amp", name))
     words = split(rest)
     taken, quantity, said = set(), "", ""
@@ -118,7 +118,7 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
 
 
 def bare(name: str) -> str:
-    """A name without its unit."""
+    """Give a name without its unit."""
     return _unit(name)[1]
 
 
@@ -129,7 +129,7 @@ def split(name: str) -> list[str]:
 
 
 def _unit(name: str) -> tuple[str, str]:
-    """The unit that a name says, and the name without it. A last `s` alone is a unit, a first one is none."""
+    """Give the unit that a name says, and the name without it. A last `s` alone is a unit, a first one is none."""
     flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
     for unit, pattern in UNITS:
         matches = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))

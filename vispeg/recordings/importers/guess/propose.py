@@ -267,7 +267,7 @@ def _sure(reason: str) -> Literal["stated", "measured", "likely"]:
 
 
 def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
-    """The rows that decide between units: the first, that of the largest angle, and the last."""
+    """Give the rows that decide between units: the first, that of the largest angle, and the last."""
     columns = [line.column for line in out.lines if line.target.startswith("q.")]
     stack = np.stack([table.columns[name] for name in columns], axis=1)
     peak = int(np.argmax(np.nanmax(np.abs(np.nan_to_num(stack)), axis=1)))
@@ -280,7 +280,7 @@ def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
 
 
 def _seconds(table: Table, time: Line) -> np.ndarray:
-    """The time (n,) s that a line makes."""
+    """Give the time (n,) s that a line makes."""
     if time.rate_hz is not None:
         return np.arange(table.rows) / time.rate_hz
     seconds = table.columns[time.column] * FACTORS[time.unit]
@@ -344,7 +344,7 @@ def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Prop
 
 
 def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bool, bool, int]:
-    """Groups that say what they are first, then those that say `actual`, then the largest."""
+    """Group that say what they are first, then those that say `actual`, then the largest."""
     (_, commanded, said), columns = group
     return said.startswith("[") or " " in said, commanded is None, -len(columns)
 
@@ -381,7 +381,7 @@ def joint_columns(
 
 
 def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str, Meaning]:
-    """The same columns in another order: joint `i` gets that of joint `order[i]`."""
+    """Give the same columns in another order: joint `i` gets that of joint `order[i]`."""
     if order is None or len(order) != len(pairs):
         return pairs
     names, columns = list(pairs), list(pairs.values())
@@ -428,7 +428,9 @@ def _time(
     out: Proposal,
     rate_hz: float | None = None,
 ) -> Line:
-    """The column that is the time: named so and increasing, else any that increases by even steps, else the rate."""
+    """Give the column that is the time: named so and increasing, else any that increases by even steps, else the
+    rate.
+    """
     if rate_hz is not None:
         return Line("time", "", "", f"the file is read at {rate_hz:g} Hz, as stated", "stated", rate_hz=rate_hz)
     pair = _pair(table, meanings)
@@ -456,7 +458,7 @@ def _time(
 
 
 def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]) -> float | None:
-    """Samples a second by which measured speeds are the slope of the angles; None where that is not known."""
+    """Sample a second by which measured speeds are the slope of the angles; None where that is not known."""
     if "dq" not in stacks:
         return None
     q, dq = (stacks[signal] * FACTORS[units[signal][0]] for signal in ("q", "dq"))
@@ -485,13 +487,13 @@ def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
 
 
 def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
-    """The units that speeds may be in: the one that their names state, else any."""
+    """Give the units that speeds may be in: the one that their names state, else any."""
     stated = {m.unit for m in columns} - {""}
     return (*stated,) if len(stated) == 1 and stated <= values.STATED else values.SPEEDS
 
 
 def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
-    """A word on every column that is not used."""
+    """Give a word on every column that is not used."""
     taken = {line.column for line in out.lines} | {line.plus[0] for line in out.lines if line.plus is not None}
     for m in meanings:
         if m.name in taken or m.name in out.unused:
@@ -505,13 +507,13 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
 
 
 def _amperes(columns: Mapping[str, Meaning]) -> str:
-    """The unit that all names of currents say, or nothing."""
+    """Give the unit that all names of currents say, or nothing."""
     said = {m.unit for m in columns.values()}
     return said.pop() if len(said) == 1 else ""
 
 
 def _sensor(names: list[str], out: Proposal) -> None:
-    """What measured torque is, as far as the names say."""
+    """Give what measured torque is, as far as the names say."""
     words = {word for name in names for word in split(name)}
     if all(re.search(r"tau_?J(?![a-z])", name) for name in names):
         sensor, why = "joint", "from the name (as Franka's tau_J); say motor if it comes from a current"

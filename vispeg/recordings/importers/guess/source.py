@@ -56,7 +56,7 @@ def guess(
     constants: Mapping[str, Constant] | None = None,
     known: Mapping[str, Constant] | None = None,
 ) -> Proposal:
-    """A map for a table of unknown names; nothing is proposed that the numbers or the model contradict unsaid.
+    """Give a map for a table of unknown names; nothing is proposed that the numbers or the model contradict unsaid.
 
     Args:
         source: what `read_table` reads.
@@ -112,7 +112,7 @@ def guess(
 
 
 def _tried(out: Proposal, table: Table, source: Path, joints: Sequence[str], limits: Limits) -> Recording | None:
-    """The recording that a proposal makes of what was read; what cannot be true of it becomes a doubt."""
+    """Give the recording that a proposal makes of what was read; what cannot be true of it becomes a doubt."""
     try:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -199,7 +199,7 @@ def _by_constants(
 
 
 def _scaled(out: Proposal, found: Scales | None) -> None:
-    """Gives torques that are none in N m the scale at which they are the model's, and leaves out those of no joint."""
+    """Give torques that are none in N m the scale at which they are the model's, and leave out those of no joint."""
     if found is None or not (found.foreign or (out.current and found.told)):
         if out.current:
             _without_current(out)
@@ -232,7 +232,7 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
 
 
 def _without_current(out: Proposal) -> Proposal:
-    """The proposal without currents whose scale nothing tells."""
+    """Give the proposal without currents whose scale nothing tells."""
     if out.current:
         why = "a current, whose scale this motion does not tell: no torque"
         out.unused |= {line.column: why for line in out.lines if line.target.startswith("tau.")}

@@ -48,7 +48,9 @@ class Decoded:
 
 
 def span_of(values: np.ndarray, full: float) -> int | None:
-    """The fewest ticks of which all values (n,) are whole numbers, where `full` is the whole range; None for none."""
+    """Give the fewest ticks of which all values (n,) are whole numbers, where `full` is the whole range; None for
+    none.
+    """
     distinct = np.unique(values[np.isfinite(values)])
     if len(distinct) < DISTINCT:
         return None
@@ -65,7 +67,8 @@ def span_of(values: np.ndarray, full: float) -> int | None:
 def decoded(
     stack: np.ndarray, names: Sequence[str], calibration: Mapping[str, int] | None = None
 ) -> list[Decoded | None]:
-    """What each column (n, nj) is decoded by; None where it is not normalised, for all of them where the log is not.
+    """Give what each column (n, nj) is decoded by; None where it is not normalised, for all of them where the log is
+    not.
 
     Args:
         stack: measured values as they are in the file.
@@ -102,7 +105,7 @@ def decoded(
 
 
 def step_of_degrees(stack: np.ndarray) -> float | None:
-    """The degrees of a tick that all columns (n, nj) share; None where they share none."""
+    """Give the degrees of a tick that all columns (n, nj) share; None where they share none."""
     for step in STEPS:
         columns = [np.unique(column[np.isfinite(column)]) for column in stack.T]
         ticks = [(column - column[0]) / step for column in columns if len(column) >= DISTINCT]
@@ -134,7 +137,7 @@ def calibration_beside(source: Path) -> Path | None:
 
 
 def _told(name: str, calibration: Mapping[str, int]) -> int | None:
-    """The range of the motor that a column's label or its joint is called by."""
+    """Give the range of the motor that a column's label or its joint is called by."""
     called = {"_".join(word for word in _words(part) if word != "joint") for part in name.split(" ")}
     return next((span for key, span in calibration.items() if "_".join(_words(key)) in called), None)
 

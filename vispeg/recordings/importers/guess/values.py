@@ -129,7 +129,7 @@ def time_unit(
     doubts: list[str],
     speeds: Sequence[str] = SPEEDS,
 ) -> tuple[str, str]:
-    """The unit of the time: what the name says unless the motion forbids it, else what the motion allows best.
+    """Give the unit of the time: what the name says unless the motion forbids it, else what the motion allows best.
 
     `speeds` are the units that the measured speeds may be in.
     """
@@ -179,7 +179,8 @@ def _fits(
 def speed_unit(
     time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str] = SPEEDS
 ) -> tuple[str, str]:
-    """The unit of measured speeds (n, nj) in which they are the slope of the angles q (n, nj) rad over time (n,) s.
+    """Give the unit of measured speeds (n, nj) in which they are the slope of the angles q (n, nj) rad over time (n,)
+    s.
 
     `usual` where it is one, or where none of `speeds` is.
     """

@@ -13,7 +13,7 @@ MANY = 12  # unused columns that are listed one by one
 
 
 def data(proposal: Proposal) -> dict[str, object]:
-    """The map as plain data, as `importers.mapping.map_from` takes it."""
+    """Give the map as plain data, as `importers.mapping.map_from` takes it."""
     out: dict[str, object] = {}
     if proposal.dialect != Dialect():
         table: dict[str, object] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
@@ -41,7 +41,7 @@ def _entry(line: Line) -> dict[str, object] | str:
 
 
 def text(proposal: Proposal) -> str:
-    """The map file: a line a column with the reason behind it, then what to look at, and what is not used."""
+    """Give the map file: a line a column with the reason behind it, then what to look at, and what is not used."""
     entries = data(proposal)
     why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
     why |= {"motors": "measured: joint over motor, by which the measured torques are the model's; power stays"}
@@ -59,7 +59,7 @@ def text(proposal: Proposal) -> str:
 
 
 def advice(proposal: Proposal) -> list[str]:
-    """What could be compared as proposed, and with a stated controller and torque sensor, in sentences."""
+    """Give what could be compared as proposed, and with a stated controller and torque sensor, in sentences."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     torque = "tau" in signals and sensor != "none"
     servo = proposal.recording.get("control", {}).get("mode") == "servo"
