@@ -148,7 +148,7 @@ def cell(out: Path, number: int, seed: int, episodes: int, robot: bool) -> dict[
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Give the table of docs/results/dynamics.md."""
+    """Give the table of docs/results/policies.md."""
 
     def rate(ends: list[bool] | None) -> str:
         if ends is None:
@@ -166,17 +166,11 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         others = len(r["named"]) - (r["rank"] is not None)
         columns = (r["cell"], said, rate(r["before"]), r["sense"] or "-", r["rank"] or "-", others, rate(r["after"]))
         out.append("| " + " | ".join(str(c) for c in columns) + " |")
-    cured = [np.mean(r["after"]) for r in rows if r["after"] is not None]
     ranked = sum(r["rank"] in (1, 2) for r in rows)
-    out.append("")
-    out.append(f"Cause ranked first or second: {ranked} of {len(rows)}. After the cure: median {np.median(cured):.0%}.")
+    out += ["", f"Cause ranked first or second: {ranked} of {len(rows)}."]
+    corrected = [r["success"] for r in rows if "corrected" in r["success"]]  # where a cause was certain
     for name in ("nominal", "corrected"):
-        pairs = [
-            (r["success"][name][p], r["success"]["hidden"][p])
-            for r in rows
-            if r["success"].get(name)
-            for p in r["success"]["hidden"]
-        ]
+        pairs = [(s[name][p], s["hidden"][p]) for s in corrected for p in s["hidden"]]
         if len(pairs) > 2:
             value = float(np.corrcoef(np.array(pairs).T)[0, 1])
             out.append(f"Success in the hidden cell against the {name} model's, {len(pairs)} pairs: r = {value:.2f}.")
