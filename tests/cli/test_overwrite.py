@@ -28,6 +28,7 @@ READS = {
     "fit paper": "fit data/model.yaml --recording data/osc --protocol paper",
     "record": "record data/model.yaml --motion fourier --duration 1",
     "camera calibrate": "camera calibrate data/images --pattern 9x6 --square 0.02",
+    "camera place": "camera place data/tags.csv --robot iiwa14",
     "render": "render --world data/w.yaml --frames 4 --workers 0",
     "dataset show": "dataset show data/frames",
     "dataset export": "dataset export data/frames",
@@ -47,7 +48,7 @@ READS = {
     "measure plan": "measure plan joint4",
 }
 MEASURED = {f"measure {quantity}" for quantity in ("mass", "com", "friction", "restitution", "stiffness")}
-FILES = {"add", "export", "motions", *MEASURED}  # these write one file, see below
+FILES = {"add", "export", "motions", "measure zeros", *MEASURED}  # these write one file, see below
 OTHERS = {"effects", "report"}  # these write one file of a name of their own into a folder
 WHY = (
     "is read by this command|holds .* which this command reads|has no .vispeg.json|not a folder of such results|a file"
@@ -95,6 +96,7 @@ def original(tmp_path_factory) -> Path:
         json.dumps(summarise(played, "here", "there", "1", worlds) | {"notes": []})
     )
     (data / "mass.csv").write_text("mass_g\n101\n102\n101\n")
+    (data / "tags.csv").write_text("joint1,joint2\n0,0\n")
     (data / "notes.txt").write_text("mine")
     (data / "trials").mkdir()
     example(data / "trials")
@@ -136,6 +138,7 @@ def test_single_files_are_replaced_only_by_their_like(data, capsys):
         "export data/policy --out data/policy/policy.safetensors",
         "export data/policy --out data/notes.txt",
         "motions fourier --out data/log.csv",
+        "measure zeros data/mass.csv --robot iiwa14 --out data/model.yaml",
         *(f"{command} data/mass.csv --out data/model.yaml" for command in sorted(MEASURED)),
     ):
         assert main([*command.split(), "--overwrite"]) == 2, command

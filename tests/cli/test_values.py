@@ -55,7 +55,7 @@ def test_impossible_numbers(refused, command, words):
     [
         ("record iiwa14", "--motion NAME and --out PATH are required; see vispeg record --help"),
         ("fit iiwa14", "--out PATH is required; see vispeg fit --help"),
-        ("camera calibrate", "IMAGES, --pattern CxR, --square X and --out PATH are required;"),
+        ("camera calibrate", "IMAGES, --square X and --out PATH are required;"),
         ("gap --nope 3", "--out PATH is required; Unrecognized options: --nope 3"),
     ],
 )

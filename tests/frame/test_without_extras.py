@@ -31,6 +31,7 @@ effects
 worlds
 robots
 policies
+plan nominal
 motions
 completion bash
 measure plan joint4 --out plan

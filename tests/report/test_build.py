@@ -131,7 +131,7 @@ def test_comparison_with_torques_and_no_final_model(run, diagnosis, evidence):
     record = {"format": "vispeg-compare/1", "ladder": diagnosis()["ladder"][:1], "noise_floor": None}
     record["ladder"][0] |= {"unit": "N m RMS", "heldout_error": 0.25}
     page = _page(run(record, evidence(unit="N m", after=False, n=600, recordings=1), kind="compare"))
-    assert page.sections == [name for name in COMPARE if name not in ("explore", "pictures")]
+    assert page.sections == [name for name in COMPARE if name not in ("explore", "pictures", "drift")]
     assert "Model error is 0.250 N m RMS." in page.text and "after" not in page.text
     assert "held-out" not in page.text.lower() and "held out" not in page.text.lower(), (
         "nothing is, as nothing is fitted"

@@ -10,6 +10,7 @@ ELSEWHERE = {  # file: the one literal in it, a word of commands and files that 
     "recordings/cell.py": "peg-cell",  # in model files and commands: the cell that each recording states
     "recordings/regimes.py": '"hole"',  # in JSON of `vispeg check`: the regime of what is inserted
     "effects/camera/depth/grazing_holes.py": "grazing_holes",  # an effect of world files; depth images have such holes
+    "evaluation/outlook.py": "peg insertion",  # a row of the article's table
     "cli/tolerance.py": "--clearance",  # the option that sets the tolerance of any task
 }
 

@@ -13,7 +13,7 @@ import yaml
 from vispeg.api.inputs import read_model
 from vispeg.api.recording.convert import convert, placed
 from vispeg.api.recording.guess import propose
-from vispeg.core.errors import UserError
+from vispeg.core.errors import FLAG, UserError
 from vispeg.core.files import refuse, write_text_atomic
 from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.checks.quality import Limits
@@ -150,7 +150,9 @@ def map_file(out: Path) -> Path:
 def _remarks(proposal: Proposal) -> tuple[str, ...]:
     """Give what a person should look at, with the page's own controls for what to do."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
-    out = [doubt for doubt in proposal.doubts if not doubt.startswith("torque_sensor")]
+    # a page has fields, no options: what one is called stays
+    said = (FLAG.sub(lambda flag: flag[1].replace("-", " "), doubt) for doubt in proposal.doubts)
+    out = [doubt for doubt in said if not doubt.startswith("torque_sensor")]
     driven = "q_cmd" in signals or "tau_cmd" in signals
     if "tau" in signals and sensor == "none":
         more = "" if driven else "; without it nothing can be compared"
