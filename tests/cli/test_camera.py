@@ -63,6 +63,7 @@ def test_given_intrinsics_and_json(vispeg, images, tmp_path):
 def test_mistakes(refused, images, tmp_path):
     given = ["--square", "0.0236", "--out", "w"]
     refused(["camera", "calibrate", images, "--pattern", "9by6", *given], "COLUMNSxROWS")
+    refused(["camera", "calibrate", images, *given], "--pattern: is required of a board, not of a tag")
     refused(["camera", "calibrate", images, "--pattern", "10x7", *given], "9x6 inner corners is there")
     refused(["camera", "calibrate", "gone", "--pattern", "9x6", *given], "no such folder")
     refused(["camera", "calibrate", images, "--pattern", "9x6", "--poses", "gone.csv", *given], "no such file")

@@ -123,5 +123,6 @@ def parse_pattern(text: str) -> tuple[int, int]:
     """Columns and rows of a text as `9x6`. Raises UserError."""
     match = re.fullmatch(r"(\d{1,3})\s*[xX]\s*(\d{1,3})", text.strip())
     if match is None:
-        raise UserError("not a pattern", key="--pattern", expected="COLUMNSxROWS, as in 9x6", got=text)
+        said = "not a pattern" if text else "is required of a board, not of a tag"
+        raise UserError(said, key="--pattern", expected="COLUMNSxROWS, as in 9x6", got=text or None)
     return int(match[1]), int(match[2])
