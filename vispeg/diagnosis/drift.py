@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import norm
 
 from vispeg.core.effect import effect
+from vispeg.core.holm import holm
 from vispeg.core.params import Value
 from vispeg.identify.calibrate import calibrate
 from vispeg.identify.inverse import evidence_for
@@ -99,7 +100,7 @@ def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> l
                 }
             )
     every = [n for row in rows for n in row["now"]]
-    for n, p in zip(every, _holm([n["p_holm"] for n in every]), strict=True):
+    for n, p in zip(every, holm([n["p_holm"] for n in every]), strict=True):
         n["p_holm"], n["outside"] = p, p < ALPHA
     for row in rows:
         inside = [k for k, n in enumerate(row["now"]) if not n["outside"]]
@@ -124,14 +125,6 @@ def _sd(v: Value) -> float:
 def _p(then: Value, now: Value) -> float:
     """Two-sided."""
     return float(2 * norm.sf(abs(now.value - then.value) / np.hypot(_sd(then), _sd(now))))
-
-
-def _holm(p: Sequence[float]) -> list[float]:
-    order = np.argsort(p)
-    steps = np.asarray(p)[order] * np.arange(len(p), 0, -1)
-    out = np.empty(len(p))
-    out[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
-    return out.tolist()
 
 
 def _widened(world: World, free: Sequence[int], factor: float) -> World:

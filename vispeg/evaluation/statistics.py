@@ -46,6 +46,7 @@ from scipy.special import stdtr, stdtrit
 from scipy.stats import binom, binomtest, chi2, fisher_exact, mannwhitneyu, norm
 
 from vispeg.core.errors import UserError
+from vispeg.core.holm import holm
 from vispeg.evaluation.schema.estimate import Interval
 
 ALPHA = 0.05  # of a whole page
@@ -595,20 +596,6 @@ def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN)
                 more = most if most > test.n else None
         decisions[key] = Decision(test, p, verdict, len(asked), estimate, more)
     return decisions
-
-
-def holm(p: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
-    """Adjust p-values: of the j-th smallest p / weight, multiply it by the weight of all from the j-th on (without
-    weights, by m - j + 1); kept monotone and at most 1.
-    """
-    each = np.ones(len(p)) if weights is None else np.asarray(weights, float)
-    scaled = np.asarray(p, float) / each
-    order, adjusted, worst, left = np.argsort(scaled, kind="stable"), [0.0] * len(p), 0.0, float(each.sum())
-    for index in order:
-        worst = max(worst, min(1.0, left * float(scaled[index])))
-        adjusted[int(index)] = worst
-        left -= float(each[index])
-    return adjusted
 
 
 def gap_words(decision: Decision) -> str:
