@@ -1,1 +1,1 @@
-"""What the JSON files of evaluations hold, as types: docs/formats.md says what the values mean."""
+"""The types of what the JSON files of evaluations hold."""
