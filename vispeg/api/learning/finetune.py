@@ -101,7 +101,7 @@ def finetune(
 
     if starts is not None and dataset is not None:
         raise UserError("a dataset's demonstrations have begun", key="--starts", expected="--starts or --dataset")
-    begun = () if starts is None else _failed(Path(starts))
+    begun = () if starts is None else failed_starts(Path(starts))
     settings = tuning.FinetuneSettings(demos, updates, lr, known=known, episodes=episodes)
     folder = tuning.finetune_in_worlds(
         Path(policy),
@@ -120,8 +120,8 @@ def finetune(
     return FinetunedPolicy(folder, read_json(folder / "finetune.json"))
 
 
-def _failed(trials: Path) -> tuple[Start, ...]:
-    """How the trials that failed began, in a world that is left to the seed. Raises UserError: none failed."""
+def failed_starts(trials: Path) -> tuple[Start, ...]:
+    """Give how the trials that failed began, in a world that is left to the seed. Raises UserError: none failed."""
     said = read_trials(trials)
     starts = tuple(replace(s.begin(), effects=None) for s in said if not s.outcome.success)
     if not starts:
