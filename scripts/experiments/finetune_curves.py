@@ -59,7 +59,7 @@ def alone(policy: NetPolicy, world: str, teacher: str, demos: int, updates: int,
     torch.manual_seed(seed)
     old = policy.actor
     actor = Actor(old.layout, modality(policy.modality), old.hidden, old.recurrent)
-    env = Sb3Env(of_policy(policy, world)(8, {}))
+    env: Any = Sb3Env(of_policy(policy, world)(8, {}))
     ring, _ = demonstrations(env, teacher_of(teacher, env.env.config), demos, seed)
     clone(actor, [(ring, 1.0)], updates, CloneSettings(), stream(seed, "finetune"))
     env.close()
