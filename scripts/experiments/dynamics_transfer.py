@@ -1,11 +1,12 @@
-"""Dynamics transfer: four ways to train, judged in plants they never saw, paired over plants, seeds and episodes.
+"""Dynamics transfer: five ways to train, judged in plants they never saw, paired over plants, seeds and episodes.
 
     python scripts/experiments/dynamics_transfer.py --seeds 1 2 3
     python scripts/experiments/dynamics_transfer.py --plants 10 --seeds 1 2 3 --steps 25600 --every 2560 --ranges gated
 
 naive: nominal physics. randomized: physics drawn in every episode. identified: nominal physics and what a diagnosis of
 the plant named. identified+randomized: `randomized`, in which what was named takes the place of the ranges: fitted
-values as centres, their intervals as widths. Every plant hides several effects at once (`plants.py`); it is recorded
+values as centres, their intervals as widths. from-randomized: half of the steps as `randomized`, the other half in the
+world of identified+randomized. Every plant hides several effects at once (`plants.py`); it is recorded
 and diagnosed (`vispeg record`, `vispeg diagnose`). Every policy has the same budget, and its best checkpoint in its own
 training world is judged on the same held-out episodes in the plant. A world with what was identified is harder to
 learn from the first step on. With `--ranges schedule` all draws open from nominal over the first half of the steps,
@@ -25,6 +26,8 @@ from __future__ import annotations
 import resource
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +46,8 @@ from vispeg.core.files import write_text_atomic
 from vispeg.task.world_file import load_world
 
 NAIVE, RANDOMIZED, IDENTIFIED, BOTH = "naive", "randomized", "identified", "identified+randomized"
-WAYS = (NAIVE, RANDOMIZED, IDENTIFIED, BOTH)
+FROM = "from-randomized"
+WAYS = (NAIVE, RANDOMIZED, IDENTIFIED, BOTH, FROM)
 BASES = {NAIVE: "searching", RANDOMIZED: "randomized"}
 
 
@@ -58,6 +62,8 @@ def ways(model: Path, work: Path, number: int, stack: int, ranges: str) -> dict[
             found[way] = found[base]
             continue
         found[way] = Variant(f"ff-{BASES[base]}-identified-{number}-{ranges}", str(world), stack, ranges=ranges)
+    half = replace(found[RANDOMIZED], name=f"{found[RANDOMIZED].name}-half")
+    found[FROM] = replace(found[BOTH], name=f"{found[BOTH].name}-from", begun=half)
     return found
 
 
@@ -99,7 +105,7 @@ def write(out: Path, tables: Mapping[int, Any], about: Mapping[str, Any], budget
     """Give what there is so far."""
     done = list(tables.values())
     there = {row["policy"] for row in done[0]["rows"]}
-    pairs = [compared(done, BOTH, other) for other in (RANDOMIZED, IDENTIFIED, NAIVE) if {BOTH, other} <= there]
+    pairs = [compared(done, second, first) for first, second in combinations([w for w in WAYS if w in there], 2)]
     values = {"experiment": "dynamics_transfer", "diagnoses": about, "plants": done, "comparisons": pairs}
     write_result(out / "dynamics_transfer.json", values, budget, seeds, BASES.values())
     parts = [f"### {table['world']}\n\n{markdown(table)}" for table in done]

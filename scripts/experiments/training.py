@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vispeg.core.errors import UserError
+from vispeg.core.files import new_folder
+from vispeg.formats.json_data import read_json
 from vispeg.learn.config import Stage, TrainConfig, read_config
 from vispeg.learn.methods.distill import DistillSettings
 from vispeg.learn.settings import SacSettings
@@ -32,6 +35,7 @@ class Variant:
             learned; its random actions, which set the networks' input scales, and its evaluations are at the level too.
         teacher: policy that it imitates; "" where it learns by reinforcement.
         looks: in which an imitator sees each state.
+        begun: how it was trained for the first half of the steps, with all of its memory; None: from nothing.
     """
 
     name: str
@@ -44,6 +48,7 @@ class Variant:
     ranges: str = "full"
     teacher: str = ""
     looks: int = 1
+    begun: Variant | None = None
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,17 @@ def trained(runs: Path, variant: Variant, seed: int, budget: Budget) -> Path:
     from vispeg.learn.train import resume, train
 
     folder, wanted = run_folder(runs, variant, seed), settled(configuration(variant, seed, budget))
+    if not (folder / "config.yaml").is_file() and variant.begun is not None:
+        half = replace(budget, steps=budget.steps // 2)
+        first = trained(runs, variant.begun, seed, half)
+        with new_folder(folder) as copy:
+            shutil.copytree(first, copy, dirs_exist_ok=True)
+            shutil.rmtree(copy / "checkpoints" / "best", ignore_errors=True)  # of the other world
+            state = copy / "checkpoints" / "last" / "state.json"
+            kept = read_json(state, finite=False)
+            kept["counters"]["best"] = [-1.0, 0.0]
+            state.write_text(json.dumps(kept) + "\n", encoding="utf-8")
+            replace(wanted, steps=half.steps).write(copy / "config.yaml")
     if not (folder / "config.yaml").is_file():
         train(wanted, folder)
         return folder

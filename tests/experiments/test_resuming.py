@@ -8,6 +8,8 @@ from evaluation import policy_of
 from training import Budget, Variant, configuration, run_folder, trained
 
 from vispeg.core.errors import UserError
+from vispeg.learn.config import read_config
+from vispeg.learn.policy import load
 from vispeg.learn.run_folder import settled
 
 VARIANT, BUDGET = Variant("a", "searching"), Budget(200, 100, 5)
@@ -81,3 +83,16 @@ def test_a_run_that_never_came_to_its_last_stage_is_judged_by_its_last_policy(tm
     assert policy_of(tmp_path) == tmp_path / "last"
     (tmp_path / "best").mkdir()
     assert policy_of(tmp_path) == tmp_path / "best"
+
+
+def test_a_run_goes_on_in_another_world_from_half_the_steps_in_the_first(tmp_path):
+    """The first half is the other run's; what was best there does not count in the second world."""
+    begun, budget = Variant("a", "searching"), Budget(416, 208, 4)
+    folder = trained(tmp_path, Variant("b", "nominal", begun=begun), 1, budget)
+    first = (run_folder(tmp_path, begun, 1) / "progress.csv").read_text().splitlines()
+    both = (folder / "progress.csv").read_text().splitlines()
+    assert both[: len(first)] == first and [int(line.split(",")[0]) for line in both[1:]] == [208, 416]
+    assert read_config(folder / "config.yaml") == settled(configuration(Variant("b", "nominal"), 1, budget))
+    assert load(policy_of(folder / "checkpoints")).meta["world"] == "nominal"
+    trained(tmp_path, Variant("b", "nominal", begun=begun), 1, budget)
+    assert (folder / "progress.csv").read_text().splitlines() == both
