@@ -45,11 +45,15 @@ def test_the_tolerance_is_the_worlds_and_the_command_says_what_python_says(tmp_p
     said = json.loads(capsys.readouterr().out)
     assert said == plan(world, demonstrations=300).record
     assert said["signs"][2]["here"] == "0.2 mm, 0.15 mm"
+    world.write_text(world.read_text() + "robot: {repeatability: 0.0012}\n")
+    assert plan(world).record["signs"][2]["here"] == "0.2 mm, 1.2 mm", "stated, m"  # type: ignore[index]
 
 
 def test_answers_that_cannot_be_are_one_line(tmp_path, capsys):
     world = tmp_path / "other.yaml"
     world.write_text("format: vispeg-world/1\nbase: nominal\n")
-    for argv in (["nowhere"], [str(world), "--repeatability", "-1"], [str(world), "--a-day", "0"]):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("format: vispeg-world/1\nbase: nominal\nrobot: {repeatability: -0.1}\n")
+    for argv in (["nowhere"], [str(bad)], [str(world), "--repeatability", "-1"], [str(world), "--a-day", "0"]):
         assert main(["plan", *argv]) == 2
         assert "\n" not in capsys.readouterr().err.strip()

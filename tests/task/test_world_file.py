@@ -14,6 +14,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.robots.scene import build
 from vispeg.sim.placement import activate
+from vispeg.task.registry import config_of
 from vispeg.task.world_file import LATER, built_in, load_world, world_hash, world_text
 from vispeg.worlds.distribution import Normal, Uniform
 
@@ -216,6 +217,17 @@ def test_fields_younger_than_the_hash_enter_it_only_where_they_differ(world, tmp
     assert load_world(world("same", task=same)).hash == plain
     hashes = {load_world(world(f"o{i}", task=task)).hash for i, task in enumerate(given)}
     assert len(hashes) == len(given) and plain not in hashes
+
+
+def test_how_far_an_arm_repeats_decides_no_episode_and_is_not_in_the_hash(tmp_path):
+    for robot in ("", "velocity_limit: [1, 1, 1, 1, 1, 1, 1], "):
+        hashes = []
+        for said in ("", "repeatability: 0.0002"):
+            file = tmp_path / "w.yaml"
+            file.write_text(f"format: vispeg-world/1\nrobot: {{{robot}{said}}}\n")
+            hashes.append(load_world(file).hash)
+            assert config_of(load_world(file).task).robot.repeats_mm == (0.2 if said else 0.15)
+        assert hashes[0] == hashes[1]
 
 
 FAR = [

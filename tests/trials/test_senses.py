@@ -1,17 +1,24 @@
 """A sense that simulation has otherwise moves the action; of trials in their own world none does."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 
+from vispeg.api.explain import ASSUMED
+from vispeg.api.run import opened
 from vispeg.cli.main import main
-from vispeg.evaluation.senses import ARM, LEAST, PICTURES, places, seen
+from vispeg.core.errors import UserError
+from vispeg.evaluation.senses import ARM, PICTURES, places, seen
+from vispeg.interface.interface import NoInterface
 from vispeg.learn.interface import interface_of_policy
 from vispeg.learn.policy import load
 from vispeg.learn.shipped import policy_folder
+from vispeg.robots.declare import REPEATABILITY
 from vispeg.trials.trial import folders, read_trial
 
+LEAST = REPEATABILITY["iiwa14"]  # mm
 TRIALS, POLICY = 10, "depth-S-randomized"
 HIDDEN = {
     "camera": "{effect: camera_offset, where: wrist_wide, params: {x: 0.02}}",
@@ -69,3 +76,31 @@ def test_the_policy_acts_on_a_kept_trial_as_it_acted_then(cells):
             action = policy.act({"policy": trial.steps.seen[[k]].astype(np.float32), **pictures})
             assert np.clip(action[0], -1, 1) == pytest.approx(trial.steps.action[k], abs=0.02), "depth was rounded"
         assert len(places(trial)) == len(trial.steps.time)
+
+
+def test_how_far_an_arm_repeats_decides_what_is_called(cells, tmp_path):
+    """An arm that its world says repeats to within a metre points to nothing, and an unknown one is assumed."""
+    world = tmp_path / "loose.yaml"
+    world.write_text("format: vispeg-world/1\nbase: nominal\nrobot: {repeatability: 1.0}\n")
+    found, by = explained(cells / "camera", world, tmp_path / "loose")
+    assert not any(row["points_to"] for row in by.values()) and by[PICTURES]["more_mm"]["low"] > LEAST
+    assert ASSUMED not in found["notes"]
+
+
+def test_only_a_policy_that_no_robot_can_be_given_has_no_senses(cells, tmp_path):
+    how = ["explain", str(cells / "arm"), "--replays", "2", "--quiet", "--json"]
+    assert main([*how, "--policy", "expert", "--out", str(tmp_path / "expert")]) == 0
+    notes = json.loads((tmp_path / "expert" / "explain.json").read_text())["notes"]
+    assert any(note.startswith("senses are not compared: policy: cannot be run on a robot") for note in notes)
+    for name, key, value in (("gone", "world_file", "gone.yaml"), ("broken", "world_hash", None)):
+        shutil.copytree(policy_folder(POLICY), tmp_path / name)
+        file = tmp_path / name / "policy.json"
+        said = json.loads(file.read_text())
+        said["meta"] |= {"world": "gone.yaml", key: value} if value else {}
+        said["layout"]["vector"] += 0 if value else 1
+        file.write_text(json.dumps(said))
+    with pytest.raises(NoInterface, match="the world it was trained in"):
+        opened(tmp_path / "gone", None, None)
+    with pytest.raises(UserError) as error:
+        opened(tmp_path / "broken", None, None)
+    assert not isinstance(error.value, NoInterface)

@@ -30,15 +30,21 @@ from vispeg.evaluation.records import Episode
 from vispeg.evaluation.replay import Replays
 from vispeg.evaluation.schema.explain import ExplainRecord, Next
 from vispeg.evaluation.senses import DRAWS, Look, Parting, Strip
+from vispeg.interface.interface import NoInterface
 from vispeg.report.gap import words
 from vispeg.report.gap.explain_page import render
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
+from vispeg.task.registry import config_of
 from vispeg.task.world_file import BUILT_IN, WorldFile, load_world
 from vispeg.trials.trial import FILE, STEPS, Trial, read_trial
 from vispeg.trials.trial import folders as trials_in
 from vispeg.worlds.model_file import load_model
 
+ASSUMED = (
+    f"a repeatability of {senses.ASSUMED:g} mm is assumed of the arm: `robot: {{repeatability: M}}` in the world's file"
+    " states another"
+)
 CORRECTED, CORRECTED_MODEL = "world.yaml", "model.yaml"  # in OUT
 UNTRIED = (
     "no cause is tried: name effects with --model FILE, as `vispeg diagnose` of a motion in free air finds them"
@@ -163,7 +169,11 @@ def explain(
         kept = {int(p.name.rpartition("-")[2]): p for p in trials_in(place / "replays")}
         replayed = [[read_trial(kept[s]) for s in some[:DRAWS]] for some in seeds]
         parted, strip = _parted(jobs[CLOSED][0], policy, read, replayed, workers, engine, notes)
-        record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, notes, parted)
+        repeats = config_of(file.task).robot.repeats_mm
+        if parted and repeats is None:
+            notes.append(ASSUMED)
+        side = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
+        record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, **side)
         if apply:
             record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))  # type: ignore[arg-type]
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
@@ -246,19 +256,22 @@ def _parted(
     """How the policy's actions move with simulation's senses, and pictures of the trial that shows it best.
 
     Empty, with a note, where the policy senses nothing that a robot has, or where there is but one replay.
+
+    Raises:
+        UserError: a policy that cannot be read.
     """
     if len(replayed[0]) < DRAWS:
         notes.append(f"senses are not compared: that takes --replays {DRAWS} or more")
         return [], None
     try:
         acts, meaning, _ = opened(policy, None, None)
-    except UserError as error:
+    except NoInterface as error:
         notes.append(f"senses are not compared: {error}")
         return [], None
     drawn: list[list[Any]] = [[()] * DRAWS for _ in trials]
     if meaning.images:
         looks = [
-            Look(**{**vars(job), "seeds": (replay.said.seed,), "replays": None}, number=(i, k), places=senses.places(t))
+            Look.of(job, replay.said.seed or 0, (i, k), senses.places(t))
             for i, t in enumerate(trials)
             for k, replay in enumerate(replayed[i])
         ]

@@ -12,8 +12,6 @@ from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import load_world
 
-REPEATABILITY = {"iiwa14": 0.15, "iiwa7": 0.1, "panda": 0.1, "fr3": 0.1, "ur5e": 0.03, "ur10e": 0.05}  # mm, ISO 9283,
-# by the makers' data sheets: KUKA LBR iiwa, Franka Emika Panda and Research 3, Universal Robots e-Series
 MM = {"mm": 1.0, "m": 1e3}
 
 
@@ -72,7 +70,7 @@ def plan(
 
     Args:
         world: a built-in world's name or a world file, whose task states the tolerance.
-        repeatability: of the robot, mm, ISO 9283; by default that of the arm, where its data sheet is known here.
+        repeatability: of the robot, mm, ISO 9283; by default what the world states of it, or its data sheet.
         soft, varies, demonstrations, a_day, build_days: as in `vispeg.evaluation.outlook.outlook`.
 
     Raises:
@@ -88,12 +86,11 @@ def plan(
             raise UserError("must be above 0", key=f"--{key}", got=number)
     file = load_world(world)
     config = config_of(file.task)
-    robot = config.robot.model
-    if repeatability is None and robot not in REPEATABILITY:
-        raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=robot)
+    known = config.robot.repeats_mm if repeatability is None else repeatability
+    if known is None:
+        raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=config.robot.model)
     about = config.tolerance
     width = None if about is None else getattr(config, about.setting) * MM[about.unit]
-    known = REPEATABILITY[robot] if repeatability is None else repeatability
     more = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
     return Planned(file.name, outlook(width, known, **more))  # type: ignore[arg-type]
 

@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.lock import claimed
 from vispeg.core.provenance import digest
 from vispeg.interface.exported import Exported
-from vispeg.interface.interface import Interface
+from vispeg.interface.interface import Interface, NoInterface
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
@@ -141,7 +141,8 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
     """Give a policy, the meaning of its numbers, and whose trials they will be.
 
     Raises:
-        UserError: no such policy, or one that cannot be run on a robot.
+        NoInterface: one that no robot can run, or whose world is gone.
+        UserError: no such policy, or one that cannot be read.
     """
     text = str(policy)
     if Path(text).suffix.lower() == ".onnx":
@@ -160,7 +161,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
 
     who = entrant(text)
     if who.scripted:
-        raise UserError("cannot be run on a robot", key="policy", expected="a policy's folder or .onnx", got=EXPERT)
+        raise NoInterface("cannot be run on a robot", key="policy", expected="a policy's folder or .onnx", got=EXPERT)
     if who.source is not None:
         return _own(who, world, name)
     network = open_policy(who.path)

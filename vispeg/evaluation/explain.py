@@ -47,6 +47,7 @@ def summarise(
     causes: Mapping[str, Sequence[EffectInstance]],
     notes: Sequence[str] = (),
     parted: Sequence[senses.Parting] = (),
+    repeats: float = senses.ASSUMED,
 ) -> ExplainRecord:
     """Gather what explain.json holds.
 
@@ -58,6 +59,7 @@ def summarise(
         causes: by label the effects that were played besides.
         notes: what else is to be known.
         parted: of each trial how its actions move with simulation's senses; none where that was not asked.
+        repeats: the arm's pose repeatability, mm.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
     won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
@@ -78,7 +80,7 @@ def summarise(
     compared = [m.decided(decided["measure", m.name]) for m in measures]
     made = [_cause(name, some, mean, y, decided["cause", name]) for name, some in causes.items()]
     made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
-    exchanged = senses.ranked(parted, {name: decided[kind, name] for kind, name in tests if kind == "sense"})
+    exchanged = senses.ranked(parted, {name: decided[kind, name] for kind, name in tests if kind == "sense"}, repeats)
     gap, failed = decided["gap", ""], y == 0
     verdict, words = _verdict(gap, mean, failed, made)
     return {

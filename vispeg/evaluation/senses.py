@@ -9,7 +9,7 @@ these are from each other; what it moves more is what simulation lacks.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ POINTS_TO = {
     CONTACT: "contact",
 }
 TOUCH, HELD = 5.0, 3  # N off the start's wrench, for so many samples: more than a moving tool's own weight makes
-LEAST = 0.15  # mm: an arm's own pose repeatability (KUKA LBR iiwa 14 R820, ISO 9283); less moves no robot elsewhere
+ASSUMED = 0.15  # mm: the pose repeatability (ISO 9283) of an arm of which nobody states it, that of a KUKA LBR iiwa 14
 DRAWS = 2  # of the world, for each trial
 AT_TIME = 1e-6  # s: a picture is of the reading at which the policy acted
 
@@ -56,6 +56,12 @@ class Look(Job):
 
     number: tuple[int, int] = (0, 0)
     places: tuple[Start, ...] = ()
+
+    @classmethod
+    def of(cls, job: Job, seed: int, number: tuple[int, int], places: tuple[Start, ...]) -> Look:
+        """Give the pictures in a job's world, as `seed` draws it."""
+        same = {f.name: getattr(job, f.name) for f in fields(Job)}
+        return cls(**{**same, "seeds": (seed,), "replays": None, "trials": None}, number=number, places=places)
 
 
 def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
@@ -218,12 +224,13 @@ def _more(excess: np.ndarray) -> Difference:
     return Difference(float(found.pvalue), value, interval, len(excess))
 
 
-def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision]) -> list[Sense]:
+def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision], least: float = ASSUMED) -> list[Sense]:
     """Give a row a sense, the one first that moves the action most beyond the world's draws.
 
-    Contact comes behind an arm that parts before it: what it feels then may follow from where it went.
+    A sense that moves it by no more than `least`, mm, the arm's own repeatability, points to nothing. Contact comes
+    behind an arm that parts before it: what it feels then may follow from where it went.
     """
-    speak = [sense for sense, d in decided.items() if d.certain and d.estimate.value > LEAST]
+    speak = [sense for sense, d in decided.items() if d.certain and d.estimate.value > least]
     rows: list[Sense] = []
     for sense, decision in decided.items():
         moved = 1e3 * float(np.nanmean(np.concatenate([p.moved[sense] for p in parted])))

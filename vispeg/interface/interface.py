@@ -34,6 +34,10 @@ Count = Annotated[int, Field(ge=1, le=4096)]
 Open = Annotated[float, BeforeValidator(lambda value: np.inf if value is None else value)]  # null: no limit
 
 
+class NoInterface(UserError):
+    """A policy that no robot can be given: it reads or does what only simulation has, or its world is gone."""
+
+
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -201,19 +205,19 @@ class Interface(_Part):
 
     @cached_property
     def terms(self) -> tuple[Sensed, ...]:
-        """The terms with the scales of this interface. Raises UserError: one that nobody here can build."""
+        """The terms with the scales of this interface. Raises NoInterface: one that nobody here can build."""
         out = []
         for told in self.told:
             if told.name not in SENSED:
-                raise UserError("a term that only its own task knows", key="told", got=told.name, choices=SENSED)
+                raise NoInterface("a term that only its own task knows", key="told", got=told.name, choices=SENSED)
             known = SENSED[told.name]
             out.append(Sensed(told.name, known.read, told.size, told.unit, told.scale, told.about))
         return tuple(out)
 
     def observer(self, n: int = 1) -> Observer:
-        """Give an observer of this arm. Raises UserError: actions that mean something of a task's own."""
+        """Give an observer of this arm. Raises NoInterface: actions that mean something of a task's own."""
         if self.law != OFFSET:
-            raise UserError("actions of a task's own law", key="law", expected=OFFSET, got=self.law)
+            raise NoInterface("actions of a task's own law", key="law", expected=OFFSET, got=self.law)
         size = sum(told.size for told in self.told)
         return Observer(self, self.chain, self.tool.tip_m, np.array(self.tool.weight_n), size, n)
 
@@ -257,4 +261,4 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and np.isinf(value) else value
 
 
-__all__ = ["DOF", "FORMAT", "KEY", "OFFSET", "Interface", "read"]
+__all__ = ["DOF", "FORMAT", "KEY", "OFFSET", "Interface", "NoInterface", "read"]

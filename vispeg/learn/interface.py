@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vispeg.core.errors import UserError
-from vispeg.interface.interface import Interface
+from vispeg.interface.interface import Interface, NoInterface
 from vispeg.learn.envs import home
 from vispeg.learn.meta import interface, made_for
 from vispeg.learn.modalities import modality
@@ -21,18 +21,19 @@ def interface_of_policy(policy: Policy, world: str | None = None, digest: str = 
         digest: of its folder.
 
     Raises:
-        UserError: no such world, a policy that reads what no robot has, or another observation than the world's task.
+        NoInterface: no such world, or a policy that reads what no robot has.
+        UserError: another observation than the world's task.
     """
     senses = modality(policy.modality)
     if senses.knows:
-        raise UserError("reads the ground truth, which no robot has", key="modality", got=policy.modality)
+        raise NoInterface("reads the ground truth, which no robot has", key="modality", got=policy.modality)
     meta, at = policy.meta, world or home(policy)
     own = {} if world else made_for(meta)
     memory = {"stack": 1} if policy.recurrent else {}
     try:
         _, config, file = world_of(at, {**memory, **own, **interface(meta)})
     except UserError as error:
-        raise UserError(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
+        raise NoInterface(f"the world it was trained in: {error}", expected="--world NAME or FILE") from error
     trained = str(meta.get("world_hash") or ("" if file is None else file.hash))
     out = interface_in(
         config,

@@ -11,6 +11,8 @@ from vispeg.core.errors import UserError
 from vispeg.core.typed import checked
 
 BANDS = {"iiwa14": (0.35, 0.75)}  # m from the base's axis, where a hole may stand
+REPEATABILITY = {"iiwa14": 0.15, "iiwa7": 0.1, "panda": 0.1, "fr3": 0.1, "ur5e": 0.03, "ur10e": 0.05}  # mm, ISO 9283,
+# by the makers' data sheets: KUKA LBR iiwa, Franka Emika Panda and Research 3, Universal Robots e-Series
 ANYWHERE = (0.1, 2.0)  # m; inverse kinematics says what this arm reaches of it
 
 
@@ -28,6 +30,7 @@ class RobotConfig:
         torque_limit, velocity_limit: (nj,) N m and rad/s, in place of what the file states.
         damping: (nj,) N m s/rad in place of what the file states: some files state the damping of a position servo,
             which a torque-driven arm does not have.
+        repeatability: pose repeatability (ISO 9283), m, in place of the data sheet's; 0: not stated.
     """
 
     model: str = "iiwa14"
@@ -40,6 +43,7 @@ class RobotConfig:
     torque_limit: tuple[float, ...] = ()
     velocity_limit: tuple[float, ...] = ()
     damping: tuple[float, ...] = ()
+    repeatability: float = 0.0
 
     def __post_init__(self) -> None:
         rules: dict[str, tuple[Callable[[float], bool], str]] = {
@@ -53,6 +57,9 @@ class RobotConfig:
         for key, (right, expected) in rules.items():
             if not all(right(x) for x in getattr(self, key)):
                 raise UserError("impossible robot", key=f"robot.{key}", expected=expected, got=getattr(self, key))
+        if not 0 <= self.repeatability < math.inf:
+            said = {"key": "robot.repeatability", "expected": "0 or more, m", "got": self.repeatability}
+            raise UserError("impossible robot", **said)
         if math.hypot(*self.flange_quat) < 1e-6:
             raise UserError("not a rotation", key="robot.flange_quat", expected="w x y z", got=self.flange_quat)
         if not self.flange and (any(self.flange_pos) or self.flange_quat != RobotConfig.flange_quat):
@@ -79,6 +86,11 @@ class RobotConfig:
     def band(self) -> tuple[float, float]:
         """Least and greatest distance of a hole from the base's axis, m."""
         return BANDS.get(self.model, ANYWHERE)
+
+    @property
+    def repeats_mm(self) -> float | None:
+        """Pose repeatability, mm: as stated, else the data sheet's; None where neither is known."""
+        return 1e3 * self.repeatability or REPEATABILITY.get(self.model)
 
     def check(self, nj: int, label: str) -> None:
         """Raise UserError for a list that is not of one number a joint."""

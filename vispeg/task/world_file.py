@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -148,12 +148,14 @@ def world_hash(
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
     fixed = [without_origin(e) for e in base.effects]
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
+    config = replace(config, robot=replace(config.robot, repeatability=0.0))  # of no episode
     usual = type(config)
     settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
     settings |= {k: _digests(settings[k]) for k in config.files if settings.get(k)}
     robot = identity(config.robot.model)
     if "robot" in settings:
         settings["robot"] |= {"model": robot, "tool": identity(config.robot.tool)}
+        del settings["robot"]["repeatability"]
     if (code := digest_of(config.name)) is not None:
         settings["name"] = [config.name, code]
     content = [robot, base.tool, fixed, entries, settings, views, dict(renderer or {})]

@@ -24,7 +24,7 @@ class Args:
     world: tyro.conf.Positional[str]
     """A built-in world's name or a world file."""
     repeatability: float | None = None
-    """Pose repeatability of the robot, mm (ISO 9283); default: the arm's data sheet, where it is known here."""
+    """Pose repeatability of the robot, mm (ISO 9283); default: what the world states, or the arm's data sheet."""
     soft: bool = False
     """A part deforms, flows or is granular."""
     varies: bool = False
