@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("page", ["measure", "worlds"])
+@pytest.mark.parametrize("page", ["measure"])
 def test_every_test_that_a_page_names_is_collected(page):
     text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
     rows = text.split("\n## Checks\n")[1].split("\n## ")[0]

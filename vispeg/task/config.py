@@ -45,7 +45,7 @@ class TaskConfig:
         name: of the task, see vispeg.task.registry.
         robot: the arm, its flange and tool, see `vispeg.robots.declare.RobotConfig`; a world file's `robot`.
         control_period: of the controller, s.
-        substeps: physics steps a control period (docs/task.md holds the convergence study).
+        substeps: physics steps a control period (scripts/bench/contact_steps.py is the convergence study).
         policy_period: of the policy, s; a whole number of control periods.
         steps: policy steps an episode.
         dof: Cartesian directions that the policy moves: any of x y z rx ry rz.
