@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from vispeg.cli.command import found
 from vispeg.cli.main import COMMANDS, main
 from vispeg.cli.options import options, subcommands
 from vispeg.core.assets import assets
@@ -58,6 +59,15 @@ HEAD = "format: vispeg-world/1\nbase: nominal\n"
 
 def replacing(module: str, name: str):
     """`name` of each (sub-)command that has out and overwrite, of its own or of a group that commands share."""
+    if ":" in module or not hasattr(importlib.import_module(module), "Args"):
+        command = found(module)
+        below = (
+            {f"{name} {sub}": each for sub, each in command.items()} if isinstance(command, dict) else {name: command}
+        )
+        for label, each in below.items():
+            if {"out", "overwrite"} <= each.taken().keys():
+                yield label
+        return
     kind = importlib.import_module(module).Args
     for label, leaf in {name: kind, **{f"{name} {sub}": k for sub, k in subcommands(kind).items()}}.items():
         if {"out", "overwrite"} <= {option.name for option in options(leaf)}:

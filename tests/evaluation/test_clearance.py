@@ -26,11 +26,10 @@ def test_another_clearance_is_told_and_the_folder_has_a_name(capsys, tmp_path, m
 def test_a_policy_is_played_at_its_own_clearance_in_its_own_world(capsys, tmp_path, monkeypatch):
     pytest.importorskip("torch")
     from vispeg.api import films as api
-    from vispeg.cli.learning import play
 
     asked = {}
     monkeypatch.setattr(api, "films", lambda folder, world, settings, *rest: asked.update(settings, world=world) or ())
-    policy = str(play.Path(__file__).parents[2] / "assets" / "policies" / "state-0.5mm")
+    policy = str(assets() / "policies" / "state-0.5mm")
     assert main(["play", policy]) == 0 and asked == {"clearance_mm": 0.5, "world": "randomized"}
     asked.clear()
     assert main(["play", policy, "--world", "nominal"]) == 0 and asked == {"world": "nominal"}

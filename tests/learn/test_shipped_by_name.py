@@ -27,7 +27,7 @@ def test_export_and_combine_write_them(tmp_path):
 
 def test_play_finetune_and_teachers_take_them(monkeypatch, tmp_path):
     asked = []
-    monkeypatch.setattr("vispeg.api.films.films", lambda folder, world, *_: [asked.append((folder.name, world))] * 0)
+    monkeypatch.setattr("vispeg.api.films.films", lambda folder, world, *_: [asked.append((str(folder), world))] * 0)
 
     def tuned(source, *_, **__):
         asked.append(source.name)

@@ -96,7 +96,7 @@ def test_what_urdf_cannot_say_is_named_and_two_joints_in_a_body_are_refused(tmp_
 
 
 def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, capsys):
-    from vispeg.cli.learning.export import Args
+    from vispeg.cli.main import run
     from vispeg.worlds.model_file import model_text
 
     effects = (
@@ -104,7 +104,7 @@ def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, 
         EffectInstance.of("rotor_inertia", "joint1"),
     )
     (tmp_path / "m.yaml").write_text(model_text(World(effects=effects)))
-    assert Args(str(tmp_path / "m.yaml"), tmp_path / "arm.urdf", "urdf").run() == 0
+    assert run(["export", str(tmp_path / "m.yaml"), "--to", "urdf", "--out", str(tmp_path / "arm.urdf")]) == 0
     said = capsys.readouterr().out
     assert "in it: coulomb_friction(joint4)" in said and "URDF has no element for it: rotor_inertia(joint1)" in said
     text = (tmp_path / "arm.urdf").read_text()
@@ -113,4 +113,4 @@ def test_the_command_writes_the_file_its_meshes_and_what_is_not_in_it(tmp_path, 
     )
     assert load(tmp_path / "arm.urdf").joints == ROBOT.joints, "it can be read again"
     with pytest.raises(UserError, match=r"a name that ends in \.urdf"):
-        Args("iiwa14", tmp_path / "arm.xml", "urdf").run()
+        run(["export", "iiwa14", "--to", "urdf", "--out", str(tmp_path / "arm.xml")])

@@ -15,7 +15,7 @@ import vispeg
 from vispeg.cli.main import COMMANDS
 from vispeg.cli.output import Output
 from vispeg.cli.recordings.check import Args as Check
-from vispeg.cli.usage import parse
+from vispeg.cli.usage import parse, parsed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.recordings.write import write
@@ -116,6 +116,9 @@ def understood(line: str) -> None:
     """A command that a page shows is one that the command line takes."""
     program, name, *words = shlex.split(line)
     assert program == "vispeg"
+    if ":" in COMMANDS[name] or not hasattr(import_module(COMMANDS[name]), "Args"):
+        parsed(name, words)
+        return
     parse(import_module(COMMANDS[name]).Args, f"vispeg {name}", "", words)
 
 

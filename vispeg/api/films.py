@@ -107,15 +107,15 @@ def play(
     """Plays a policy and writes a video of each episode.
 
     Args:
-        policy: a folder, or a bundled policy's name.
-        world: a built-in world or a world file; by default the one that the policy was trained in.
-        tolerance: of the task (`TaskConfig.tolerance`); by default the world's, or the policy's own in the world
-            that it was trained in.
-        episodes: how many.
-        seed: of the first; the next ones count up.
-        out: folder of the videos; by default films/POLICY-WORLD.
-        rerun: a file FILE.rrd for the Rerun viewer with the same episodes.
-        overwrite: whether `out` and `rerun` may be replaced.
+        policy: a policy's folder, or a bundled policy's name (`depth-S`).
+        world: a built-in world's name or a world file; default: the training world.
+        tolerance: width of the goal less that of the part (`TaskConfig.tolerance`), mm; default: the world's, or the
+            policy's in its training world.
+        episodes: number of episodes.
+        seed: seed of the first episode; the next ones count up.
+        out: folder of the videos; default: films/POLICY-WORLD.
+        rerun: write a file FILE.rrd for the Rerun viewer: the episodes in 3D, forces, images, estimates.
+        overwrite: replace `out` and `rerun` if they exist.
         watch: called with each video once it is written.
 
     Raises:

@@ -96,30 +96,33 @@ def train(
     """Trains a policy for the task of a world; see docs/learning.md. A run that was stopped goes on.
 
     Args:
-        task: label of the world's task and what the policy sees, LABEL-MODALITY.
+        task: the task and what the policy sees, such as LABEL-depth; not needed with `resume`.
         world: a built-in world's name or a world file.
-        recipe: reinforcement learning, imitation of a teacher, or the one after the other.
+        recipe: reinforcement learning, imitation of a teacher, or imitation and then reinforcement.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
-        curriculum: wider tolerances to begin with, mm, widest first.
-        start_radius: lateral ranges of starts (m) to begin with, nearest first.
-        ranges: randomization full from the first step, growing over the first half, or range by range with success.
-        steps: of the environment, in all.
-        target: success rate that ends the run once two evaluations in a row reach it; above 1 never.
-        seed: of networks, exploration and episodes.
+        curriculum: wider tolerances to begin with, mm, widest first; the next stage begins at 80 % success.
+        start_radius: lateral ranges of starts for these stages, m, nearest first.
+        ranges: randomization, full from the first step, growing over the first half of the steps, or range by range
+            with success.
+        steps: environment steps in all; default: 100000. With `resume`: the new total.
+        target: success rate in two evaluations in a row that ends imitation or reinforcement early; 2 for never.
+        seed: seed of networks, exploration and episodes.
         envs: environments in one batch.
-        threads: of the physics and of the networks.
-        utd: critic updates a step; by default the modality's.
+        threads: threads of the physics and of the networks.
+        utd: critic updates per environment step.
         recurrent: width of an LSTM in place of stacked observations; 0 for none.
-        symmetric: critics that see what the actor sees, in place of ground truth.
-        replay: transitions that are kept, in memory and in every checkpoint; by default 300 000, with images 100 000.
-        teacher: a policy's folder or name, or `expert`, for imitation.
-        dataset: demonstrations as `render_dataset` writes them, in place of a teacher, or half of each batch of `sac`.
+        symmetric: critics see what the actor sees, in place of ground truth (slower; for comparison).
+        replay: transitions kept in memory and in each checkpoint; default: 300000, with images 100000. The size is said
+            at the start.
+        teacher: a policy's folder or name, or `expert` for the scripted one.
+        dataset: demonstrations in LeRobot's layout, as of `vispeg render`: in place of a teacher (distill), or half of
+            each batch (sac). Only successful episodes count. FOLDER?action=KIND says what its actions are.
         distill: `steps` and `updates` of a round of imitation, and `looks` of each state, other than the defaults.
-        every: steps between evaluations and checkpoints.
-        episodes: of an evaluation, on seeds that training never draws.
+        every: environment steps between evaluations and checkpoints.
+        episodes: episodes of an evaluation.
         device: where networks run.
-        wandb: a project of Weights & Biases for the curves.
-        out: folder of the run; by default runs/TASK/TIME_sSEED.
+        wandb: project of Weights & Biases for the curves (WANDB_MODE=offline keeps them in the run).
+        out: folder of the run; default: runs/TASK/TIME_sSEED.
         show: show progress on standard error.
 
     Raises:

@@ -45,13 +45,17 @@ def run(argv: Sequence[str]) -> int:
     commands = available()
     if argv[0] not in commands:
         raise UserError("unknown command", got=argv[0], choices=commands)
-    from vispeg.cli.usage import parse
+    from vispeg.cli.usage import parse, parsed
 
     choose_backend()
     os.environ.setdefault(BLAS_THREADS, "1")  # before NumPy comes in
     if argv[0] != "doctor":  # who has to work where a library or the parser is what is missing
         check_backend()
-    module = importlib.import_module(COMMANDS[argv[0]])
+    if ":" in COMMANDS[argv[0]] or not hasattr(module := importlib.import_module(COMMANDS[argv[0]]), "Args"):
+        command, args = parsed(argv[0], argv[1:])
+        if args.output.quiet:
+            warnings.showwarning = lambda *_, **__: None
+        return command.run(args)
     special = getattr(module, "parse", None)
     args = special(argv[1:]) if special else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
     output = getattr(args, "output", getattr(getattr(args, "command", None), "output", None))

@@ -103,7 +103,7 @@ def describe(kind: type[Any]) -> None:
             if _config(hint) is not None or _subcommands(hint) or is_dataclass(_bare(hint)):
                 continue
             word = _metavar(field, hint)
-            words = tyro.conf.arg(metavar=word, help_behavior_hint=_default(field))
+            words = tyro.conf.arg(metavar=word, help_behavior_hint=default_shown(field.default))
             leaf.__annotations__[field.name] = Annotated[hint, words]
         leaf._described = True
 
@@ -130,11 +130,11 @@ def _subcommands(hint: Any) -> dict[str, type[Any]]:
 
 def _option(field: Field[Any], hint: Any) -> Option:
     positional = POSITIONAL in getattr(hint, "__metadata__", ())
-    bare, plain = _bare(hint), _plain(hint)
+    bare, kind = _bare(hint), plain(hint)
     word = getattr(_config(hint), "name", None) or field.name
     flag = "" if positional else f"--{word.replace('_', '-')}"
     repeats = "UseAppendAction" in repr(hint)
-    return Option(field.name, flag, _choices(bare), bare is not bool, plain is Path, repeats)
+    return Option(field.name, flag, choices(bare), bare is not bool, kind is Path, repeats)
 
 
 def _bare(hint: Any) -> Any:
@@ -153,12 +153,13 @@ def _parts(bare: Any) -> list[Any]:
     return [bare]
 
 
-def _choices(bare: Any) -> tuple[str, ...]:
+def choices(bare: Any) -> tuple[str, ...]:
+    """Give the values that an option of a type may have; none where they are not few."""
     return tuple(str(c) for part in _parts(bare) if get_origin(part) is Literal for c in get_args(part))
 
 
-def _plain(hint: Any) -> type[Any] | None:
-    """int, float, str or Path, where values are of one of these; None where tyro's own words are right."""
+def plain(hint: Any) -> type[Any] | None:
+    """Give int, float, str or Path, where values are of one of these; None where tyro's own words are right."""
     kinds = set(_parts(_bare(hint)))
     kind = kinds.pop() if len(kinds) == 1 else None
     return kind if kind in WORDS else None
@@ -169,27 +170,39 @@ def _config(hint: Any) -> Any:
 
 
 def _metavar(field: Field[Any], hint: Any) -> str | None:
-    plain, bare = _plain(hint), _bare(hint)
     positional = POSITIONAL in getattr(hint, "__metadata__", ())
-    many = next((p for p in (bare, *get_args(bare)) if get_origin(p) is tuple), None)
-    if choices := _choices(bare):
-        word = f"{{{','.join(choices)}}}"
+    return metavar(field.name, _bare(hint), positional, field.default)
+
+
+def metavar(name: str, kind: Any, positional: bool, default: Any) -> str | None:
+    """Give the words for the values of an option in help, such as NAME or {a,b}; None for a switch.
+
+    Args:
+        name: of the option.
+        kind: type of its value.
+        positional: whether it is a positional argument.
+        default: MISSING where it is required.
+    """
+    basic = plain(kind)
+    many = next((p for p in (kind, *get_args(kind)) if get_origin(p) is tuple), None)
+    if few := choices(kind):
+        word = f"{{{','.join(few)}}}"
     elif positional:
-        word = field.name.upper().replace("_", "-")
+        word = name.upper().replace("_", "-")
         word = f"{word[:-3]}Y" if many and word.endswith("IES") else word[:-1] if many and word[-1] == "S" else word
-    elif plain is None:
+    elif basic is None:
         return None  # a switch
     else:
-        word = TEXTS.get(field.name, WORDS[plain]) if plain is str else WORDS[plain]
+        word = TEXTS.get(name, WORDS[basic]) if basic is str else WORDS[basic]
     if many is None:
-        return f"[{word}]" if positional and field.default is not MISSING else word
+        return f"[{word}]" if positional and default is not MISSING else word
     if ... not in get_args(many):
         return " ".join(word for _ in get_args(many))
-    return f"[{word} ...]" if field.default is not MISSING and positional else f"{word} [{word} ...]"
+    return f"[{word} ...]" if default is not MISSING and positional else f"{word} [{word} ...]"
 
 
-def _default(field: Field[Any]) -> str:
-    value = field.default
+def default_shown(value: Any) -> str:
+    """Give what help says of a default, as people type it; nothing of one that means "none"."""
     if value is MISSING:
         return "(required)"
     if value is None or value is False or value == () or value == "":

@@ -12,14 +12,16 @@ import tyro
 if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
 
+SWITCH = tyro.conf.arg(help_behavior_hint="")  # says no default
+
 
 @dataclass(frozen=True)
 class Output:
     """Output."""
 
-    json: bool = False
+    json: Annotated[bool, SWITCH] = False
     """Print one JSON object in place of text."""
-    quiet: bool = False
+    quiet: Annotated[bool, SWITCH] = False
     """Show no progress and no notes."""
 
     def give(self, record: Mapping[str, object], text: Iterable[str | Block]) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import shutil
+import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 
 # Name -> module, which is imported when its command runs, so that help stays quick.
@@ -35,13 +38,13 @@ SECTIONS: dict[str, dict[str, str]] = {
         "dataset": "vispeg.cli.pictures.dataset",
     },
     "policies": {
-        "worlds": "vispeg.cli.learning.worlds",
-        "policies": "vispeg.cli.learning.policies",
-        "train": "vispeg.cli.learning.train",
-        "play": "vispeg.cli.learning.play",
-        "finetune": "vispeg.cli.learning.finetune",
-        "combine": "vispeg.cli.learning.combine",
-        "export": "vispeg.cli.learning.export",
+        "worlds": "vispeg.cli.policies:worlds",
+        "policies": "vispeg.cli.policies:policies",
+        "train": "vispeg.cli.policies:train",
+        "play": "vispeg.cli.policies:play",
+        "finetune": "vispeg.cli.policies:finetune",
+        "combine": "vispeg.cli.policies:combine",
+        "export": "vispeg.cli.policies:export",
         "run": "vispeg.cli.learning.run",
     },
     "evaluation of policies": {
@@ -72,13 +75,35 @@ examples; `vispeg --version` the version. Example:
 
 def available() -> dict[str, str]:
     """Name -> first line of help of every command in this installation, without importing any of them."""
-    lines = {}
-    for name, module in COMMANDS.items():
-        spec = importlib.util.find_spec(module)
-        if spec is not None and spec.origin is not None:
-            doc = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
-            lines[name] = doc.partition("\n")[0]
-    return lines
+    return {name: doc(place).partition("\n")[0] for name, place in COMMANDS.items() if _source(place) is not None}
+
+
+def page(name: str, below: Mapping[str, str]) -> str:
+    """Give what `--help` prints of a command with sub-commands, from the first line of each."""
+    from vispeg.cli.help import WIDEST, wrapped
+
+    columns = min(shutil.get_terminal_size().columns, WIDEST)
+    width = max(map(len, below))
+    rows = (
+        textwrap.fill(f"{each:<{width}}  {line}", columns, initial_indent="  ", subsequent_indent=" " * (width + 4))
+        for each, line in below.items()
+    )
+    usage = f"usage: vispeg {name} COMMAND [ARGUMENTS]"
+    return "\n\n".join((usage, wrapped(doc(COMMANDS[name]), columns), "\n".join(("commands:", *rows))))
+
+
+def _source(place: str) -> Path | None:
+    spec = importlib.util.find_spec(place.partition(":")[0])
+    return None if spec is None or spec.origin is None else Path(spec.origin)
+
+
+def doc(place: str) -> str:
+    """Give the docstring of MODULE:FUNCTION, or of MODULE."""
+    source, name = _source(place), place.partition(":")[2]
+    assert source is not None
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    named = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
+    return ast.get_docstring(next(named, tree)) or ""
 
 
 def overview() -> str:

@@ -6,11 +6,14 @@ import io
 import re
 from collections.abc import Collection, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vispeg.cli.help import MARK, Page, laid_out
 from vispeg.cli.values import checked
 from vispeg.core.errors import UserError
+
+if TYPE_CHECKING:
+    from vispeg.cli.command import Command
 
 RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
 FRAME = "│╭╮╰╯ " + RULE
@@ -26,6 +29,24 @@ ELSEWHERE = {  # what is looked for as an option and stands elsewhere
     "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
     "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
 }
+
+
+def parsed(name: str, argv: Sequence[str]) -> tuple[Command, Any]:
+    """Give a command, or the sub-command that is named, and its arguments; see `parse`."""
+    from vispeg.cli.command import form, found
+    from vispeg.cli.overview import COMMANDS, page
+
+    command = found(COMMANDS[name])
+    if isinstance(command, dict):
+        if argv and argv[0] in command:
+            name, command, argv = f"{name} {argv[0]}", command[argv[0]], argv[1:]
+        elif argv and argv[0] in ("-h", "--help"):
+            print(page(name, {below: each.help.partition("\n")[0] for below, each in command.items()}))
+            raise SystemExit(0)
+        else:
+            got = argv[0] if argv else None
+            raise UserError("unknown command" if got else "which one?", key=f"vispeg {name}", got=got, choices=command)
+    return command, parse(form(command), f"vispeg {name}", command.help, argv)
 
 
 def parse(kind: type[Any], program: str, description: str | None, argv: Sequence[str]) -> Any:

@@ -59,12 +59,12 @@ def combine(
     """Write two policies and where one takes over into one folder, which is used as any policy's.
 
     Args:
-        coarse: folder or name of the policy that begins.
-        fine: of the one that takes over; it may read no more than the coarse one.
-        out: folder of the two.
+        coarse: folder or name of the first policy, which sees.
+        fine: folder or name of the policy that takes over; it may observe no more than the coarse one.
+        out: folder of the combined policy.
         within: distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes
             over, m.
-        overwrite: replace `out`.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: no such policies, or such that do not fit; `within` is not above 0; `out` exists.

@@ -76,21 +76,22 @@ def finetune(
     """Fine-tunes a policy in a target world on a few demonstrations; see docs/learning.md.
 
     Args:
-        policy: a folder, or a bundled policy's name.
-        world: the target: a built-in world's name or a world file.
+        policy: a policy's folder, or a bundled policy's name.
+        world: the target world: a built-in name or a world file.
         out: folder of the new policy.
-        teacher: who demonstrates: `expert` for the scripted policy, or a state policy's folder or name.
-        dataset: demonstrations in LeRobot's layout, in place of the teacher's.
-        starts: a folder of trials: the teacher's episodes begin as those that failed began.
+        teacher: demonstrator: `expert` for the scripted policy, or a state policy's folder or name.
+        dataset: demonstrations in LeRobot's layout, in place of a teacher. FOLDER?action=KIND says what its actions
+            are.
+        starts: a folder of trials: demonstrations begin as those that failed began.
         demos: successful demonstrations in the target world.
-        updates: gradient steps.
-        lr: learning rate; by default a tenth of the one that the policy was trained at.
-        known: share of each batch from the world that the policy was trained in, 0 to 0.5.
-        known_world: that world, where the policy's own record does not name a built-in one.
-        episodes: of the evaluations before and after.
-        seed: of everything random.
+        updates: gradient steps. Image encoders are frozen for the first half, then learn at a hundredth of `lr`.
+        lr: learning rate; default: a tenth of that of training.
+        known: share of each batch from the training world, 0 to 0.5.
+        known_world: the training world, if the policy's record names no built-in one.
+        episodes: episodes of the evaluations before and after.
+        seed: seed of everything random.
         device: where the network runs.
-        overwrite: replace `out`.
+        overwrite: replace `out` if it exists.
         say: called with a sentence on each stage.
 
     Raises:

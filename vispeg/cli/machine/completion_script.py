@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Literal
 
+from vispeg.cli.command import found
 from vispeg.cli.options import NAMED, Option, options, subcommands
 
 FILES = "<files>"  # stands for files and folders
@@ -18,6 +19,18 @@ def words() -> dict[str, Words]:
 
     table: dict[str, Words] = {"": {"": list(COMMANDS)}}
     for name, module in COMMANDS.items():
+        if ":" in module or not hasattr(import_module(module), "Args"):
+            command = found(module)
+            if isinstance(command, dict):
+                table[name] = {"": [*command]}
+            below = {f"{name} {sub}": c for sub, c in command.items()} if isinstance(command, dict) else {name: command}
+            for label, each in below.items():
+                options_ = each.options()
+                positional = [v for o in options_ if not o.flag for v in _values(o)]
+                flags = {o.flag: _values(o) for o in options_ if o.flag}
+                flags |= {"--json": (), "--quiet": ()}
+                table[label] = {"--help": (), **flags, "": list(dict.fromkeys(positional))}
+            continue
         kind = import_module(module).Args
         below = subcommands(kind)
         if below:

@@ -1,0 +1,100 @@
+"""A command is declared once: each option is a parameter of the function that it calls, or of the command itself."""
+
+import importlib
+import inspect
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+
+import pytest
+
+from vispeg.cli.command import SAME, Command, Option, form, found
+from vispeg.cli.declared import Unknown, parameters
+from vispeg.cli.overview import COMMANDS
+
+OLD = {"vispeg.cli.machine.doctor"}  # reads its arguments without the parser, which may be what is missing
+
+
+def leaves() -> dict[str, Command]:
+    """Every command that is no group, and every sub-command."""
+    out = {}
+    for name, place in COMMANDS.items():
+        if place in OLD or ":" not in place and hasattr(importlib.import_module(place), "Args"):
+            continue
+        here = found(place)
+        below = {f"{name} {sub}": command for sub, command in here.items()} if isinstance(here, dict) else {name: here}
+        assert below, name
+        out.update(below)
+    return out
+
+
+LEAVES = leaves()
+
+
+def called(place: str):
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def option_names(kind) -> list[str]:
+    out = []
+    for field in fields(kind):
+        if field.name != "output":
+            out += option_names(type(field.default)) if is_dataclass(field.default) else [field.name]
+    return out
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_what_is_read_from_the_source_is_what_python_has(name):
+    command = LEAVES[name]
+    for place in filter(None, (command.place, command.function)):
+        real = inspect.signature(called(place)).parameters
+        read = parameters(place)
+        assert [*read] == [*real]
+        for key, parameter in read.items():
+            default = real[key].default
+            if default is inspect.Parameter.empty:
+                assert parameter.default is MISSING, key
+            elif callable(default):
+                assert parameter.default is Unknown or callable(parameter.default), key
+            else:
+                assert parameter.default == default and type(parameter.default) is type(default), key
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_every_option_is_one_parameter_with_its_default(name):
+    command = LEAVES[name]
+    own = {k: v for k, v in inspect.signature(called(command.place)).parameters.items() if k != "call"}
+    theirs = inspect.signature(called(command.function)).parameters if command.function else {}
+    assert not own.keys() & theirs.keys(), "declared twice"
+    assert command.special.keys() <= {*own, *theirs}, "an option of no parameter"
+    there = {**own, **theirs}
+    options = {}
+    for key, parameter in there.items():
+        option = command.special.get(key, Option())
+        if option is not None and key in command.taken():
+            options[(option.name or key).replace("-", "_")] = parameter, option
+    assert sorted(option_names(form(command))) == sorted(options)
+    for key, field in fields_of(form(command)).items():
+        parameter, option = options[key]
+        said = MISSING if parameter.default is inspect.Parameter.empty else parameter.default
+        assert not callable(said) or said is MISSING, f"{key} is private"
+        if option.default is SAME:
+            assert field == (Path(said) if isinstance(field, Path) else said), key
+        else:
+            assert field == option.default != said, f"{key}: another default is stated, and is none"
+
+
+def fields_of(kind) -> dict[str, object]:
+    out = {}
+    for field in fields(kind):
+        if is_dataclass(field.default) and field.name != "output":
+            out.update(fields_of(type(field.default)))
+        elif field.name != "output":
+            out[field.name] = field.default
+    return out
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_every_option_is_explained(name):
+    for key, (parameter, _, _) in LEAVES[name].taken().items():
+        assert len(parameter.help) > 5 and parameter.help.endswith("."), key
