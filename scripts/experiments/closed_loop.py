@@ -22,7 +22,7 @@ import yaml
 
 from vispeg.cli.main import main as vispeg
 from vispeg.core.seeds import stream
-from vispeg.evaluation.statistics import wilson
+from vispeg.evaluation.statistics import ceiling, measured_correlation, wilson
 from vispeg.trials.trial import read_trials
 from vispeg.worlds.model_file import load_model, placed_dict
 
@@ -34,6 +34,7 @@ KINDS: dict[str, Any] = {  # effect, place, and the sizes that it is drawn from;
     "friction": ("coulomb_friction", "joint4", {"torque": (5.0, 9.0)}),
     "load": ("payload", "flange", {"mass": (1.5, 3.0)}),
 }
+JUDGED = 20  # episodes of each policy in each world, the same seeds in all
 SIGNED = ("camera",)
 
 
@@ -99,7 +100,9 @@ def diagnosed(place: Path, effect: dict[str, Any]) -> Path:
 def success(place: Path, name: str, world: object) -> dict[str, float]:
     """Give the success of all policies in a world, by policy."""
     if not (place / name).exists():
-        command("evaluate", POLICY, *OTHERS, "--world", world, "--episodes", 20, "--videos", 0, "--out", place / name)
+        command(
+            "evaluate", POLICY, *OTHERS, "--world", world, "--episodes", JUDGED, "--videos", 0, "--out", place / name
+        )
     record = json.loads((place / name / "evaluate.json").read_text())
     return {row["policy"]: row["success"]["value"] for row in record["success"]}
 
@@ -172,8 +175,11 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     for name in ("nominal", "corrected"):
         pairs = [(s[name][p], s["hidden"][p]) for s in corrected for p in s["hidden"]]
         if len(pairs) > 2:
-            value = float(np.corrcoef(np.array(pairs).T)[0, 1])
-            out.append(f"Success in the hidden cell against the {name} model's, {len(pairs)} pairs: r = {value:.2f}.")
+            x, y = np.array(pairs).T
+            noise = [np.diag([p * (1 - p) / (JUDGED - 1) for p in pair]) for pair in pairs]
+            r, most = measured_correlation(x, y), ceiling(x, y, noise)
+            head = f"Success in the hidden cell against the {name} model's, {len(pairs)} pairs"
+            out.append(f"{head}: r = {r:.2f}; {JUDGED} other episodes each would allow {most:.2f} at most.")
     return "\n".join(out)
 
 

@@ -81,6 +81,7 @@ class ExplainResult(Stressed):
         for x in r["senses"]:
             if x["points_to"]:
                 out.append(Line(f"with simulation's {x['sense']} the action moves by {x['words']}: {x['points_to']}"))
+        out.append(Line(r["worth"]["words"]))
         if r["next"]:
             out += [Line(r["next"]["why"]), Line(f"next: {r['next']['command']}", path=True)]
         return [*out, *(Line(note, path=True) for note in r["notes"])]

@@ -44,6 +44,8 @@ class GapResult(Played):
         out: list[Block] = [Sheet([Column(head) for head in ("policy", *order)], rows)]
         for row in (*values["gaps"], *values["measures"]):
             out.append(Line(f"{row['policy']} in {row['world']}: {row['words']}", path=True))
+        out += [Line(f"{g['policy']} in {g['world']}: {g['worth']['words']}") for g in values["gaps"] if g["worth"]]
+        out += [Line(f"{row['world']} over policies: {row['words']}") for row in values["prediction"]]
         return out
 
 

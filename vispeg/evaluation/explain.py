@@ -15,6 +15,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.evaluation import senses, statistics
 from vispeg.evaluation.categories import part
+from vispeg.evaluation.gap import worth_row
 from vispeg.evaluation.jobs import FIRST_SEED
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.records import Episode
@@ -100,6 +101,7 @@ def summarise(
         "causes": made,
         "senses": exchanged,
         "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
+        "worth": worth_row(y, mean[CLOSED]),
         "next": None,
         "notes": list(notes),
         "rule": statistics.RULE,

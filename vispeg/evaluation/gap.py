@@ -17,6 +17,7 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation import statistics
 from vispeg.evaluation.categories import Parting, part
 from vispeg.evaluation.entrants import EXPERT
+from vispeg.evaluation.jobs import FIRST_SEED
 from vispeg.evaluation.measures import Measured
 from vispeg.evaluation.measures import compare as compare_measures
 from vispeg.evaluation.records import Episode
@@ -31,6 +32,7 @@ from vispeg.evaluation.schema.gap import (
     PolicyRow,
     PredictionRow,
     SuccessRow,
+    Worth,
 )
 from vispeg.evaluation.statistics import CANNOT_TELL, FEWEST_NETWORKS, Decision, Difference, Hypothesis, Rows
 from vispeg.evaluation.table import BLIND, Cell, Table, rows
@@ -251,7 +253,30 @@ def _gap(table: Table, decision: Decision, key: Key, reference: str, home: Mappi
         "p_holm": decision.p_holm,
         "verdict": decision.verdict,
         "words": statistics.gap_words(decision),
+        "worth": None if table.hashes[world] else _worth(table, policy, reference, world),
     }
+
+
+def _worth(table: Table, policy: str, reference: str, world: str) -> Worth | None:
+    """Give what simulation is worth beside a robot's trials of one network; None where they are not of its starts.
+
+    A trial whose number is a simulated episode's seed had that one's start set up: no trial is the millionth.
+    """
+    cells = [Cell(policy, reference), Cell(policy, world)]
+    networks = table.networks(cells)
+    simulated, tried = (
+        {(e.seed, e.configuration): float(e.success) for e in table.all(cell) if e.train_seed in networks}
+        for cell in cells
+    )
+    if len(networks) != 1 or not all(e in simulated and e[0] >= FIRST_SEED for e in tried):
+        return None
+    return worth_row(np.array(list(tried.values())), np.array([simulated[e] for e in tried]))
+
+
+def worth_row(y: np.ndarray, f: np.ndarray) -> Worth:
+    """Give what simulation's f (n,) is worth beside outcomes y (n,), ready for JSON."""
+    w = statistics.worth(y, f)
+    return {"rho": w.rho.to_json(), "trials": w.trials.to_json(), "buys": w.buys, "words": w.words}
 
 
 def _comparison(key: Key, decision: Decision) -> ComparisonRow:
@@ -307,7 +332,11 @@ def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, w
     if len(means) < 2:
         return []
     x, y = np.array(list(means.values())).T
-    pearson = statistics.correlation(x, y, _noise(networks, episodes))
+    known = _noise(networks, episodes)
+    pearson = statistics.correlation(x, y, known)
+    shown, most = (
+        v if np.isfinite(v) else None for v in (statistics.measured_correlation(x, y), statistics.ceiling(x, y, known))
+    )
     names = list(means)
     orders = [_order(decided, w, names) for w in (reference, world)]
     return [
@@ -315,10 +344,12 @@ def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, w
             "world": world,
             "n": len(means),
             "pearson": pearson.to_json(),
+            "measured": shown,
+            "ceiling": most,
             "mmrv": statistics.mmrv(y, *orders),
             "ordered": int(np.sum(orders[0] * orders[1] != 0)) // 2,
             "mean_difference": statistics.mean_interval(x - y).to_json(),
-            "words": _prediction_words(pearson),
+            "words": _prediction_words(pearson, shown, most),
             "points": points,
         }
     ]
@@ -350,10 +381,12 @@ def _order(decided: Mapping[Key, Decision], world: str, policies: Sequence[str])
     return order
 
 
-def _prediction_words(r: statistics.Estimate) -> str:
+def _prediction_words(r: statistics.Estimate, shown: float | None, most: float | None) -> str:
     if r.n < statistics.FEWEST_POLICIES:
         return f"{CANNOT_TELL}: {r.n} policies, {statistics.FEWEST_POLICIES} are the fewest"
     said = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {r.n} policies"
+    if shown is not None and most is not None:
+        said += f"; of the rates as measured {shown:.2f}, of at most {most:.2f} with so many episodes"
     return said if r.excludes(0.0) else f"{CANNOT_TELL}: {said}"
 
 

@@ -29,7 +29,11 @@
 7. **Whether one world tells the other**: the correlation of true rates over policies or configurations, whose noise is
    known from the episodes (bivariate random effects: H. C. van Houwelingen, L. R. Arends, T. Stijnen, Statistics in
    Medicine 21 (2002) 589), with the interval of the profile likelihood. Where the rates differ no more than episodes
-   do, the likelihood is flat and the interval is everything.
+   do, the likelihood is flat and the interval is everything. The rates as measured correlate by no more than a
+   *ceiling* that the number of episodes sets, so no correlation of theirs stands without it.
+8. **What the simulator is worth in real trials**: as a control variate it leaves 1 - rho^2 of the variance of the
+   robot's rate, so that n trials that are paired with simulation tell as much as n / (1 - rho^2) would alone (S. S.
+   Lavenberg, P. D. Welch, Management Science 27 (1981) 322).
 """
 
 from __future__ import annotations
@@ -54,6 +58,8 @@ POWER = 0.8
 LEVEL = 1 - ALPHA
 MARGIN = 0.05  # success points within which two rates are called equal
 FEWEST_NETWORKS = 3
+FEWEST_PAIRED = 20  # trials: of fewer that agree throughout, an interval of their correlation holds too little
+BUYS = 0.2  # of the trials that were made: a simulator that is worth fewer further ones buys nothing
 FEWEST_POLICIES = 8  # below, the interval of a correlation of .7 reaches 0
 CANNOT_TELL = "these data cannot tell"
 RULE = (
@@ -724,6 +730,28 @@ def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Es
     return Estimate(value, low, high, n)
 
 
+def ceiling(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> float:
+    """Give the greatest correlation that x and y (n,), measured with noise, can be expected to show.
+
+    That of two sides whose true rates agree: (s_x s_y + c) / sqrt((s_x^2 + v_x) (s_y^2 + v_y)), with the variances s^2
+    of the true rates over policies and the mean covariance [[v_x, c], [c, v_y]] of the `noise`. With a side that is
+    known exactly it is sqrt(V / (V + mean p (1 - p) / n)). 0 where rates differ no more than episodes do; NaN of fewer
+    than three.
+    """
+    if len(x) < 3:
+        return math.nan
+    (v_x, c), (_, v_y) = np.mean(noise, axis=0)
+    s_x, s_y = (max(float(np.var(side, ddof=1)) - v, 0.0) for side, v in ((x, v_x), (y, v_y)))
+    if not s_x or not s_y:
+        return 0.0
+    return float((math.sqrt(s_x * s_y) + c) / math.sqrt((s_x + v_x) * (s_y + v_y)))
+
+
+def measured_correlation(x: np.ndarray, y: np.ndarray) -> float:
+    """Give Pearson's correlation of x and y (n,); NaN where a side does not vary."""
+    return float(np.corrcoef(x, y)[0, 1]) if min(np.ptp(x), np.ptp(y)) > 0 else math.nan
+
+
 def mean_interval(values: np.ndarray) -> Estimate:
     """Give the mean over policies with its t interval; NaN ends of fewer than three."""
     n, value = len(values), float(np.mean(values))
@@ -744,3 +772,91 @@ def mmrv(target: np.ndarray, reference_order: np.ndarray, target_order: np.ndarr
     """
     violated = reference_order * target_order < 0
     return float(np.mean(np.max(np.abs(target[:, None] - target) * violated, axis=1)))
+
+
+# 8. What the simulator is worth in real trials
+
+_CORNER = 0.25  # weight of each of four pairs of which nothing hangs together, that stand for those not seen yet
+
+
+def paired_correlation(y: np.ndarray, f: np.ndarray) -> Estimate:
+    """Give the correlation of outcomes y (n,) with what simulation says of the same trials, f (n,), with its interval.
+
+    The variance of Fisher's z is that of r's influence function, for outcomes are not normal; as a few trials that all
+    agree show no variance, four pairs without a correlation of a weight of 1/4 are among them. The interval holds that,
+    and Fisher's own. Where a side does not vary, it is everything.
+    """
+    n = len(y)
+    if n < 4 or min(np.ptp(y), np.ptp(f)) == 0:
+        return Estimate(math.nan, -1.0, 1.0, n)
+    sides = [(side.mean() - side.std(), side.mean() + side.std()) for side in (y, f)]
+    corners = np.array([(a, b) for a in (0.0, 1.0) for b in sides[1]])
+    together = np.concatenate([np.stack([y, f], axis=1), corners])
+    weight = np.concatenate([np.ones(n), np.full(len(corners), _CORNER)])
+    r, ends = measured_correlation(y, f), []
+    for values, w in ((together[:n], weight[:n]), (together, weight)):
+        z = (values - np.average(values, axis=0, weights=w)) / np.sqrt(_variance(values, w))
+        at = float(np.average(z[:, 0] * z[:, 1], weights=w))
+        influence = z[:, 0] * z[:, 1] - at / 2 * (z**2).sum(axis=1)
+        rest = max(1 - at * at, 1e-9)
+        sd = math.sqrt(float(np.average(influence**2, weights=w)) / (w.sum() - 3)) / rest
+        ends += [math.atanh(math.copysign(min(abs(at), 1 - 1e-9), at)) + s * sd for s in _two_sided(w.sum() - 2)]
+    middle = math.atanh(math.copysign(min(abs(r), 1 - 1e-9), r))
+    ends += [middle + s * float(norm.ppf(1 - ALPHA / 2)) / math.sqrt(n - 3) for s in (-1.0, 1.0)]
+    return Estimate(r, min(r, math.tanh(min(ends))), max(r, math.tanh(max(ends))), n)
+
+
+def _two_sided(df: float) -> tuple[float, float]:
+    quantile = -float(stdtrit(df, ALPHA / 2))
+    return -quantile, quantile
+
+
+def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.average((values - np.average(values, axis=0, weights=weights)) ** 2, axis=0, weights=weights)
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What a simulator is worth in trials.
+
+    Attributes:
+        rho: correlation of the trials' outcomes with simulation's of the same ones.
+        trials: further trials that it is worth: n rho^2 / (1 - rho^2); one that contradicts the robot is worth none.
+    """
+
+    rho: Estimate
+    trials: Estimate
+
+    @property
+    def buys(self) -> bool | None:
+        """Whether it surely is worth a fifth of the trials that were made; None where they are too few to tell."""
+        return None if self.rho.n < FEWEST_PAIRED else self.trials.low >= BUYS * self.rho.n
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        n, rho, more = self.rho.n, self.rho, self.trials
+        if n < FEWEST_PAIRED:
+            return f"{CANNOT_TELL} what the simulator is worth: {n} paired trials, {FEWEST_PAIRED} are the fewest"
+        if math.isnan(rho.value):
+            return f"{CANNOT_TELL} what the simulator is worth: on one side all of {n} paired trials end alike"
+        said = f"{n} paired trials, rho {rho.value:.2f} ({rho.low:.2f} to {rho.high:.2f})"
+        if not self.buys:
+            least = f"it surely is worth {_count(more.low)} further trials, under a fifth of {n}"
+            return f"the simulator buys nothing for judging this policy: {said}; {least}"
+        ends = f"{_count(more.low)} to {_count(more.high)}"
+        return f"the simulator is worth {_count(more.value)} further trials ({ends}): {said}"
+
+
+def _count(trials: float) -> str:
+    return f"{trials:.0f}" if trials < 1000 else "over 1000"
+
+
+def worth(y: np.ndarray, f: np.ndarray) -> Worth:
+    """Give what simulation's f (n,) is worth beside the outcomes y (n,) of the same trials."""
+    rho = paired_correlation(y, f)
+
+    def further(r: float) -> float:
+        return math.nan if math.isnan(r) else len(y) * max(r, 0.0) ** 2 / max(1 - r * r, 1e-9)
+
+    return Worth(rho, Estimate(further(rho.value), further(rho.low), further(rho.high), len(y)))

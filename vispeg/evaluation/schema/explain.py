@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, TypedDict
 
 from vispeg.evaluation.schema.estimate import Interval
-from vispeg.evaluation.schema.gap import Measure, PartingRecord
+from vispeg.evaluation.schema.gap import Measure, PartingRecord, Worth
 
 
 class TrialRow(TypedDict):
@@ -99,6 +99,7 @@ class ExplainRecord(TypedDict):
     causes: list[Cause]
     senses: list[Sense]
     moment: Moment | None
+    worth: Worth
     next: Next | None
     notes: list[str]
     rule: str

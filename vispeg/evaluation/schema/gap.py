@@ -33,9 +33,18 @@ class SuccessRow(TypedDict):
     peak_force: float | None
 
 
+class Worth(TypedDict):
+    """What a simulator is worth in real trials: the correlation of paired outcomes, and how many further trials."""
+
+    rho: Interval
+    trials: Interval
+    buys: bool | None
+    words: str
+
+
 class GapRow(TypedDict):
     """What a policy loses from the reference world to another, over these networks (by training seed); `home`: it was
-    trained there, so that it is no transfer.
+    trained there, so that it is no transfer. `worth`: of a robot whose trials are paired with episodes, else None.
     """
 
     policy: str
@@ -49,6 +58,7 @@ class GapRow(TypedDict):
     p_holm: float | None
     verdict: str
     words: str
+    worth: Worth | None
 
 
 class AttributionRow(TypedDict):
@@ -89,13 +99,15 @@ class Point(TypedDict):
 
 class PredictionRow(TypedDict):
     """How well success in the reference world tells success in the target, over policies: the correlation of their true
-    rates, the mean maximum rank violation among the `ordered` pairs whose order is beyond doubt in both worlds, and the
-    mean loss.
+    rates, that of the measured ones and its ceiling by the number of episodes (None where it has none), the mean
+    maximum rank violation among the `ordered` pairs whose order is beyond doubt in both worlds, and the mean loss.
     """
 
     world: str
     n: int
     pearson: Interval
+    measured: float | None
+    ceiling: float | None
     mmrv: float
     ordered: int
     mean_difference: Interval

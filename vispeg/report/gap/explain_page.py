@@ -20,6 +20,8 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     lines = [f"{values['policy']}: {values['words']}"]
     if values["next"]:
         lines += [values["next"]["why"], f"next: {values['next']['command']}"]
+    if values.get("worth"):  # records of before say nothing of it
+        lines.append(values["worth"]["words"])
     lines += values["notes"]
     sections = [table_page.title("Why do these trials fail?", lines)]
     sections += _story(values, strip)

@@ -25,6 +25,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
         "heat": heat_map(values),
         "gaps": gaps,
         "parts": parts,
+        "worth": [f"{g['policy']} in {g['world']}: {g['worth']['words']}" for g in values["gaps"] if g.get("worth")],
         "heads": ["total", *values["factors"], "together, beyond the sum"],
         "joint": values["joint"],
         "reference": values["reference"],
