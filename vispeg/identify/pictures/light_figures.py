@@ -27,6 +27,7 @@ LEVELS = np.array([8, 40, 90, 160, 245])  # code values: edges of the bins of br
 FEW = 60  # pixels that a figure needs
 EDGES = 30  # border points that a softness needs
 FAST = 60.0  # px/s along the normals that some borders must differ by, for blur of motion to show
+STILL = 1.0  # px/s, under which a border stands still in the picture
 QUIET = 0.2  # quantile of local scatter: a texture is no noise
 GRAIN = 2.5  # code values, 1 sigma, of an ordinary camera's noise
 WINDOW = 3.0  # px
@@ -129,20 +130,29 @@ def _at_rest(world: World) -> tuple[World, float]:
 def _softness(picture: np.ndarray, shot: Shot, seconds: float) -> np.ndarray:
     """(2,) px^2 of most borders' spread, and ms^2 by which it grows with the squared speed across the border.
 
-    What moves while a shutter is open for some `seconds` has the spread of a box beside that of the picture.
+    What moves while a shutter is open for some `seconds` has the spread of a box beside that of the picture. The growth
+    is among borders of bodies that move in the picture: those of a hand that carries the camera never do, and their
+    surfaces are softer or harder for other reasons.
     """
     square = softness(picture, shot.borders, search(picture, shot.borders, WINDOW)) ** 2
     square = square + (seconds * shot.flow) ** 2 / 12
     good = np.isfinite(square)
     if good.sum() < EDGES:
         return np.full(2, np.nan)
+    return np.array([float(np.median(square[good])), _growth(square, shot, good)])
+
+
+def _growth(square: np.ndarray, shot: Shot, good: np.ndarray) -> float:
+    """Give the ms^2 by which a spread (n,) px^2 grows with the squared speed; NaN where too few borders move."""
     speed = (shot.flow / 1e3) ** 2  # (px/ms)^2
+    rows = good & np.isin(shot.borders.body, shot.borders.body[speed > (STILL / 1e3) ** 2])
+    if rows.sum() < EDGES:
+        return np.nan
     slow, fast = (
-        good & rows for rows in (speed <= np.quantile(speed[good], 0.33), speed >= np.quantile(speed[good], 0.67))
+        rows & some for some in (speed <= np.quantile(speed[rows], 0.33), speed >= np.quantile(speed[rows], 0.67))
     )
     apart = float(np.median(speed[fast]) - np.median(speed[slow]))
-    smear = (np.median(square[fast]) - np.median(square[slow])) / apart if apart > (FAST / 1e3) ** 2 else np.nan
-    return np.array([float(np.median(square[good])), float(smear)])
+    return float(np.median(square[fast]) - np.median(square[slow])) / apart if apart > (FAST / 1e3) ** 2 else np.nan
 
 
 def _grain(picture: np.ndarray, shot: Shot) -> np.ndarray:
