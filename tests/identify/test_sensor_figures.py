@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -15,7 +16,7 @@ from vispeg.identify.channels import shows
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.depth_figures import ERROR, TABLE, DepthFigures
 from vispeg.identify.pictures.sensor import sensor_evidence
-from vispeg.identify.pictures.shots import shots_of
+from vispeg.identify.pictures.shots import Shot, shots_of
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.photograph import photograph
 from vispeg.vision.predict import Predictor
@@ -83,17 +84,23 @@ def test_fall_off_is_read_from_places_seen_twice_whatever_their_colour():
     assert -2.2 < slope < -0.9  # log2(1 - 0.8 f): between -0.8 / ln 2 at the middle and twice as much at f = 0.6
 
 
-def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
-    scene, seconds = scene_of(CELL), 0.02
+def fast_shots(*effects: EffectInstance) -> tuple[Sight, list[Shot]]:
+    """Frames of a camera in fast motion, by a world with these effects; no posture is off."""
+    scene = scene_of(CELL)
     (camera,) = cameras_of([WRIST], scene, (320, 240))
     motion = look_motion("look-fast", scene, 100.0, 16.0)
     curve, stamps = CubicSpline(motion.time, motion.q_cmd), np.array([4.0, 6.5, 8.0, 9.5, 11.0])
-    blurred = EffectInstance.of("motion_blur", WRIST, length=0.0, exposure=seconds)
-    taken = photograph(scene, [camera], CELL.add(blurred), curve, stamps, 1)
+    taken = photograph(scene, [camera], CELL.add(*effects), curve, stamps, 1)
     sight = Sight("x", camera, stamps, lambda t, i: curve(t), lambda i: taken[i].rgb, lambda i: None)
     with Predictor(scene, [camera], finer=3) as predictor:
-        some = shots_of(predictor, sight, CELL, np.zeros((len(stamps), len(scene.joints))))
-    evidence = sensor_evidence(scene, [(sight, some)], "light", LIT)
+        return sight, shots_of(predictor, sight, CELL, np.zeros((len(stamps), len(scene.joints))))
+
+
+def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
+    seconds = 0.02
+    blurred = EffectInstance.of("motion_blur", WRIST, length=0.0, exposure=seconds)
+    sight, some = fast_shots(blurred)
+    evidence = sensor_evidence(scene_of(CELL), [(sight, some)], "light", LIT)
     assert evidence is not None
     (item,) = evidence.items
     smear = [f.name for f in item.figures.table].index("smear")
@@ -101,6 +108,19 @@ def test_a_border_is_smeared_by_its_own_speed_and_one_at_rest_is_not():
     assert abs(evidence.off(LIT)["smear"]) > 1.3 and abs(evidence.off(LIT.add(blurred))["smear"]) < 0.5
     at_rest = np.abs(some[0].flow) < 5  # px/s: the gripper's own borders
     assert at_rest.sum() > 100
+
+
+def test_a_hand_whose_borders_are_softer_than_the_room_s_is_no_open_shutter():
+    """The camera carries its hand: all that tells its borders from the room's is not their speed alone."""
+    sight, some = fast_shots()
+
+    def soft_hand(shot: Shot) -> Shot:
+        assert shot.rgb is not None
+        near = cv2.dilate((~shot.fixed & (shot.rendering.parts > 0)).astype(np.uint8), np.ones((7, 7))) > 0
+        return replace(shot, rgb=np.where(near[..., None], cv2.GaussianBlur(shot.rgb, (0, 0), 0.8), shot.rgb))
+
+    evidence = sensor_evidence(scene_of(CELL), [(sight, [soft_hand(shot) for shot in some])], "light", LIT)
+    assert evidence is not None and abs(evidence.off(LIT)["smear"]) < 0.5
 
 
 @pytest.mark.parametrize("held", [True, False])
