@@ -18,7 +18,8 @@ import vispeg
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.entrants import entrant
-from vispeg.evaluation.lerobot import PYTHON, LeRobot
+from vispeg.evaluation.lerobot import LeRobot
+from vispeg.interface.lerobot import PYTHON
 from vispeg.task.environments.lerobot_env import LeRobotEnv
 from vispeg.task.environments.vector import TaskVec
 from vispeg.trials.trial import folders, read_trial
@@ -227,7 +228,7 @@ def test_what_cannot_be_played_is_one_line(tmp_path, python, monkeypatch, capsys
 def test_without_lerobot_the_way_to_it_is_said(tmp_path, monkeypatch):
     folder = saved(tmp_path)
     monkeypatch.delenv(PYTHON, raising=False)
-    with pytest.raises(UserError, match=f"needs lerobot; expected {PYTHON} set to"):
+    with pytest.raises(UserError, match=f"needs lerobot; expected pip install lerobot, .* and {PYTHON} set to"):
         LeRobot(folder)
     monkeypatch.setenv(PYTHON, os.devnull)
     with pytest.raises(UserError, match=f"{PYTHON}: cannot be run"):

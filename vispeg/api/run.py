@@ -14,6 +14,7 @@ from vispeg.core.lock import claimed
 from vispeg.core.provenance import digest
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
+from vispeg.interface.terms import WRENCH
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
@@ -175,6 +176,7 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     """Give a policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no
     world.
     """
+    from vispeg.evaluation.lerobot import LeRobot
     from vispeg.evaluation.players import own_player
     from vispeg.task.environments.vector import world_of
     from vispeg.task.interface import interface_in
@@ -188,6 +190,8 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     meaning.observer()
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
     acts = own_player(who, config)
+    if isinstance(acts.target, LeRobot) and not acts.target.feels(len(meaning.arm.joints)):
+        meaning = meaning.model_copy(update={"told": tuple(t for t in meaning.told if t.name not in WRENCH)})
     acts.reset(1)  # what cannot begin is refused before the robot is asked, and what begins slowly has begun
     return acts, meaning, part
 

@@ -18,7 +18,7 @@ from vispeg.interface.actions import KINDS as ACTIONS
 from vispeg.interface.actions import OFFSET as SHARE
 from vispeg.interface.chain import Chain
 from vispeg.interface.observer import DOF, RECENT, Observer
-from vispeg.interface.terms import LIMIT, SENSED, Sensed
+from vispeg.interface.terms import LIMIT, SENSED, WRENCH, Sensed
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS
 
@@ -194,6 +194,11 @@ class Interface(_Part):
         return self.turn_rad
 
     @property
+    def feels(self) -> bool:
+        """Whether the policy is told force or torque."""
+        return any(term.name in WRENCH for term in self.told)
+
+    @property
     def ticks(self) -> int:
         """Control periods of an action."""
         return round(self.policy_period_s / self.controller.period_s)
@@ -202,6 +207,11 @@ class Interface(_Part):
     def chain(self) -> Chain:
         """The arm's kinematics. Raises UserError: no such."""
         return Chain.from_json(self.arm.chain)
+
+    def flange(self, q: np.ndarray) -> np.ndarray:
+        """Give the flange pose (7,), m and w x y z in the base, at joint angles (nj,) rad."""
+        pos, turn, _, _ = self.chain.pose(q[None], 0 * q[None])
+        return np.concatenate([pos[0], turn[0]])
 
     @cached_property
     def terms(self) -> tuple[Sensed, ...]:

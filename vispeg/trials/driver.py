@@ -24,14 +24,14 @@ class Reading:
     Attributes:
         time: s, on the robot's own clock, which need not be ours.
         q, dq: (nj,) rad, rad/s.
-        wrench: (6,) N and N m, as `Connected.wrench` says that it is to be read.
+        wrench: (6,) N and N m, as `Connected.wrench` says that it is to be read; None of a robot that measures none.
         pictures: of the cameras that were asked for, by name.
     """
 
     time: float
     q: np.ndarray
     dq: np.ndarray
-    wrench: np.ndarray
+    wrench: np.ndarray | None
     pictures: Mapping[str, Picture] = field(default_factory=dict)
 
 
@@ -41,12 +41,13 @@ class Connected:
 
     Attributes:
         wrench: how the wrench is to be read; by default what the tool puts on the flange, in the flange's axes, raw.
+            None: the robot measures none, so that no limit of force can act and no policy that is told it can run.
         start: what is known of the episode's start beside the joints: `goal_m`, `believed_m`, `effects`, as trial.yaml
             has them.
         world: name and hash of a simulated robot's world.
     """
 
-    wrench: WrenchSensor = WrenchSensor(acts_on="flange")
+    wrench: WrenchSensor | None = WrenchSensor(acts_on="flange")
     start: Mapping[str, Any] = field(default_factory=dict)
     world: Mapping[str, str] = field(default_factory=dict)
 

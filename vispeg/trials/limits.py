@@ -26,17 +26,32 @@ class Limits:
         force: N on the wrist, the tool's weight off; None for the task's own limit of contact.
         speed: of the tip, m/s.
         reach: of the tip from where the goal is believed, to the side, m.
+        no_force_limit: the robot may be one that measures no force.
     """
 
     force: float | None = None
     speed: float = SPEED_MS
     reach: float = REACH
+    no_force_limit: bool = False
 
     def __post_init__(self) -> None:
         for key, most in (("force", 1000.0), ("speed", 2.0), ("reach", 2.0)):
             value = getattr(self, key)
             if value is not None and not 0 < value <= most:
                 raise UserError("out of bounds", key=f"--{key}", expected=f"above 0, up to {most:g}", got=value)
+        if self.no_force_limit and self.force is not None:
+            raise UserError("contradict each other", key="--force, --no-force-limit", expected="one of them")
+
+    def fit(self, interface: Interface, felt: bool) -> None:
+        """Raise UserError where a robot that measures forces, or none (not `felt`), cannot be run within these."""
+        if felt and self.no_force_limit:
+            raise UserError("is for robots that measure no force", key="--no-force-limit", expected="--force")
+        if not felt and interface.feels:
+            what = "the policy is told force and torque, and the robot measures neither"
+            raise UserError(what, key="--robot", expected="a policy that is not told them, or a robot with a sensor")
+        if not felt and not self.no_force_limit:
+            what = "the robot measures no force, so that no limit of force can act"
+            raise UserError(what, key="--robot", expected="--no-force-limit, where that is safe")
 
     def broken(self, interface: Interface, seen: Observer, force: float) -> str | None:
         """Give the limit that the arm is beyond as it is seen now, with this force (N) on the wrist; or None."""

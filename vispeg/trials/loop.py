@@ -77,14 +77,14 @@ class How:
 
 @dataclass
 class Step:
-    """What is shown of a running episode: the step, the measured tip from the believed goal (m), force (N), lateness
-    (s), deadlines that were missed.
+    """What is shown of a running episode: the step, the measured tip from the believed goal (m), force (N; None of a
+    robot that measures none), lateness (s), deadlines that were missed.
     """
 
     number: int
     of: int
     tip: np.ndarray
-    force: float
+    force: float | None
     late: float
     missed: int
 
@@ -156,10 +156,12 @@ def run_episode(
         watch: whether a thread watches over the loop; the main thread's alone.
 
     Raises:
-        UserError: a picture that the policy sees is missing or unfit, joints that are not this arm's.
+        UserError: a picture that the policy sees is missing or unfit, joints that are not this arm's, a robot without
+            the sensor that the policy or a limit needs.
     """
     how, clock = how or How(), clock or Clock()
     connected = robot.connect(interface, seed) or Connected()
+    how.limits.fit(interface, connected.wrench is not None)
     loop = _Loop(policy, interface, robot, connected, how, clock, show, key)
     ended: str | None = None
     told: Mapping[str, Any] | None = None
@@ -200,7 +202,7 @@ class _Loop:
         slowed = interface.model_copy(
             update={"offset_m": how.slow * interface.offset_m, "turn_rad": how.slow * interface.turn_rad}
         )
-        self.builder, self.tape = Builder(slowed), Tape(interface)
+        self.builder, self.tape = Builder(slowed), Tape(interface, connected.wrench is not None)
         self.count, self.missed, self.reads, self.stale, self.peak = round(interface.steps / how.slow), 0, 0, 0, 0.0
         self.cameras = tuple(dict.fromkeys(camera_of(key) for key in interface.images))
         self.deadline = RECENT * interface.controller.period_s  # what is felt is of one moment as long as that
@@ -228,7 +230,7 @@ class _Loop:
             wrench = self._wrench(reading)
             if self.first is None or (acts and steps == 0):
                 self._begin(reading)
-            elif reading.time > newest:
+            elif reading.time > newest and self.tape.felt:
                 self.builder.feel(wrench)
             if reading.time > newest:
                 newest, fresh = reading.time, self.clock.now()
@@ -274,7 +276,10 @@ class _Loop:
 
     def _wrench(self, reading: Reading) -> np.ndarray:
         """Give what the tool puts on the flange, in its axes and about its origin, its weight included."""
-        sensor, wrench = self.connected.wrench, np.asarray(reading.wrench, float)
+        sensor = self.connected.wrench
+        if sensor is None:
+            return np.zeros(6)
+        wrench = np.asarray(reading.wrench, float)
         if sensor == WrenchSensor(acts_on="flange"):
             return wrench
         turn = self.builder.observer.chain.rotation(np.asarray(reading.q, float)[None])
@@ -284,7 +289,9 @@ class _Loop:
         return out
 
     def _force(self, wrench: np.ndarray) -> float:
-        """Force of contact on the wrist now, N; kept as the greatest."""
+        """Force of contact on the wrist now, N; kept as the greatest. 0 of a robot that measures none."""
+        if not self.tape.felt:
+            return 0.0
         turned = rotated(self.builder.observer.turn, wrench[None, :3])[0]
         force = float(np.linalg.norm(turned - self.interface.tool.weight_n))
         self.peak = max(self.peak, force)
@@ -303,7 +310,7 @@ class _Loop:
         late = self.clock.now() - due
         self.missed += late > self.deadline
         self.tape.step(late, obs["policy"], action, target, reading.pictures, moves=not self.how.shadow)
-        self.show(Step(number + 1, self.count, tip, force, late, self.missed))
+        self.show(Step(number + 1, self.count, tip, force if self.tape.felt else None, late, self.missed))
         return None
 
     def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
@@ -314,8 +321,8 @@ class _Loop:
             raise UserError("the arm was stopped before the policy acted", key="--robot", got=self.why or ended or name)
         late, i = self.tape.late, self.interface
         ended = ended or "timeout"
-        outcome = {"success": ended == "success", "category": ended, "by": "measured", "peak_force_n": self.peak}
-        outcome |= {"why": self.why}
+        outcome = {"success": ended == "success", "category": ended, "by": "measured", "why": self.why}
+        outcome |= {"peak_force_n": self.peak if self.tape.felt else None}
         if told is not None and ended in ("success", "timeout"):  # a limit of ours is why it ended, whatever it came to
             outcome |= {**told, "by": "robot"}
         start = {"believed_m": self.builder.observer.believed[0].tolist(), **dict(self.connected.start)}

@@ -304,8 +304,7 @@ class Ros2Robot:
 
     def _flange(self, q: np.ndarray) -> np.ndarray:
         assert self._interface is not None
-        pos, turn, _, _ = self._interface.chain.pose(q[None], 0 * q[None])
-        return np.concatenate([pos[0], turn[0]])
+        return self._interface.flange(q)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
         """See Driver. Raises TimeoutError: no wrench for a while, or no picture."""

@@ -25,10 +25,11 @@ class Tape:
 
     Args:
         interface: the policy's, which says what the arm and its controller are.
+        felt: whether the robot measures forces.
     """
 
-    def __init__(self, interface: Interface):
-        self.interface = interface
+    def __init__(self, interface: Interface, felt: bool = True):
+        self.interface, self.felt = interface, felt
         self._ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         self._steps: list[tuple[float, float, np.ndarray, np.ndarray, np.ndarray]] = []
         self._pictures: list[tuple[float, str, Picture]] = []
@@ -110,7 +111,7 @@ class Tape:
             dq=dq,
             ee=np.concatenate([pos, turn], axis=1),
             ee_cmd=target,
-            ft=reaction(wrench),
+            ft=reaction(wrench) if self.felt else None,
             tool={
                 "mass_kg": tool.mass_kg,
                 "com_m": list(tool.com_m),
@@ -118,7 +119,7 @@ class Tape:
                 "name": tool.name,
             },
             cell=CellBelief("", dict(i.goal.cell)) if i.goal.cell else None,
-            wrench=WrenchSensor(),
+            wrench=WrenchSensor() if self.felt else None,
             motion="policy",
             notes=notes,
             frames=self._frames(time[0]),

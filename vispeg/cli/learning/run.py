@@ -5,8 +5,9 @@ With --world it may be one of your own: lerobot:FOLDER, MODULE:CLASS, or a .zip 
 behind it where its actions are joints or metres (joint_goal, joint_delta, tip_goal, tip_delta).
 A robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated one
 in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), `ros2`,
-an arm over ROS 2 (`ros2:FILE.yaml` says how its topics are called), or `python:MODULE:CALLABLE`, a driver of your own
-with the calls connect, read, command and stop.
+an arm over ROS 2 (`ros2:FILE.yaml` says how its topics are called), `lerobot:TYPE`, a robot of LeRobot's
+(`lerobot:TYPE:FILE.yaml` says which motor is which joint's), or `python:MODULE:CALLABLE`, a driver of your own with the
+calls connect, read, command and stop.
 
 The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when readings stay away, and when
 you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, which is a recording too: `compare`,
@@ -43,7 +44,7 @@ class Args:
     policy: tyro.conf.Positional[str]
     """A policy's folder, a bundled policy's name, an .onnx file, or one of your own."""
     robot: str
-    """sim:WORLD, ros2, ros2:FILE.yaml, or python:MODULE:CALLABLE."""
+    """sim:WORLD, ros2, ros2:FILE.yaml, lerobot:TYPE, lerobot:TYPE:FILE.yaml, or python:MODULE:CALLABLE."""
     out: Path
     """Folder of the trials; those that are there stay, numbers go on."""
     episodes: int = 1
@@ -58,6 +59,8 @@ class Args:
     """Share of the offset of each action that is asked for, 0.05 to 1; an episode gets as many steps more."""
     force: float | None = None
     """Force on the wrist at which the arm stops, N; default: the task's."""
+    no_force_limit: bool = False
+    """Run a robot that measures no force, on which no limit of force can act."""
     speed: float = 0.25
     """Speed of the tip at which the arm stops, m/s."""
     reach: float = 0.15
@@ -79,7 +82,7 @@ class Args:
 
         if self.ask and not sys.stdin.isatty():
             raise UserError("nobody to ask", key="--ask", expected="a terminal")
-        limits = Limits(self.force, self.speed, self.reach)
+        limits = Limits(self.force, self.speed, self.reach, self.no_force_limit)
         how = How(limits, self.shadow, self.slow, self.goal)
         with _pressed() as key:
             result = run(
@@ -102,7 +105,8 @@ class Args:
 def _show(step: Step) -> None:
     """Give a line that is written over: step, tip, force, lateness, missed deadlines."""
     x, y, z = 1e3 * step.tip
-    text = f"step {step.number:3d}/{step.of}  tip {x:+6.1f} {y:+6.1f} {z:+6.1f} mm  {step.force:5.1f} N"
+    force = "" if step.force is None else f"  {step.force:5.1f} N"
+    text = f"step {step.number:3d}/{step.of}  tip {x:+6.1f} {y:+6.1f} {z:+6.1f} mm{force}"
     text += f"  late {1e3 * step.late:4.0f} ms, missed {step.missed}"
     print(f"\r{text}  (space stops)", end="\n" if step.number == step.of else "", file=sys.stderr, flush=True)
 

@@ -1,0 +1,179 @@
+"""The side of LeRobot: run by an interpreter that has it, with `policy FOLDER` or `robot TYPE CONFIG` as arguments.
+
+It imports nothing of this project, for LeRobot asks for other versions of packages. A message is its length (8 bytes,
+little-endian) and an .npz; what goes wrong is answered by `error`, or `refused` where that is in words of ours.
+
+- A policy: in comes `row` and what the row observes, or `row` alone where an episode begins there; out goes `action`.
+  Each row has a memory of its own, and all share the network.
+- A robot: the first answer names its numbers (`state`, `action`) and its cameras (`cameras`). In comes `action` to send
+  or nothing, and `look` where pictures are wanted; out goes `time` (monotonic, s) of what it observes, `state`, and
+  `camera.NAME`.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import io
+import json
+import os
+import pkgutil
+import signal
+import struct
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, BinaryIO
+
+import numpy as np
+
+
+def read(stream: BinaryIO) -> dict[str, np.ndarray] | None:
+    """Return the next message, or None where the other side is gone."""
+    head = stream.read(8)
+    if len(head) < 8:
+        return None
+    (size,) = struct.unpack("<Q", head)
+    body = stream.read(size)
+    if len(body) < size:
+        return None
+    with np.load(io.BytesIO(body), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def write(stream: BinaryIO, message: dict[str, Any]) -> None:
+    """Send a message."""
+    body = io.BytesIO()
+    np.savez(body, **message)
+    stream.write(struct.pack("<Q", len(body.getvalue())) + body.getvalue())
+    stream.flush()
+
+
+class Player:
+    """A policy with what LeRobot puts before and behind its network."""
+
+    def __init__(self, folder: str):
+        self.torch = importlib.import_module("torch")
+        self.torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS") or 1))
+        factory = importlib.import_module("lerobot.policies.factory")
+        config = importlib.import_module("lerobot.configs.policies").PreTrainedConfig.from_pretrained(folder)
+        config.device, config.pretrained_path = "cpu", folder
+        self.policy = factory.get_policy_class(config.type).from_pretrained(folder, config=config)
+        self.policy.eval()
+        device = {"device_processor": {"device": "cpu"}}
+        self.before, self.behind = factory.make_pre_post_processors(
+            config, pretrained_path=folder, preprocessor_overrides=device
+        )
+        self.rows: dict[int, Any] = {}
+
+    def begin(self, row: int) -> None:
+        """Clear the memory of a row: queues of actions and of observations."""
+        if row not in self.rows:
+            shared = {id(t): t for t in (*self.policy.parameters(), *self.policy.buffers())}
+            self.rows[row] = copy.deepcopy(self.policy, shared)
+        self.rows[row].reset()
+
+    def act(self, row: int, seen: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the action of a row."""
+        if row not in self.rows:
+            self.begin(row)
+        torch = self.torch
+        batch: dict[str, Any] = {key: torch.from_numpy(value) for key, value in seen.items() if value.dtype.kind != "U"}
+        batch |= {key: str(value) for key, value in seen.items() if value.dtype.kind == "U"}
+        with torch.inference_mode():
+            action = self.behind(self.rows[row].select_action(self.before(batch)))
+        return np.asarray(action.float().cpu().numpy().reshape(-1), np.float32)
+
+    def answer(self, asked: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Answer a message."""
+        row = int(asked.pop("row"))
+        return {"action": self.act(row, asked)} if asked else self.begin(row) or {}
+
+    def close(self) -> None:
+        """Do nothing: a policy holds nothing."""
+
+
+class Refused(Exception):
+    """What is wrong, in words of ours."""
+
+
+class Body:
+    """A robot of LeRobot's, or of a package of the environment that is called as LeRobot's plugins are.
+
+    Args:
+        kind: its type.
+        config: fields of its configuration, in JSON.
+    """
+
+    def __init__(self, kind: str, config: str):
+        robots = importlib.import_module("lerobot.robots")
+        for package in (robots, importlib.import_module("lerobot.cameras")):  # each makes its kinds known
+            for module in pkgutil.iter_modules(package.__path__):
+                with suppress(ImportError):  # of one kind of robot alone
+                    importlib.import_module(f"{package.__name__}.{module.name}")
+        importlib.import_module("lerobot.utils.import_utils").register_third_party_plugins()
+        known = sorted(robots.RobotConfig.get_known_choices())
+        if kind not in known:
+            raise Refused(f"LeRobot has no robot {kind!r}; it has {', '.join(known)}")
+        decode = importlib.import_module("draccus").decode
+        self.robot = robots.make_robot_from_config(decode(robots.RobotConfig, {"type": kind, **json.loads(config)}))
+        self.robot.connect(calibrate=False)
+        if not self.robot.is_calibrated:
+            self.robot.disconnect()
+            raise Refused(f"is not calibrated; lerobot-calibrate --robot.type={kind} does it")
+        shown = self.robot.observation_features
+        self.state = [key for key, what in shown.items() if what is float]
+        self.cameras = [key for key, what in shown.items() if isinstance(what, tuple) and len(what) == 3]
+        self.action = [key for key, what in self.robot.action_features.items() if what is float]
+
+    def said(self) -> dict[str, Any]:
+        """Give what it says of itself."""
+        names = {"state": self.state, "cameras": self.cameras, "action": self.action}
+        return {key: np.array(value, dtype=np.str_) for key, value in names.items()}
+
+    def answer(self, asked: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Answer a message."""
+        if "action" in asked:
+            self.robot.send_action(dict(zip(self.action, asked["action"].tolist(), strict=True)))
+        seen = self.robot.get_observation()
+        out = {"time": time.monotonic(), "state": np.array([seen[key] for key in self.state], float)}
+        return out | {f"camera.{key}": np.asarray(seen[key]) for key in self.cameras if "look" in asked}
+
+    def close(self) -> None:
+        """Take leave of the robot."""
+        self.robot.disconnect()
+
+
+def said(error: Exception) -> dict[str, str]:
+    """Give what went wrong as a message."""
+    return {"refused": str(error)} if isinstance(error, Refused) else {"error": f"{type(error).__name__}: {error}"}
+
+
+def main() -> None:
+    """Answer until the other side is gone; what LeRobot prints goes to stderr, and it can ask nobody."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side is told, and says what follows
+    come, out = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    kinds: dict[str, Callable[..., Any]] = {"policy": Player, "robot": Body}
+    try:
+        held = kinds[sys.argv[1]](*sys.argv[2:])
+    except Exception as error:  # whatever LeRobot raises
+        write(out, said(error))
+        return
+    write(out, held.said() if isinstance(held, Body) else {})
+    try:
+        while (asked := read(come)) is not None:
+            try:
+                write(out, held.answer(asked))
+            except Exception as error:  # whatever LeRobot raises
+                write(out, said(error))
+    except BrokenPipeError:
+        pass
+    finally:
+        held.close()
+
+
+if __name__ == "__main__":
+    main()

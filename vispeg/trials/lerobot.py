@@ -1,0 +1,338 @@
+"""The driver of an arm that LeRobot knows: `--robot lerobot:TYPE`, or `lerobot:TYPE:FILE.yaml` (docs/run.md).
+
+LeRobot's `Robot` says where the joints stand and what cameras see, and takes joint angles: no time, no velocities, no
+wrench. So a reading is stamped when it comes, velocities are the slope of the last angles, and the flange pose that the
+policy asks for becomes joint angles here. Nothing is sent before the policy's first command.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from vispeg.core.errors import UserError
+from vispeg.formats.typed import typed
+from vispeg.formats.yaml_data import read_yaml
+from vispeg.interface.builder import Picture
+from vispeg.interface.interface import Interface
+from vispeg.interface.lerobot import PREFIX, LeRobotProcess
+from vispeg.render.cameras.camera import Camera
+from vispeg.render.image_kinds import RGB, camera_of, kind_of
+from vispeg.trials.driver import Connected, Reading
+from vispeg.trials.joint_goals import JointGoals
+
+WAIT = 5.0  # s for an answer: a bus of motors and a camera take some hundredths
+LEAVE = 5.0  # s in which it may take leave of the arm
+BLIND = 0.5  # s without a picture: cameras are slower than joints
+FRAMES = 30.0  # pictures a second that are asked for: as many as most cameras take
+SILENCE = 0.25  # s without a reading, as long as the run loop waits for joints
+POSITION = ".pos"  # behind a motor's name, of its position
+
+Name = Annotated[str, Field(min_length=1)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Above0 = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class MotorPart(_Part):
+    """A joint's motor, and how its numbers are to be read: `deg`, `rad`, or `percent`, -100 to 100 over `range_rad`,
+    LeRobot's normalized positions. By default degrees of the motor with the joint's name.
+    """
+
+    motor: Name | None = None
+    unit: Literal["deg", "rad", "percent"] = "deg"
+    sign: Literal[1, -1] = 1
+    zero_rad: Finite = 0.0
+    range_rad: tuple[Finite, Finite] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> MotorPart:
+        if (self.unit == "percent") != (self.range_rad is not None):
+            raise ValueError("unit: percent and range_rad, the angles at -100 and 100, go together")
+        if self.range_rad is not None and (self.sign, self.zero_rad) != (1, 0.0):
+            raise ValueError("range_rad says sign and zero too")
+        if self.range_rad is not None and self.range_rad[0] == self.range_rad[1]:
+            raise ValueError("range_rad is of no width")
+        return self
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """Give `a`, `b` of the angle `a x + b` rad at the motor's position x."""
+        if self.range_rad is not None:
+            low, high = self.range_rad
+            return (high - low) / 200.0, (high + low) / 2.0
+        return self.sign * (np.pi / 180.0 if self.unit == "deg" else 1.0), self.zero_rad
+
+
+class CameraPart(_Part):
+    """A camera: how LeRobot calls it, and its lens (px, Brown's five numbers). Without one it is the very camera that
+    the policy knows.
+    """
+
+    key: Name | None = None
+    fx: Above0 | None = None
+    fy: Above0 | None = None
+    cx: Finite | None = None
+    cy: Finite | None = None
+    distortion: Annotated[tuple[Finite, ...], Field(min_length=5, max_length=5)] = (0.0,) * 5
+
+    @model_validator(mode="after")
+    def _complete(self) -> CameraPart:
+        if len({value is None for value in (self.fx, self.fy, self.cx, self.cy)}) > 1:
+            raise ValueError("fx, fy, cx, cy go together")
+        return self
+
+
+class Wiring(_Part):
+    """What a `lerobot:TYPE:FILE.yaml` says; without a file all defaults.
+
+    Attributes:
+        config: fields of LeRobot's configuration of this type of robot, such as `port`, `id`, `cameras`.
+        joints: of the arm, by the model's names.
+        cameras: by the policy's names.
+        rate_hz: how often the arm is read and commanded, at most; None for the policy's control rate.
+        velocity_window_s: over which the slope of the angles is their velocity.
+    """
+
+    config: dict[str, Any] = {}
+    joints: dict[str, MotorPart] = {}
+    cameras: dict[str, CameraPart] = {}
+    rate_hz: Annotated[float, Field(ge=10, le=1000)] | None = None
+    velocity_window_s: Annotated[float, Field(ge=0.01, le=0.5)] = 0.06
+
+
+def read_wiring(file: str | Path) -> Wiring:
+    """Give what a file says of motors and cameras. Raises UserError: no such file, not YAML, an unknown key, an
+    impossible value.
+    """
+    return typed(Wiring, read_yaml(Path(file).expanduser()) or {}, file)
+
+
+class Motors:
+    """Joint angles as the numbers of a robot's motors, and back.
+
+    Args:
+        wiring: which motor is which joint's, and in which unit.
+        joints: of the arm.
+        state: names of the numbers that the robot says.
+        action: names of those that it takes.
+        file: of the wiring, for errors.
+
+    Raises:
+        UserError: a joint or motor that is not there, or two joints of one motor.
+    """
+
+    def __init__(
+        self, wiring: Wiring, joints: Sequence[str], state: Sequence[str], action: Sequence[str], file: str | None
+    ):
+        for name in wiring.joints:
+            if name not in joints:
+                raise UserError("no joint of the arm", file=file, key=f"joints.{name}", expected=", ".join(joints))
+        parts = [wiring.joints.get(name, MotorPart()) for name in joints]
+        names = [(part.motor or joint) + POSITION for part, joint in zip(parts, joints, strict=True)]
+        for joint, name in zip(joints, names, strict=True):
+            if name not in state or name not in action:
+                has = [key.removesuffix(POSITION) for key in state if key.endswith(POSITION) and key in action]
+                expected = f"one of {', '.join(has) or 'none'}; joints.{joint}.motor of a FILE.yaml says which"
+                got = name.removesuffix(POSITION)
+                raise UserError(f"the robot has no such motor for {joint}", file=file, expected=expected, got=got)
+            if names.count(name) > 1:
+                raise UserError("a motor of two joints", file=file, key="joints", got=name.removesuffix(POSITION))
+        self.slope, self.zero = np.array([part.line for part in parts]).T
+        self.read = np.array([list(state).index(name) for name in names])
+        self.sent = np.array([list(action).index(name) for name in names])
+        self.others = [(i, list(state).index(name)) for i, name in enumerate(action) if name in state]
+        self.unknown = [name for name in action if name not in state]
+
+    def angles(self, state: np.ndarray) -> np.ndarray:
+        """Give the joints' angles (nj,) rad of what the robot says."""
+        return self.slope * state[self.read] + self.zero
+
+    def action(self, q: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Give what to send for angles (nj,) rad; motors that are no joint's stay where the state `before` has them."""
+        out = np.zeros(len(self.others))
+        for i, at in self.others:
+            out[i] = before[at]
+        out[self.sent] = (q - self.zero) / self.slope
+        return out
+
+
+class Slope:
+    """Velocities of joints whose angles alone are measured: the slope of a line through the last of them.
+
+    Steps of an encoder, 1.5 mrad of an STS3215, over 5 ms would be .3 rad/s; over a window T of n readings their spread
+    is that of a step times sqrt(12 / n) / T. It is late by half the window.
+
+    Args:
+        window: s.
+    """
+
+    def __init__(self, window: float):
+        self.window, self._past = window, deque[tuple[float, np.ndarray]]()
+
+    def add(self, time: float, q: np.ndarray) -> np.ndarray:
+        """Note angles (nj,) rad at a moment, s; return their velocities, rad/s."""
+        self._past.append((time, q))
+        while time - self._past[0][0] > self.window + 1e-9:
+            self._past.popleft()
+        if len(self._past) < 2:
+            return np.zeros_like(q)
+        at = np.array([t for t, _ in self._past])
+        at -= at.mean()
+        return at @ np.stack([angles for _, angles in self._past]) / (at @ at)
+
+
+class LeRobotRobot:
+    """An arm that LeRobot knows.
+
+    Args:
+        text: TYPE, or TYPE:FILE.yaml.
+
+    Raises:
+        UserError: nothing that runs LeRobot; a file that cannot be read.
+    """
+
+    def __init__(self, text: str):
+        self.type, _, file = text.partition(":")
+        self.file, self.wiring = file or None, read_wiring(file) if file else Wiring()
+        config = json.dumps(self.wiring.config, default=str)
+        self._link = LeRobotProcess(f"{PREFIX}{text}", "robot", self.type, config)
+        self._thread: threading.Thread | None = None
+        self._over, self._lock = threading.Event(), threading.Lock()
+        self._newest: Reading | None = None
+        self._seen: tuple[float, dict[str, Picture]] = -np.inf, {}
+        self._goals: JointGoals | None = None  # of an arm that was commanded
+        self._pose: np.ndarray | None = None
+        self._why = ""
+
+    def connect(self, interface: Interface, seed: int) -> Connected:
+        """See Driver. Raises UserError: LeRobot's reasons, motors or cameras that are not there."""
+        if self._thread is None:
+            self._open(interface)
+        with self._lock:
+            self._goals = self._pose = None
+        return Connected(wrench=None)
+
+    def _open(self, interface: Interface) -> None:
+        if interface.feels:  # before the arm is asked
+            return
+        told = self._link.begin()
+        state, action, cameras = ([str(x) for x in told[key]] for key in ("state", "action", "cameras"))
+        self._motors = Motors(self.wiring, interface.arm.joints, state, action, self.file)
+        if self._motors.unknown:
+            what = "takes what it does not say, so that it cannot be held"
+            raise UserError(what, key=f"{PREFIX}{self.type}", got=self._motors.unknown[0])
+        self._eyes = self._cameras(interface, cameras)
+        self._interface, self._slope = interface, Slope(self.wiring.velocity_window_s)
+        self._tick(0.0, None)
+        self._thread = threading.Thread(target=self._go, daemon=True)
+        self._thread.start()
+
+    def _cameras(self, interface: Interface, there: Sequence[str]) -> dict[str, tuple[str, Camera, CameraPart]]:
+        out = {}
+        for key, seen in interface.images.items():
+            name = camera_of(key)
+            if kind_of(key) is not RGB:
+                raise UserError("LeRobot's robots show colour alone", key=key, expected="a policy that sees rgb")
+            part = self.wiring.cameras.get(name, CameraPart())
+            called = part.key or name
+            if called not in there:
+                expected = f"one of {', '.join(there) or 'none'}; cameras.{name}.key of a FILE.yaml says which"
+                what = f"the robot has no such camera for {name}"
+                raise UserError(what, file=self.file, expected=expected, got=called)
+            out[name] = called, seen.eye, part
+        return out
+
+    def _go(self) -> None:
+        """Read and command the arm until it is over."""
+        period = 1.0 / self.wiring.rate_hz if self.wiring.rate_hz else self._interface.controller.period_s
+        due = before = time.monotonic()
+        while not self._over.is_set():
+            due = max(due + period, time.monotonic() - period)
+            self._over.wait(max(0.0, due - time.monotonic()))
+            now = time.monotonic()
+            with self._lock:
+                action = self._next(now - before)
+            before = now
+            try:
+                self._tick(now, action)
+            except UserError as error:  # a packet that a bus lost is no reason to stop yet
+                self._why = str(error)
+            except TimeoutError as error:  # an answer that comes now would be taken for the next one
+                self._why = str(error)
+                return
+
+    def _next(self, dt: float) -> np.ndarray | None:
+        """Give what to send now; None as long as nothing was commanded."""
+        if self._goals is None or self._pose is None:
+            return None
+        return self._motors.action(self._goals.towards(self._pose, min(dt, SILENCE)), self._state)
+
+    def _tick(self, now: float, action: np.ndarray | None) -> None:
+        """Send, and read."""
+        look = bool(self._eyes) and now - self._seen[0] >= 1.0 / FRAMES
+        asked: dict[str, Any] = {} if action is None else {"action": action}
+        told = self._link.ask(asked | ({"look": 1} if look else {}), WAIT)
+        at, state = float(told["time"]), told["state"]
+        if self._newest is None or action is None:
+            self._state = state  # where the other motors are held
+        q = self._motors.angles(state)
+        if look:
+            self._seen = now, {name: self._picture(name, told[f"camera.{eye[0]}"]) for name, eye in self._eyes.items()}
+        self._newest = Reading(at, q, self._slope.add(at, q), None)
+
+    def _picture(self, name: str, image: np.ndarray) -> Picture:
+        _, eye, part = self._eyes[name]
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise UserError("not a colour picture", key=name, expected="(H, W, 3) of 0 to 255", got=image.shape)
+        camera = None
+        if part.fx is not None:
+            lens = {key: getattr(part, key) for key in ("fx", "fy", "cx", "cy", "distortion")}
+            camera = eye.moved(height=image.shape[0], width=image.shape[1], **lens)
+        return Picture(np.ascontiguousarray(image), None, camera)
+
+    def read(self, cameras: Sequence[str] = ()) -> Reading:
+        """See Driver. Raises TimeoutError: nothing came for a while, and why."""
+        newest, (at, pictures) = self._newest, self._seen
+        assert newest is not None
+        now = time.monotonic()
+        if now - newest.time > SILENCE and self._why:
+            raise TimeoutError(self._why)
+        if cameras and now - at > BLIND:
+            raise TimeoutError(f"no picture for {BLIND:g} s")
+        return Reading(newest.time, newest.q, newest.dq, None, {name: pictures[name] for name in cameras})
+
+    def command(self, pose: np.ndarray) -> None:
+        """See Driver."""
+        assert self._newest is not None
+        with self._lock:
+            if self._goals is None:
+                self._goals = JointGoals(self._interface, self._newest.q)
+            self._pose = np.array(pose, float)
+
+    def stop(self) -> None:
+        """See Driver: holds the angles that the arm is in, where it was commanded at all."""
+        with self._lock:
+            if self._goals is not None and self._newest is not None:
+                self._goals = JointGoals(self._interface, self._newest.q)
+                self._pose = self._interface.flange(self._newest.q)
+
+    def close(self) -> None:
+        """Take leave of the arm."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join(WAIT)
+        with suppress(OSError):
+            self._link.close(LEAVE)
