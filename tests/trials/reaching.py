@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vispeg.interface.interface import KEY, Interface
-from vispeg.interface.terms import WRENCH
+from vispeg.interface.terms import FELT
 from vispeg.task.environments.vector import world_of
 from vispeg.task.interface import interface_in
 
 DOWN = 0.3  # of an action's offset
 
 
-def meaning(mode: str = "state", told: tuple[str, ...] = WRENCH, **settings) -> Interface:
+def meaning(mode: str = "state", told: tuple[str, ...] = FELT, **settings) -> Interface:
     """What it is told in the nominal world: all that policies are told but the terms `told`."""
     _, config, file = world_of("nominal", settings)
     whole = interface_in(config, file, mode, modality=mode, world="nominal")

@@ -14,7 +14,7 @@ from vispeg.core.lock import claimed
 from vispeg.core.provenance import digest
 from vispeg.interface.exported import Exported
 from vispeg.interface.interface import Interface, NoInterface
-from vispeg.interface.terms import WRENCH
+from vispeg.interface.terms import FELT
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
@@ -191,7 +191,7 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     part = PolicyPart(name=name or who.name, digest=who.digest, modality=who.modality, train_seed=who.train_seed)
     acts = own_player(who, config)
     if isinstance(acts.target, LeRobot) and not acts.target.feels(len(meaning.arm.joints)):
-        meaning = meaning.model_copy(update={"told": tuple(t for t in meaning.told if t.name not in WRENCH)})
+        meaning = meaning.model_copy(update={"told": tuple(t for t in meaning.told if t.name not in FELT)})
     acts.reset(1)  # what cannot begin is refused before the robot is asked, and what begins slowly has begun
     return acts, meaning, part
 

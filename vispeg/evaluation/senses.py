@@ -21,7 +21,7 @@ from vispeg.evaluation.schema.explain import Moment, Sense
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference
 from vispeg.interface.builder import Picture, images
 from vispeg.interface.interface import Interface
-from vispeg.interface.terms import POLICY
+from vispeg.interface.terms import FELT, POLICY
 from vispeg.recordings.recording import Recording
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import DEPTH, camera_of, kind_of, picture_of
@@ -29,7 +29,6 @@ from vispeg.task.start import Start
 from vispeg.trials.trial import Trial
 
 PICTURES, ARM, WRENCH, CONTACT = "pictures", "arm", "wrench in free air", "wrench in contact"
-FELT = ("force", "torque")
 TERMS = {ARM: ("tip", "velocity", "turn", "spin"), WRENCH: FELT, CONTACT: FELT}  # sense -> terms that tell it
 POINTS_TO = {
     PICTURES: "camera or looks",

@@ -18,7 +18,7 @@ from vispeg.interface.actions import KINDS as ACTIONS
 from vispeg.interface.actions import OFFSET as SHARE
 from vispeg.interface.chain import Chain
 from vispeg.interface.observer import DOF, RECENT, Observer
-from vispeg.interface.terms import LIMIT, SENSED, WRENCH, Sensed
+from vispeg.interface.terms import LIMIT, SENSED, FELT, Sensed
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS
 
@@ -196,7 +196,7 @@ class Interface(_Part):
     @property
     def feels(self) -> bool:
         """Whether the policy is told force or torque."""
-        return any(term.name in WRENCH for term in self.told)
+        return any(term.name in FELT for term in self.told)
 
     @property
     def ticks(self) -> int:

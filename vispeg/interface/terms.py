@@ -21,7 +21,7 @@ LIMIT = 20.0  # largest scaled value
 NEAR = 0.03  # m, a unit of positions near the goal
 # keys of an observation: what a policy may see, the ground truth, and readings as a robot's driver has them
 POLICY, PRIVILEGED, MEASURED = "policy", "privileged", "measured"
-WRENCH = ("force", "torque")  # terms that a robot without a sensor at its wrist cannot tell
+FELT = ("force", "torque")  # terms that a robot without a sensor at its wrist cannot tell
 
 
 @dataclass(frozen=True)
