@@ -18,7 +18,7 @@ from vispeg.interface.actions import KINDS as ACTIONS
 from vispeg.interface.actions import OFFSET as SHARE
 from vispeg.interface.chain import Chain
 from vispeg.interface.observer import DOF, RECENT, Observer
-from vispeg.interface.terms import LIMIT, SENSED, FELT, Sensed
+from vispeg.interface.terms import FELT, LIMIT, SENSED, Sensed
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS
 
