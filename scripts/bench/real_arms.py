@@ -27,7 +27,7 @@ import numpy as np
 from vispeg.api.diagnose import diagnose
 from vispeg.api.fit import fit
 from vispeg.api.inputs import Inputs, read_inputs
-from vispeg.cli.recordings.convert import Args as Convert
+from vispeg.api.recording.convert import convert
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.proposal import propose
@@ -117,7 +117,7 @@ class Bench:
             return source
         out = self.work / "recordings" / source.name.partition(".")[0]
         if not out.is_dir():
-            Convert(source, str(self.model), out=out, map=DOCS / self.arm.map).run()
+            convert(source, str(self.model), out, mapping=DOCS / self.arm.map)
         return out
 
     def errors(self, world: World) -> np.ndarray:

@@ -4,6 +4,8 @@ import importlib
 import inspect
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from types import NoneType
+from typing import get_args
 
 import pytest
 
@@ -74,6 +76,9 @@ def test_every_option_is_one_parameter_with_its_default(name):
         if option is not None and key in command.taken():
             options[(option.name or key).replace("-", "_")] = parameter, option
     assert sorted(option_names(form(command))) == sorted(options)
+    for key, (parameter, option, kind) in command.taken().items():
+        default = parameter.default if option.default is SAME else option.default
+        assert default is not None or NoneType in get_args(kind), f"{key} may be none by default, and not by its type"
     for key, field in fields_of(form(command)).items():
         parameter, option = options[key]
         said = MISSING if parameter.default is inspect.Parameter.empty else parameter.default

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made import recording
+from typed import typed
 
 import vispeg
-from vispeg.cli.output import Output
-from vispeg.cli.recordings.check import Args
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.recordings.checks.check import check
@@ -125,7 +124,7 @@ def test_the_tracking_error_is_told_in_degrees(tmp_path, capsys):
     a, b = check(rec).joints
     assert np.degrees(a.tracking_rms) == pytest.approx(3.0, rel=0.01)  # type: ignore[arg-type]
     assert np.degrees(b.tracking_worst) == pytest.approx(4.5, rel=0.01)  # type: ignore[arg-type]
-    assert Args((write(rec, tmp_path / "rig"),)).run() == 0
+    assert typed("check", write(rec, tmp_path / "rig")) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "deg RMS" in printed and "3.00 3.00" in printed and "0.50 4.50" in printed
     assert "joint1: is off its command by 3.0 degrees RMS" in printed and "joint2: is off" not in printed
@@ -263,22 +262,22 @@ def test_reversals_are_counted_through_noise():
 def test_the_command_writes_what_it_prints(tmp_path, capsys):
     robot = tmp_path / "rig"
     write(moving(time=np.concatenate([np.arange(2500), np.arange(2505, 5005)]) / RATE), robot)
-    assert Args((robot,), out=tmp_path / "out", output=Output(json=True)).run() == 0
+    assert typed("check", robot, out=tmp_path / "out", json=True) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "check.json").read_text())
     assert printed["recordings"][0]["timing"]["gaps"][0]["samples"] == 5
     assert (tmp_path / "out" / "check.png").read_bytes().startswith(b"\x89PNG")
-    assert Args((robot, write(moving(seed=5), tmp_path / "again"))).run() == 0
+    assert typed("check", robot, write(moving(seed=5), tmp_path / "again")) == 0
     printed = capsys.readouterr().out
     assert "1 gap, 5 samples lost" in " ".join(printed.split())
     for head in ("lowest", "top speed", "reversals", "off its command", "largest torque", "dry friction known to"):
         assert head in printed, head
     assert all(len(line) <= 80 for line in printed.splitlines() if line.startswith(" ") and "!" not in line)
     with pytest.raises(UserError, match="exists"):
-        Args((robot,), out=tmp_path / "out").run()
+        typed("check", robot, out=tmp_path / "out")
 
 
 def test_a_joint_that_the_robot_does_not_have(tmp_path):
     folder = write(moving(joints=("joint1", "joint9")), tmp_path / "rig")
     with pytest.raises(UserError, match="joint9.*choices: joint1"):
-        Args((folder,)).run()
+        typed("check", folder)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from logged import JOINTS, STYLES, TAU, TIME, TRUTH, N, Q, numbered, write_table
+from typed import convert
 
-from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.load import load
 
@@ -23,7 +23,7 @@ def test_a_whole_map_is_proposed(tmp_path, style, capsys):
     columns, signals = STYLES[style]
     german = style == "german"
     file = write_table(tmp_path / ("log.csv.gz" if german else "log.csv"), columns, *((";", ",") if german else ()))
-    assert Args(file, "iiwa14", tmp_path / "rig", guess=True, yes=True, save_map=tmp_path / "map.yaml").run() == 0
+    assert convert(file, "iiwa14", tmp_path / "rig", guess=True, yes=True, save_map=tmp_path / "map.yaml") == 0
     said = capsys.readouterr().out
     rec = load(tmp_path / "rig")
     assert np.allclose(rec.time - rec.time[0], TIME, atol=1e-6) and rec.joints == JOINTS
@@ -34,15 +34,13 @@ def test_a_whole_map_is_proposed(tmp_path, style, capsys):
             assert np.allclose(values, TRUTH[name], atol=2e-3), name
     for line in (tmp_path / "map.yaml").read_text().splitlines():
         assert line in said and (line.startswith(("#", "recording:", "table:")) or "  # " in line), line
-    assert (
-        Args(file, "iiwa14", tmp_path / "again", map=tmp_path / "map.yaml").run() == 0
-    )  # what is saved is what is used
+    assert convert(file, "iiwa14", tmp_path / "again", map=tmp_path / "map.yaml") == 0  # what is saved is what is used
     assert (tmp_path / "again" / "samples.csv").read_bytes() == (tmp_path / "rig" / "samples.csv").read_bytes()
 
 
 def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys):
     file = write_table(tmp_path / "log.csv", STYLES["franka"][0] | {"note": ["ok"] * N})
-    assert Args(file, "iiwa14", guess=True).run() == 0
+    assert convert(file, "iiwa14", guess=True) == 0
     said = capsys.readouterr().out
     assert "not used: tau_ext_hat_filtered_0 (an estimate of external torque" in said
     assert "torque_sensor: joint is guessed" in said and "inverse dynamics" in said
@@ -53,15 +51,15 @@ def test_what_is_not_used_and_what_more_knowledge_buys_is_said(tmp_path, capsys)
 def test_a_guess_is_confirmed_or_nothing_is_written(tmp_path, monkeypatch, capsys):
     file = write_table(tmp_path / "log.csv", STYLES["plotjuggler"][0])
     with pytest.raises(UserError, match="must be confirmed.*yes.*save_map"):
-        Args(file, "iiwa14", tmp_path / "rig", guess=True).run()
+        convert(file, "iiwa14", tmp_path / "rig", guess=True)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     for answer, there in (("", False), ("n", False), ("y", True)):
         monkeypatch.setattr("builtins.input", lambda _, answer=answer: answer)
-        assert Args(file, "iiwa14", tmp_path / "rig", guess=True).run() == 0
+        assert convert(file, "iiwa14", tmp_path / "rig", guess=True) == 0
         assert (tmp_path / "rig").exists() == there, answer
     with pytest.raises(UserError, match="map is given already"):
-        Args(file, "iiwa14", guess=True, map=tmp_path / "m.yaml").run()
+        convert(file, "iiwa14", guess=True, map=tmp_path / "m.yaml")
 
 
 def test_doubts_are_said(tmp_path, capsys):
@@ -69,7 +67,7 @@ def test_doubts_are_said(tmp_path, capsys):
     columns = {"t": TIME} | {f"goal_rad_{n}": Q[:, k] for k, n in enumerate(names)}
     columns |= {f"angle_rad_{n}": Q[:, k] for k, n in enumerate(names)}
     columns |= {f"load_nm_{n}": np.abs(TAU[:, k]) for k, n in enumerate(names)}
-    assert Args(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True).run() == 0
+    assert convert(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True) == 0
     said = capsys.readouterr().out
     assert "q_cmd.joint3: {column: goal_rad_Elbow, unit: rad}" in said and "elbow is joint3" in said
     assert "torque_sensor: " not in said and "load_nm_Jaw (never negative" in said
@@ -79,10 +77,10 @@ def test_doubts_are_said(tmp_path, capsys):
         | {f"q.{j}": Q[:, k] for k, j in enumerate(JOINTS)}
         | {f"tau.{j}": TAU[:, k] for k, j in enumerate(JOINTS)}
     )
-    assert Args(write_table(tmp_path / "own.csv", own), "iiwa14", guess=True).run() == 0
+    assert convert(write_table(tmp_path / "own.csv", own), "iiwa14", guess=True) == 0
     assert "no name states where torque was measured" in capsys.readouterr().out
     fewer = {name: values for name, values in STYLES["universal robots"][0].items() if not name.endswith("_6")}
-    assert Args(write_table(tmp_path / "six.csv", fewer), "iiwa14", guess=True).run() == 0
+    assert convert(write_table(tmp_path / "six.csv", fewer), "iiwa14", guess=True) == 0
     assert "the robot has 7 joints, the file 6: held at rest" in capsys.readouterr().out
 
 
@@ -100,7 +98,7 @@ def test_a_lerobot_table_of_lists(tmp_path):
     features = {key: {"dtype": "float32", "shape": [7], "names": names} for key in lists}
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": features}))
-    assert Args(folder / "file-000.parquet", "iiwa14", tmp_path / "rig", guess=True, yes=True).run() == 0
+    assert convert(folder / "file-000.parquet", "iiwa14", tmp_path / "rig", guess=True, yes=True) == 0
     rec = load(tmp_path / "rig")
     assert np.allclose(rec.q, Q[:, ::-1], atol=1e-5)
     assert np.allclose(rec.q_cmd, Q[:, ::-1] + 0.01, atol=1e-5)  # type: ignore[operator]
@@ -116,10 +114,10 @@ def test_a_lerobot_table_of_lists(tmp_path):
 )
 def test_what_cannot_be_guessed(tmp_path, columns, words):
     with pytest.raises(UserError, match=words):
-        Args(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True).run()
+        convert(write_table(tmp_path / "log.csv", columns), "iiwa14", guess=True)
     (tmp_path / "run.bag").touch()
     with pytest.raises(UserError, match="cannot be guessed.*bags name"):
-        Args(tmp_path / "run.bag", "iiwa14", guess=True).run()
+        convert(tmp_path / "run.bag", "iiwa14", guess=True)
 
 
 @pytest.mark.skipif(not (SHARED / "data" / "so101").is_dir(), reason="the real logs are not here")
@@ -134,7 +132,7 @@ def test_a_real_servo_arms_log(tmp_path, capsys):
         for i, n in enumerate(names)
     )
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
-    assert Args(file, str(tmp_path / "arm.urdf"), tmp_path / "rig", guess=True, yes=True).run() == 0
+    assert convert(file, str(tmp_path / "arm.urdf"), tmp_path / "rig", guess=True, yes=True) == 0
     said = capsys.readouterr().out
     rec = load(tmp_path / "rig")
     assert rec.joints == names and len(rec.time) == 6000 and rec.rate_hz == 50

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from made import recording
+from typed import convert
 
-from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.formats.yaml_data import parse_yaml
 from vispeg.recordings.checks.quality import Limits
@@ -46,15 +46,16 @@ def test_a_table_in_degrees_and_milliseconds(tmp_path):
         "recording: {joints: [joint1, joint2], noise: {tau: 0.1}, motion: sines}\n"
     )
     out = tmp_path / "out"
-    args = Args(tmp_path / "log.csv", "iiwa14", out, map=tmp_path / "map.yaml", torque_sensor="motor")
-    assert args.run() == 0
+    args = tmp_path / "log.csv", "iiwa14", out
+    options = {"map": tmp_path / "map.yaml", "torque_sensor": "motor"}
+    assert convert(*args, **options) == 0
     back = load(out)
     assert np.allclose(back.time, rec.time, atol=1e-12) and np.allclose(back.tau, rec.tau, atol=1e-12)  # type: ignore[arg-type]
     assert np.allclose(back.q, rec.q + [0, 0.25], atol=1e-12)
     assert (back.robot, back.joints, back.rate_hz, back.torque_sensor) == ("iiwa14", JOINTS, 500.0, "motor")
     assert (back.noise, back.motion, back.control.mode) == ({"tau": 0.1}, "sines", "unknown")
     with pytest.raises(UserError, match="exists"):
-        args.run()
+        convert(*args, **options)
 
 
 @pytest.mark.parametrize("table", ["csv", "parquet"])
@@ -137,9 +138,9 @@ def test_what_cannot_be_converted(tmp_path):
     for source, words in (("log.csv", "q.joint1"), ("gone.csv", "exist"), (".", "convert"), ("log.xlsx", "convert")):
         (tmp_path / "log.xlsx").touch()
         with pytest.raises(UserError, match=words):
-            Args(tmp_path / source, "iiwa14", tmp_path / "out").run()
+            convert(tmp_path / source, "iiwa14", tmp_path / "out")
     with pytest.raises(UserError, match="topic is for bags"):
-        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", topic="/a").run()
+        convert(tmp_path / "log.csv", "iiwa14", tmp_path / "out", topic="/a")
     assert not (tmp_path / "out").exists()
 
 
@@ -151,7 +152,7 @@ def test_a_pipe_is_no_log(tmp_path, kind):
     os.mkfifo(tmp_path / "bag" / "run.mcap")
     for source in (tmp_path / f"log.{kind}", tmp_path / "bag"):
         with pytest.raises(UserError, match="is not a regular file"):
-            Args(source, "iiwa14", tmp_path / "out").run()
+            convert(source, "iiwa14", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -159,10 +160,10 @@ def test_a_pipe_is_no_log(tmp_path, kind):
 def test_a_pipe_is_no_table(tmp_path, guessed):
     os.mkfifo(tmp_path / "log.parquet")
     with pytest.raises(UserError, match="is not a regular file"):
-        Args(tmp_path / "log.parquet", "iiwa14", tmp_path / "out", guess=guessed).run()
+        convert(tmp_path / "log.parquet", "iiwa14", tmp_path / "out", guess=guessed)
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(UserError, match="folder.csv"):
-        Args(tmp_path / "folder.csv", "iiwa14", tmp_path / "out", guess=guessed).run()
+        convert(tmp_path / "folder.csv", "iiwa14", tmp_path / "out", guess=guessed)
 
 
 def rolled(seconds=2.0, rate=200.0):
@@ -212,9 +213,9 @@ def test_a_unit_that_cannot_be_true_is_refused_and_can_be_insisted_on(tmp_path, 
     (tmp_path / "map.yaml").write_text("\n".join([*lines, "recording: {joints: [joint1, joint2]}"]))
     given = {"map": tmp_path / "map.yaml", "torque_sensor": "joint"}
     with pytest.raises(UserError, match=f"a unit cannot be true: .*{words}.*insist"):
-        Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", **given).run()
+        convert(tmp_path / "log.csv", "iiwa14", tmp_path / "out", **given)
     assert not (tmp_path / "out").exists()
-    assert Args(tmp_path / "log.csv", "iiwa14", tmp_path / "out", insist=True, **given).run() == 0
+    assert convert(tmp_path / "log.csv", "iiwa14", tmp_path / "out", insist=True, **given) == 0
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 8000.0])

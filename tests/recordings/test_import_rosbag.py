@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made import recording
+from typed import convert as typed_convert
 
 from vispeg.api.recording.convert import convert
-from vispeg.cli.recordings.convert import Args
 from vispeg.core.errors import UserError
 from vispeg.recordings.importers.mapping import ColumnMap
 from vispeg.recordings.importers.resample import hold, linear, poses
@@ -105,11 +104,9 @@ def made(n=101):
 def test_a_bag_comes_back(tmp_path, kind, stamped):
     rec = made()
     path = bag(tmp_path / "run", kind, rec, stamped)
-    args = Args(
-        path, "iiwa14", tmp_path / "out", topic="/joint_states", command_topic="/command", torque_sensor="joint"
-    )
+    topics = {"topic": "/joint_states", "command_topic": "/command", "torque_sensor": "joint"}
     (tmp_path / "map.yaml").write_text("recording: {joints: [joint1, joint2]}")
-    assert dataclasses.replace(args, map=tmp_path / "map.yaml").run() == 0
+    assert typed_convert(path, "iiwa14", tmp_path / "out", map=tmp_path / "map.yaml", **topics) == 0
     back = load(tmp_path / "out")
     assert np.allclose(back.time, rec.time, atol=1e-9) and back.rate_hz == 500.0
     for name in ("q", "dq", "tau", "q_cmd"):

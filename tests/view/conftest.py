@@ -13,8 +13,6 @@ from loops import drive, recorded
 
 import vispeg
 from vispeg.cli.main import COMMANDS
-from vispeg.cli.output import Output
-from vispeg.cli.recordings.check import Args as Check
 from vispeg.cli.usage import parse, parsed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -91,7 +89,7 @@ def reports(rigs, tmp_path_factory):
     vispeg.fit(arm, [a, b], ["coulomb_friction:shoulder"], c, iterations=3, threads=1).save(out / "fitted")
     vispeg.gap("expert", worlds=["nominal", "searching"], episodes=2, controls=()).save(out / "gap")
     pages = {"comparison": "compared/report.html", "diagnosis": "found/report.html", "fit": "fitted/report.html"}
-    Check((a, b), out=out / "checked", output=Output(quiet=True)).run()
+    vispeg.check([a, b], out=out / "checked")
     pages |= {"gap": "gap/gap.html", "check": "checked/report.html"}
     return {name: out / page for name, page in pages.items()}
 

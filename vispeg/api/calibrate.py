@@ -85,18 +85,20 @@ def calibrate(
     """Calibrates a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
 
     Args:
-        images: folder of images of one size, or a recording with frames: its joints then say where the flange was.
-        pattern: COLUMNSxROWS: inner corners of a chessboard (`9x6`), squares of a ChArUco board; none for a tag.
+        images: folder of images of one size, or a recording with frames, whose joints say where the flange was.
+        pattern: COLUMNSxROWS: inner corners of a chessboard (9x6), squares of a ChArUco board; none for a tag.
         square: side of a square, or of a tag's black frame, m.
-        board: what the images show, `chessboard`, `charuco` or `tag` (one AprilTag or ArUco marker).
-        marker, legacy: of a ChArUco board: side of a marker in m, and whether OpenCV before 4.6 printed it.
-        dictionary: OpenCV's name of the markers' dictionary; by default `DICT_4X4_50`, of a tag `DICT_APRILTAG_36h11`.
-        tag: number of the tag; by default the only one in the images.
-        poses: the flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz) or ViSP's YAML files.
+        board: what the images show; tag is one AprilTag or ArUco marker.
+        marker: ChArUco: side of a marker, m.
+        dictionary: OpenCV's name of the markers' dictionary; default: DICT_4X4_50, of a tag DICT_APRILTAG_36h11.
+        legacy: ChArUco: a board of OpenCV before 4.6 (begins with a marker if the number of rows is even).
+        tag: number of the tag; default: the only one in the images.
+        poses: the flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz), or a folder of ViSP's
+            YAML.
         mount: what the camera is fixed to.
-        intrinsics: known ones instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
-        distortion: lens terms to fit: `none`; `radial` (k1 k2); `brown4` (and p1 p2); `brown5` (and k3).
-        name: the camera's name in camera.yaml, and which one of a recording with several is meant.
+        intrinsics: known intrinsics instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
+        distortion: lens terms to fit: none; radial: k1 k2; brown4: k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3.
+        name: the camera's name in camera.yaml; of a recording with several cameras, the one to take.
 
     Raises:
         UserError: images without the board, too few views, motion that does not determine the camera's pose.

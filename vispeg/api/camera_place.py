@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -78,20 +78,19 @@ def place_camera(
     *,
     robot: str | None = None,
     mount: Mount = "flange",
-    orientation: str | None = None,
+    orientation: Literal["rotation_vector", "fixed_xyz", "moving_xyz"] | None = None,
     intrinsics: str | Path | None = None,
     name: str = "camera",
 ) -> CameraPlace:
     """Find where a camera is on the flange (a tag at rest), or on the base (a tag on the flange).
 
     Args:
-        table: a row a picture: the flange's pose on the base or the joint angles, and the tag's pose in the camera
-            (OpenCV's axes).
-        robot: whose joint angles they are; None where the table has the flange's poses.
-        mount: what the camera is fixed to.
-        orientation: what three angles mean, as for `measure_zeros`; by default what fits.
-        intrinsics: the camera's, for a camera file.
-        name: the camera's.
+        table: table of poses (.csv, .csv.gz, .parquet).
+        robot: the robot whose joint angles the table has, instead of the flange's poses.
+        mount: what the camera is fixed to; the tag rests, or is on the flange.
+        orientation: what three angles of a turn mean; default: what fits.
+        intrinsics: the camera's intrinsics, for a camera file: a camera file, OpenCV's, ROS's or ViSP's.
+        name: the camera's name in camera.yaml.
 
     Raises:
         UserError: no such table, motion that does not determine the pose, or units that the data leave open.

@@ -37,7 +37,11 @@ class CameraTable:
 
 
 def show_cameras(file: str | Path) -> CameraTable:
-    """Read the project's YAML, OpenCV's, or ROS's camera_info. Raises UserError for a file that is none of them."""
+    """Read the project's YAML, OpenCV's, or ROS's camera_info. Raises UserError for a file that is none of them.
+
+    Args:
+        file: camera file.
+    """
     return CameraTable(load_cameras(Path(file)))
 
 

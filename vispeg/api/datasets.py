@@ -111,7 +111,7 @@ def check_dataset(
     """Find records that are cut short, changed, repeated or contradictory, in any layout.
 
     Args:
-        dataset: its folder.
+        dataset: folder of the dataset.
         watch: called with the number of frames just checked and of all.
 
     Raises:
@@ -150,19 +150,19 @@ def render_dataset(
     Args:
         out: folder of the dataset, new or empty.
         world: a built-in world's name or a world file.
-        frames: in all; a frame is one moment in one look, by every camera.
-        looks: of every episode; its physics runs once.
-        cameras: names; by default the world's.
+        frames: frames in all; a frame is one moment in one look, by every camera.
+        looks: looks of every episode; its physics runs once.
+        cameras: cameras; default: the world's.
         size: pixels of a picture's shorter side; 0 for the cameras' own.
-        seed: of everything random.
-        noise: standard deviation on the expert's actions, as a share of the greatest action.
+        seed: seed of everything random.
+        noise: noise on the expert's actions: standard deviation, as a share of the greatest action.
         labels: draw segmentation images; poses are always written.
-        modality: `rgbd`, or `rgb` for pictures without depth, of which LeRobot's loader reads every number.
+        modality: rgb: write no depth, which policies of LeRobot do not see and its loader reads slowly.
         workers: processes of one thread each; 0 for this process alone.
-        engine: where workers run: on this machine, or on the Ray cluster at RAY_ADDRESS.
-        format: of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
+        engine: where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
+        format: layout of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
         backend: renderer, if the world names none.
-        overwrite: replace an existing `out` once the new dataset is complete.
+        overwrite: replace `out` if it exists, once the new dataset is complete.
         begun: called once with the number of frames, and of those that exist.
         watch: called with frames as they are drawn.
 

@@ -83,8 +83,8 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
     """Compare the nominal iiwa14 with recordings of a robot that hides two effects, and diagnose what it lacks.
 
     Args:
-        seed: of everything random.
-        threads: of the simulation.
+        seed: seed of everything random.
+        threads: threads of the simulation.
         say: called with a line on each step.
     """
     place = assets() / "recordings"

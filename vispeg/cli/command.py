@@ -154,6 +154,15 @@ class Call:
         except KeyError:
             raise AttributeError(name) from None
 
+    def saved(self, out: Path, overwrite: bool, holds: str, inputs: Iterable[Any] = (), **more: Any) -> Any:
+        """Call it and save the result in a folder, which is refused or reserved before anything is worked out."""
+        from vispeg.core.files import reserved
+
+        with reserved(out, overwrite, holds=holds, inputs=tuple(inputs)):
+            result = self(**more)
+            result.save(out, overwrite=overwrite)
+        return result
+
     def give(self, result: Any, *lines: str) -> None:
         """Print a result with a record and a summary, and more lines."""
         self.output.give(result.record, [*result.summary, *lines])
@@ -225,9 +234,9 @@ def typed(hint: Any, name: str) -> Any:
 
     A sequence is a tuple, pairs are texts NAME=VALUE; of text and path it is a path, except for what has names.
     """
-    if _pairs(hint) is not None:
-        return tuple[str, ...]
     parts = [*_members(hint)]
+    if _pairs(hint) is not None:
+        return tuple[str, ...] | None if NoneType in parts else tuple[str, ...]
     several = any(get_origin(part) is Sequence for part in parts)
     inner = [p for part in parts for p in (_members(get_args(part)[0]) if get_origin(part) is Sequence else (part,))]
     kinds = [p for p in dict.fromkeys(inner) if p in (bool, int, float, str, Path) or get_origin(p) in (Literal, tuple)]

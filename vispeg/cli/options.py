@@ -29,6 +29,7 @@ NAMED = {  # fields whose values are names of what comes with the package
     "known_world": "worlds",
     "train": "worlds",
     "target": "worlds",
+    "model": "robots",
     "policy": "policies",
     "policies": "policies",
     "teacher": "policies",

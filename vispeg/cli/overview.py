@@ -12,15 +12,15 @@ from pathlib import Path
 # Name -> module, which is imported when its command runs, so that help stays quick.
 SECTIONS: dict[str, dict[str, str]] = {
     "start here": {
-        "demo": "vispeg.cli.demo",
+        "demo": "vispeg.cli.demo:demo",
         "doctor": "vispeg.cli.machine.doctor",
         "view": "vispeg.cli.view",
     },
     "recordings": {
-        "check": "vispeg.cli.recordings.check",
-        "convert": "vispeg.cli.recordings.convert",
-        "record": "vispeg.cli.recordings.record",
-        "motions": "vispeg.cli.recordings.motions",
+        "check": "vispeg.cli.recordings:check",
+        "convert": "vispeg.cli.recordings:convert",
+        "record": "vispeg.cli.recordings:record",
+        "motions": "vispeg.cli.recordings:motions",
     },
     "models of robots": {
         "compare": "vispeg.cli.models.compare",
@@ -33,9 +33,9 @@ SECTIONS: dict[str, dict[str, str]] = {
         "report": "vispeg.cli.models.report",
     },
     "cameras and datasets": {
-        "camera": "vispeg.cli.pictures.camera",
-        "render": "vispeg.cli.pictures.render",
-        "dataset": "vispeg.cli.pictures.dataset",
+        "camera": "vispeg.cli.cameras",
+        "render": "vispeg.cli.render:render",
+        "dataset": "vispeg.cli.datasets",
     },
     "policies": {
         "worlds": "vispeg.cli.policies:worlds",

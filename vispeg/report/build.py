@@ -22,6 +22,10 @@ KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of 
 def write_report(out: Path, *, overwrite: bool = False) -> Path:
     """Read the record in OUT (see `load_record`) and OUT/evidence.npz, write OUT/report.html; return its path.
 
+    Args:
+        out: folder that `vispeg diagnose`, `vispeg compare` or `vispeg fit` wrote.
+        overwrite: replace report.html if it exists.
+
     Raises:
         UserError: no record in `out`, a file that cannot be read, or a report there already while `overwrite` is False.
     """

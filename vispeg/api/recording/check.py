@@ -124,9 +124,9 @@ def check(
     """Examine recording folders, one after the other, so that only one is in memory.
 
     Args:
-        recordings: folders.
-        out: for report.html, check.json and a picture of each recording; nothing is drawn without it.
-        overwrite: replace `out`.
+        recordings: recording folders.
+        out: folder for report.html, check.json and a picture of each recording; default: nothing is drawn.
+        overwrite: replace `out` if it exists.
         watch: opened with what goes on and the recording; it gives the callback that takes the share that is done.
 
     Raises:

@@ -69,13 +69,13 @@ def write_motion(
     """Write the commands of a motion.
 
     Args:
-        name: of the motion.
-        out: the .csv file.
-        model: the robot that moves; by default the default cell for motions in contact and of looking, else iiwa14.
-        duration: of a joint motion (default 5) or of a look (default 16), s.
-        rate_hz: commands a second.
-        seed: of the motion.
-        overwrite: replace `out`, if it is a motion.
+        name: the motion to write.
+        out: the CSV to write.
+        model: the robot; default: the default cell for motions in contact and looks, else iiwa14.
+        duration: length, s; default: 5 for a joint motion, 16 for a look. Motions in contact have a fixed length.
+        rate_hz: rate of commands, Hz.
+        seed: seed of the motion.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: no such motion or model, one that the arm cannot make, or `out` is no file to write.

@@ -51,21 +51,25 @@ def convert(
     """Give a log as a recording folder.
 
     Args:
-        source: see `read_source`.
-        robot: a name, or a path to an MJCF or URDF.
-        out: the folder.
-        mapping: names and units, or the YAML file with them; by default the recording format's own names.
+        source: a table (.csv, .csv.gz, .tsv, .txt, .parquet), arrays (.hdf5, .h5, .mat, .npz, .npy, .json, .jsonl), a
+            bag (.bag, .db3, .mcap), or a folder: a LeRobot data set, a ROS 2 bag, tables of episodes or of one run's
+            signals.
+        robot: a robot's name (iiwa14) or a path to its MJCF or URDF.
+        out: the recording folder to write; a guess that is only shown or saved needs none.
+        mapping: a YAML file with the source's names and units.
         topics: of a bag.
-        cameras: camera files with what the source does not say of its cameras; the robot's own file is asked before.
-        depth_camera: kind of the depth cameras, by whose noise their depth is judged: `d405`, `d435`,
-            `structured_light`, or NAME=KIND for one of several.
-        torque_sensor: what measured torque is: behind the gear (joint) or from the current (motor).
-        torque_constants: of a bag whose efforts are motor currents, A: as `propose` takes them; a map has its own.
-        rate_hz: samples a second of a table that keeps no time.
+        cameras: camera files with the intrinsics and poses that the source lacks, and the robot's own file too.
+        depth_camera: kind of the depth cameras, by whose noise their depth is judged: d405, d435 or structured_light;
+            NAME=KIND where they differ.
+        torque_sensor: where torque was measured: behind the gear (joint) or from the current (motor); default: torque
+            is not used.
+        torque_constants: for a bag, or with a guess: measured torque is a motor current, with these N m/A at the joint
+            (motor constant x gear): a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350).
+        rate_hz: samples a second of a file that keeps no time.
         column_names: of the columns of a table without a header line; else they are numbered from 1.
-        insist: take the stated units even where they cannot be true.
+        insist: accept impossible units.
         table: format of the samples.
-        overwrite: replace `out`.
+        overwrite: replace `out` if it exists.
         progress: called with the share of a table that is read.
 
     Raises:

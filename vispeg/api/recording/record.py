@@ -56,7 +56,7 @@ def record(
     wrench_sensor: Literal["flange", "none"] = "flange",
     repeat: int = 1,
     cameras: str | Sequence[str] = (),
-    size: tuple[int, int] = (320, 240),
+    size: str | tuple[int, int] = "320x240",
     fps: float = 3.0,
     look: str | None = None,
     backend: BackendName = "auto",
@@ -68,30 +68,30 @@ def record(
     """Record a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
 
     Args:
-        model: a world, a model file, a robot's name, or a path to an MJCF or URDF; contact needs a cell, pictures a
-            cell or a robot's file with more in it than the arm.
-        motion: a name, or a .csv or .parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
-        duration: s; by default 5 (osc: 9, look: 16). Tables and motions of contact have their own.
-        rate_hz: control ticks and samples a second.
-        control: the controller; by default `position`, `osc` for the motion osc and in a cell.
-        kp: stiffness, one a joint (N m/rad), or six for osc (1/s^2); by default the controller's own.
-        kd: damping, one a joint (N m s/rad), or six for osc (1/s).
-        effects: hidden in the robot: instances, or texts `EFFECT:WHERE[:param=number,...]`.
-        tool: at the flange, declared in the recording; by default the model's.
-        noise: 1-sigma by signal, SI: `q`, `dq`, `tau`, `ee`, `ft`, `ft_torque`; by default a good arm's.
-        force_limit: in a cell, the greatest force that the controller asks for, N.
-        torque_sensor: what `tau` measures: torque behind the gear, the motor's, nothing.
-        wrench_sensor: in a cell, whether the flange's wrench is recorded; without it contact is estimated from `tau`.
-        repeat: runs of the same motion; more than one become episodes.
-        cameras: names of the cell's cameras or of those in the robot's file, or camera files; a look in a cell has
-            `wrist_wide` where none is given.
-        size: (width, height) px of the pictures of cameras that state none.
-        fps: pictures a second of each camera.
-        look: of the pictures, WORLD/SEED: what that world draws for that seed.
-        backend: what draws the pictures.
-        seed: of the motion and of the noise.
+        model: a model file, a robot's name, or a path to an MJCF or URDF; for a cell a world.
+        motion: name of a motion, or a CSV or Parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
+        duration: seconds; default: 5 (osc: 9, look: 16). A CSV has its own.
+        rate_hz: control and sample rate, Hz.
+        control: the controller; default: position, or osc for the motion osc. servo: only goals are sent.
+        kp: stiffness: one a joint (N m/rad), or six for osc (1/s^2).
+        kd: damping: one a joint (N m s/rad), or six for osc (1/s).
+        effects: effects hidden in the robot, each EFFECT:WHERE[:param=number,...].
+        tool: a tool at the flange that the recording declares, such as none or meg50; default: the model file's.
+        noise: sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI); default: a
+            good arm's.
+        force_limit: in a cell: greatest force that the controller commands, N; default: the task's or the motion's.
+        torque_sensor: what `tau` measures: torque behind the gear, motor torque, nothing.
+        wrench_sensor: in a cell: record the wrench at the flange, or none; contact is then estimated from `tau`.
+        repeat: runs of the same motion, each an episode of the recording.
+        cameras: cameras of the cell (wrist_wide, wrist_crop, external) or of the robot's own MJCF, or camera files;
+            default for a look in a cell: wrist_wide.
+        size: pictures: width and height of the cell's cameras, px, as 320x240 or a pair of numbers.
+        fps: pictures: frame rate of each camera, Hz.
+        look: pictures: look of the cell, WORLD/SEED, such as S/3: drawn by that world for that seed; default: plain.
+        backend: pictures: the renderer.
+        seed: seed of the motion and of the noise.
         name: of the recording.
-        table: the format that `SimulatedRecording.save` gives the samples.
+        table: format of the samples.
         watch: opened when pictures are taken; it gives the callback that takes the share that is done.
 
     Raises:
@@ -114,7 +114,7 @@ def record(
         wrench_sensor,
         repeat,
         several(cameras),
-        size,
+        _pixels(size),
         fps,
         look,
         backend,
@@ -135,6 +135,14 @@ def record(
         made = _of_arm(asked, world)
     files = (*([] if isinstance(model, World) else [model]), world.robot, *([motion] if asked.is_file else []))
     return replace(made, table=table, sources=(*files, *cameras))
+
+
+def _pixels(size: str | tuple[int, int]) -> tuple[int, int]:
+    """Width and height in px, given or as `320x240`; (0, 0) where it is none."""
+    if not isinstance(size, str):
+        return size
+    width, _, height = size.partition("x")
+    return (int(width), int(height)) if (width + height).isdecimal() and width and height else (0, 0)
 
 
 def _of_joints(asked: Asked) -> bool:

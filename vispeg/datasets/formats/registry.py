@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 from vispeg.datasets.check import check
 from vispeg.datasets.example import write_dataset
@@ -30,14 +31,14 @@ enrol(PLAIN.name, _as("folder"), slow=True)(check)
 enrol("BOP", _as("bop"), slow=True)(check)
 
 
-def export(source: Path, out: Path, layout: str, *, overwrite: bool = False) -> None:
+def export(source: Path, out: Path, layout: Literal["bop", "folder"] = "bop", *, overwrite: bool = False) -> None:
     """Write a dataset once more in another layout.
 
     Args:
-        source: a dataset's folder.
+        source: folder of the dataset.
         out: the new folder.
-        layout: `bop` or `folder`.
-        overwrite: whether a folder with content is replaced.
+        layout: BOP, or plain PNG and CSV files.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: an unknown layout, a dataset that cannot be read, a folder that cannot be written.

@@ -31,10 +31,10 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     """Write OUT/contact-sheet.png and OUT/index.html; return the page's path.
 
     Args:
-        dataset: its folder.
-        out: the new folder.
-        tiles: frames on the sheet.
-        overwrite: whether a folder with content is replaced.
+        dataset: folder of the dataset.
+        out: folder of the page.
+        tiles: frames on the contact sheet.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: no dataset that can be read, one without cameras, or a folder that cannot be written.

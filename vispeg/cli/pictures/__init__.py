@@ -1,1 +1,0 @@
-"""Commands about cameras and what they see: camera, render, dataset."""

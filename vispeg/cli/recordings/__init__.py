@@ -1,1 +1,0 @@
-"""Commands that make recordings and look at them: record, check, convert, motions."""
