@@ -2,10 +2,8 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,16 +28,6 @@ def test_every_effect_is_listed_with_its_parameters(vispeg):
             param = REGISTRY[name].params[key]
             assert (p["low"], p["high"], p["unit"]) == (param.low, param.high, param.unit)
             assert p["null"] == (None if param.shape else param.null)
-
-
-def test_the_page_on_formats_names_every_effect_and_no_other():
-    """All but looks, of which the page names the kind only."""
-    page = Path(__file__).parents[2] / "docs" / "formats.md"
-    section = page.read_text(encoding="utf-8").split("### Effect names", 1)[1].split("A `payload` sits", 1)[0]
-    named = [name for name in re.findall(r"`([a-z_]+)`", section) if name != "appearance"]
-    own = {n: kind for n, kind in REGISTRY.items() if kind.__module__.startswith("vispeg.effects.")}
-    assert len(named) == len(set(named))
-    assert set(named) == {n for n, kind in own.items() if kind.family != "appearance"}
 
 
 def test_one_effect_is_explained_and_drawn_only_where_asked(vispeg, tmp_path):
