@@ -11,6 +11,7 @@ from vispeg.evaluation.controls import ON_IMAGES, Controlled
 from vispeg.evaluation.jobs import Job, Pushes
 from vispeg.evaluation.players import player
 from vispeg.evaluation.records import Episode
+from vispeg.evaluation.remainder import Remainder
 from vispeg.evaluation.replay import Begun
 from vispeg.trials.kept import Kept
 from vispeg.trials.trial import PolicyPart
@@ -36,6 +37,8 @@ def play(job: Job) -> list[Episode]:
         policy = Controlled(policy, job.control)
     if job.pushes is not None:
         env = Pushed(env, job.pushes)
+    if job.remainder is not None:
+        env = Disturbed(env, job.remainder)
     if job.replays is not None:
         env = Begun(env, job.replays)
     if job.trials is not None:
@@ -103,6 +106,26 @@ class Pushed:
         for row in np.flatnonzero(mask):
             force, start, duration = self.pushes.draw(int(seed[row]))
             self.env.push([int(row)], force, start, duration)
+        return result
+
+    def step(self, actions: np.ndarray) -> Any:
+        """As the environment's."""
+        return self.env.step(actions)
+
+
+class Disturbed:
+    """An environment whose arm is disturbed by what a model leaves unexplained, resampled by the episode's seed."""
+
+    def __init__(self, env: Any, remainder: Remainder):
+        self.env, self.remainder, self.num_envs = env, remainder, env.num_envs
+        self.ticks = env.config.steps * env.config.ticks
+
+    def reset(self, *, seed: Any = None, options: Mapping[str, np.ndarray] | None = None) -> Any:
+        """As the environment's; the rows that begin get the torques of their seed."""
+        result = self.env.reset(seed=seed, options=options)
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
+        for row in np.flatnonzero(mask).tolist():
+            self.env.disturb(row, self.remainder.draw(int(seed[row]), self.ticks))
         return result
 
     def step(self, actions: np.ndarray) -> Any:

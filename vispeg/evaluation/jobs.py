@@ -11,6 +11,7 @@ from vispeg.core.seeds import stream
 from vispeg.evaluation.controls import ON_IMAGES, at_nominal
 from vispeg.evaluation.entrants import Entrant
 from vispeg.evaluation.overlay import Change, overlay
+from vispeg.evaluation.remainder import Remainder
 from vispeg.evaluation.replay import Replays
 from vispeg.render.image_kinds import MODES
 from vispeg.task.registry import scene_of
@@ -61,6 +62,7 @@ class Job:
         dump: folder for episodes that diverge, to be played again.
         trials: folder in which each episode becomes a trial, or None.
         replays: how the episodes begin, and what acts, where they play trials again.
+        remainder: torques that disturb the arm in every episode, or None.
     """
 
     entrant: Entrant
@@ -76,6 +78,7 @@ class Job:
     dump: Path | None = None
     trials: Path | None = None
     replays: Replays | None = None
+    remainder: Remainder | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
         """Give the keys of the episodes that it makes, see Episode."""

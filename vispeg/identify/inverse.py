@@ -36,6 +36,7 @@ SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it
 REMEMBERED = 128e6  # bytes of inertias along motions: of a minute of seven joints a hundred, of thirty joints six
 ENDS = 0.5  # s at either end of an episode, where a zero-phase filter guesses
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
+STANDS = 3 * STICK  # rad/s under which a joint may as well stand
 REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
@@ -82,6 +83,26 @@ class TorqueEvidence(Evidence):
 
     def torque_of(self, i: int, world: World) -> np.ndarray:
         """Sensor torque (m, nj) of one world along one measured motion."""
+        item, seg = self.items[i], self.items[i].segment
+        needed, dry, beside, loop = self._parts(i, world)
+        needed = needed + dry * np.tanh(seg.dq / STICK)
+        needed = needed if beside is None else needed - beside
+        return loop.inverse(needed, item.recording.torque_sensor)
+
+    def torque_range(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest sensor torque (m, nj) of a world: a joint that stands holds any torque up to its dry
+        friction, so that they differ where its speed is under `STANDS`.
+        """
+        item, seg = self.items[i], self.items[i].segment
+        needed, dry, beside, loop = self._parts(i, world)
+        needed = needed if beside is None else needed - beside
+        slip = np.where(np.abs(seg.dq) < STANDS, 1.0, 0.0)
+        ends = [dry * ((1 - slip) * np.tanh(seg.dq / STICK) + side * slip) for side in (-1.0, 1.0)]
+        low, high = (loop.inverse(needed + end, item.recording.torque_sensor) for end in ends)
+        return low, high
+
+    def _parts(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, EffectLoop]:
+        """Torque that the links need (m, nj), level of dry friction, torques beside the drive's, and the effects."""
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
         batch = mjb.Batch(compiled(robot), 1, nthread=1)
@@ -96,10 +117,7 @@ class TorqueEvidence(Evidence):
         x = DriveState(1e-3, 1e-3, seg.q, seg.dq, ddq, needed.copy(), np.ones_like(needed))
         dry = np.broadcast_to(fields["dof_frictionloss"][0, dof], needed.shape).copy()
         loop = EffectLoop(active)
-        needed = needed + loop.friction(x, dry) * np.tanh(seg.dq / STICK)
-        beside = loop.along(x, seg.cache["path"], seg.cache["at"])
-        needed = needed if beside is None else needed - beside
-        return loop.inverse(needed, item.recording.torque_sensor)
+        return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
 
     def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
         """Inertia (m, nj, nj) and bias torque (m, nj) along a motion: each sample is a row of one batch; remembered."""

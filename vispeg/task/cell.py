@@ -10,7 +10,7 @@ import numpy as np
 from vispeg.core.effect import effect
 from vispeg.recordings.cell import reaction
 from vispeg.robots.scene import Scene
-from vispeg.sim.physics import derive, exact, firm
+from vispeg.sim.physics import derive, exact, firm, total
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
 from vispeg.sim.restart import RowFields
@@ -55,6 +55,7 @@ class Cell(Plant):
         self.bodies = self.model.dof_bodyid[self.dofs]
         self.warned = np.zeros(self.nsim, dtype=np.int64)
         self.external = np.zeros((self.nsim, 3))  # N, pushes at the flange, world frame
+        self.beside: np.ndarray | None = None  # (nsim, nj) N m, on the links beside all effects; None: never any
         self.outer = self.batch.bind("xfrc_applied")
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
 
@@ -96,6 +97,8 @@ class Cell(Plant):
         self.qpos[rows[:, None], self.qposes] = q
         self.qvel[rows] = 0.0
         self.external[rows] = 0.0
+        if self.beside is not None:
+            self.beside[rows] = 0.0
         self.acc[rows] = 0.0
         self.x.q[rows], self.x.dq[rows], self.x.ddq[rows], self.x.tau[rows] = q, 0.0, 0.0, weight
         self.last[rows] = weight
@@ -143,7 +146,7 @@ class Cell(Plant):
 
     def gear_torque(self) -> np.ndarray:
         """Torque (nsim, nj) N m that the gears handed to the links in the last step."""
-        return self.x.tau if self.loop.acts else self._geared(None)
+        return self.x.tau if self.loop.acts else self._geared(self.beside)
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
         """`nsub` physics steps under the held command (nsim, nj) N m."""
@@ -159,6 +162,8 @@ class Cell(Plant):
 
     def _advance(self, command: np.ndarray, nsub: int) -> None:
         self.outer[:, self.hand, :3] = self.external
+        if self.beside is not None:
+            self.applied[:, self.vadr] = self.beside
         if not self.loop.acts:  # nothing to be asked between the steps
             self._move(command)
             if nsub > 1:
@@ -167,16 +172,17 @@ class Cell(Plant):
         if self.loop.foreseen:  # the motion between the steps changes nothing
             for _ in range(nsub):
                 self._move(self.forces(command).drive)
-            self.x.tau = self._geared(None)
+            self.x.tau = self._geared(self.beside)
             return
         for sub in range(nsub):
             if sub:
                 self.read()
             forces = self.forces(command)
-            if forces.beside is not None:
-                self.applied[:, self.vadr] = forces.beside
+            applied = total(forces.beside, self.beside)
+            if applied is not None:
+                self.applied[:, self.vadr] = applied
             self._move(forces.drive)
-            self.x.tau = self._geared(forces.link)
+            self.x.tau = self._geared(total(forces.link, self.beside))
 
     def _move(self, tau: np.ndarray, nstep: int = 1) -> None:
         """Step under the torque `tau` (nsim, nj) N m; the first kick spans half of the last step, half of this one."""

@@ -73,6 +73,58 @@ class Moment(TypedDict):
     simulated_mm: list[float]
 
 
+class RemainderSize(TypedDict):
+    """RMS of the torque that no named cause explains, in one joint."""
+
+    joint: str
+    rms: float
+    unit: str
+
+
+class RemainderRecord(TypedDict):
+    """What no named cause explains, played back: its size, and the policy's success without and with it.
+
+    `recordings` it is from, resampled in blocks of `block_s`; `regimes`: share of its power in free air and in contact,
+    and recordings that have it. `home`: the same two rates and their difference where the policy was trained, with as
+    much random torque; None where that was not played.
+    """
+
+    recordings: list[str]
+    block_s: float
+    joints: list[RemainderSize]
+    regimes: dict[str, tuple[float, int]]
+    without: Interval
+    with_it: Interval
+    cost: Interval
+    home: Interval | None
+    home_world: str
+    matters: bool | None
+    words: str
+
+
+class Condition(TypedDict):
+    """One condition of the verdict that a gap cannot be bridged: its number here, and whether it is met (None: not
+    known).
+    """
+
+    condition: str
+    here: str
+    met: bool | None
+
+
+class Step(TypedDict):
+    """A next step: what it can gain at most, in success, its hours and where they are from, the gain an hour, and the
+    command.
+    """
+
+    step: str
+    gain: Interval | None
+    hours: float | None
+    hours_from: str
+    an_hour: float | None
+    command: str
+
+
 class Next(TypedDict):
     """What to do now: why, and the command."""
 

@@ -75,6 +75,9 @@ class TaskSimulation:
         self.diverged = np.zeros(n, dtype=bool)
         self.seen.see(self.home.copy(), np.zeros_like(self.home))
         self.push: list[Any] = [None] * n
+        self.disturbed: list[np.ndarray | None] = [
+            None
+        ] * n  # (k, nj) N m, one a control period, then again from the first
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
         self.heard: Callable[..., None] | None = None  # called at each control tick with q, dq, and the wrench after it
 
@@ -107,6 +110,7 @@ class TaskSimulation:
             worlds.append(self._begun(drawn, starts[row]) if row in starts else drawn)
             self.drawn[row], self.seeds[row] = worlds[-1], seed
             self.tracks[row], self.push[row], self.acted[row] = self.task.track(), None, []
+            self.disturbed[row] = None
         self.guards.reset(rows)
         pos[:, 2] += self.scene.tip
         q, weight = self._start(rows, pos)
@@ -236,6 +240,8 @@ class TaskSimulation:
         q, dq = cell.measure() if measured is None else measured
         if any(p is not None for p in self.push):
             self._pushes(k)
+        if any(tape is not None for tape in self.disturbed):
+            self._disturbances(k)
         cell.advance(self.control.torque(q, dq, self.seen.goal, self.seen.rot), self.config.substeps)
         felt = cell.felt()
         if self.heard is not None:
@@ -247,6 +253,14 @@ class TaskSimulation:
             if push is not None:
                 t = (self.count[row] * self.config.ticks + k) * self.config.control_period
                 self.cell.external[row] = push.force if push.start <= t < push.start + push.duration else 0.0
+
+    def _disturbances(self, k: int) -> None:
+        cell = self.cell
+        if cell.beside is None:
+            cell.beside = np.zeros_like(cell.x.q)
+        for row, tape in enumerate(self.disturbed):
+            if tape is not None:
+                cell.beside[row] = tape[(self.count[row] * self.config.ticks + k) % len(tape)]
 
     def settle(
         self, force: np.ndarray, wrenches: np.ndarray

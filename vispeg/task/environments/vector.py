@@ -317,6 +317,12 @@ class TaskVec(VectorEnv):
         for i in rows:
             self.sim.push[i] = Push(np.asarray(force, float), start, duration)
 
+    def disturb(self, row: int, torque: np.ndarray) -> None:
+        """Put torques (k, nj) N m on the links of a row's arm in its present episode, one a control period; after the
+        last the first follows.
+        """
+        self.sim.disturbed[row] = np.asarray(torque, float)
+
     def render(self):
         """One RGB image (H, W, 3) uint8 a row, from outside."""
         if self.render_mode is None:
