@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
 
-from vispeg.cli.models.diagnose import Args
-from vispeg.cli.usage import parse
+from vispeg.cli.usage import parsed
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.search import Search
@@ -101,7 +100,7 @@ def test_several_recordings_after_one_flag_are_several():
     """What a shell makes of `rig-*` is what the flag repeated is."""
     each = ["arm.xml", *COMMAND, "--out", "d"]
     together = ["arm.xml", "--recording", "a", "b", "--validate=c", "--quiet", "--threads", "1", "--out", "d"]
-    assert parse(Args, "diagnose", "", together) == parse(Args, "diagnose", "", each)
+    assert parsed("diagnose", together) == parsed("diagnose", each)
 
 
 def test_one_recording_judges_on_its_own_end(vispeg, swings, refused, tmp_path):

@@ -168,8 +168,6 @@ PAST = re.compile(  # ways to read a file past the guard
     r"|allow_pickle=True|np\.loadtxt|np\.genfromtxt|torch\.load\((?!.*weights_only=True)"
 )
 OWN = {  # what is read there was written by the program a moment ago, or decides nothing; the core has no reader
-    "cli/demo.py",
-    "cli/models/diagnose.py",
     "core/lock.py",
     "core/marker.py",
     "learn/run_folder.py",

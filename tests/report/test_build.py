@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from typed import typed
 
-from vispeg.cli.models.report import Args
 from vispeg.core.errors import UserError
 from vispeg.report.build import write_report
 from vispeg.report.evidence import load_evidence
@@ -216,7 +216,7 @@ def test_episodes_are_laid_end_to_end(run, diagnosis, evidence):
 
 def test_the_command_line_rebuilds(run, diagnosis, capsys):
     out = run(diagnosis())
-    assert Args(out).run() == 0
+    assert typed("report", out) == 0
     assert "down to the noise floor" in capsys.readouterr().out and (out / "report.html").exists()
 
 

@@ -75,11 +75,11 @@ def add(
     """Add an effect, set the values of one that is there, or add the effects of a measurement.
 
     Args:
-        model: a model file, a robot's name, or a path to an MJCF or URDF; it is left as it is.
-        name: of the effect, or a measurement file.
-        out: model file to write, .yaml.
-        where: a joint, a link, `flange`, `base`, or `all`; a measurement has its own place.
-        settings: values, `NAME=NUMBER`.
+        model: a model file, a robot's name, or a path to an MJCF or URDF.
+        name: an effect's name (`vispeg effects` lists them), or a measurement file, whose effects are added.
+        out: the model file to write.
+        where: place: a joint, a link, `flange`, `base`, or `all`; a measurement has its own.
+        settings: values, such as torque=1.2 velocity=0.05.
         overwrite: replace `out`; what is no model is not.
 
     Raises:

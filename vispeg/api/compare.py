@@ -109,14 +109,14 @@ def compare(
 
     A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact. So are pictures with a
     model of a cell, or of a robot whose file shows more than the arm. They are predicted at the measured angles:
-    `record["pictures"]` holds the errors of borders, depth and colour.
+    `record["pictures"]` holds the errors of borders, depth and colour. Recordings are folders, or in memory.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
-        recordings: folders, or recordings in memory, of one robot.
-        channels: `joints`, `contact`, `pictures`; by default those that `vispeg.diagnose` looks in.
-        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
-        threads: of the simulation.
+        recordings: recordings of one robot to compare with.
+        channels: the evidence to compare: joints, contact, pictures; default: what `vispeg diagnose` looks in.
+        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
+        threads: threads of the simulation.
         reading: progress display of reading a recording.
 
     Raises:

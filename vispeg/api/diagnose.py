@@ -117,26 +117,28 @@ def diagnose(
 ) -> DiagnosisResult:
     """Names the physical effects that a model lacks and adds them.
 
+    Recordings are folders, or in memory. `record["baseline"]` holds the effects before a change, `record["cost"]` what
+    the remaining error costs a policy.
+
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF; an MJCF of one free body is an
             object, whose recordings are tosses (docs/formats.md).
-        recordings: folders, or recordings in memory, to fit.
-        validate: held-out ones, never fitted.
-        hold_out: share of each recording, its end, that judges where there is none in `validate`; a recording of
+        recordings: recordings to fit.
+        validate: held-out recordings, never fitted.
+        hold_out: without `validate`: judge on this share of each recording, its end; 0.3 is usual, a recording of
             another motion judges better.
-        baseline: earlier ones of the same robot, two or more, the last one held out. The effects named are then the
-            change since; `record["baseline"]` holds those before.
-        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
-        seed: of everything random.
-        threads: of the simulation.
-        policies: folders, or `expert`, that play with the identified model and again with the unexplained remainder;
-            `record["cost"]` is the difference in success.
-        cell: their world, a built-in name or a file.
-        episodes: of each policy, with and without the remainder.
+        baseline: an earlier recording of the same robot; two or more, the last one is held out. The effects named are
+            then the change since.
+        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
+        seed: seed of everything random.
+        threads: threads of the simulation.
+        policies: a policy's folder or name, or `expert`: state what the remaining error costs it, in success.
+        cell: world of the policy: a built-in world's name or a world file.
+        episodes: episodes of the policy, with and without the remaining error.
         part: a folder of finished steps until the result is saved; with the same arguments and folder a stopped
             diagnosis goes on.
-        channels: the evidence to diagnose: `joints`, `contact`, `pictures`, `tosses`; by default all that model and
-            recordings have, but in a cell the joints only with both wrench and pictures, or with neither.
+        channels: the evidence to diagnose; default: all that the recordings hold, in a cell the joints only beside both
+            others.
         rooms: what `channels` was called; goes with the next release.
         say: called with a line on each step.
         likely: called within seconds with what torques call for, before the search confirms or corrects it: the

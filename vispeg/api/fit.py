@@ -105,7 +105,7 @@ def fit(
     channels: Sequence[ChannelName] = (),
     seconds: float = SECONDS,
     method: Method = "auto",
-    iterations: int = ITERATIONS,
+    iterations: int | None = None,
     starts: int = 1,
     seed: int = 0,
     threads: int = 2,
@@ -116,24 +116,26 @@ def fit(
 ) -> FitResult:
     """Fits the parameters of named effects to recordings, with 95 % intervals.
 
+    Recordings are folders, or in memory; effects are texts, or instances with the values to start from.
+
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
-        recordings: folders, or recordings in memory, to fit.
-        effects: what to fit: instances with the values to start from, or texts `EFFECT:WHERE[:param=start,...]`, where
-            WHERE `all` is one value for all places and `each` one for each; by default those of the model. What is not
-            stated starts at the model's value, else at a typical one; a servo or a limit of which nothing is stated at
-            an estimate from the recordings.
+        recordings: recordings to fit.
+        effects: effects to fit, each EFFECT:WHERE[:param=start,...]; WHERE all is one value for all places, each one
+            for each place; default: those of the model. What is not stated starts at the model's value, else at a
+            typical one; a servo or a limit of which nothing is stated at an estimate from the recordings.
         validate: held-out recordings, never fitted.
-        channels: `joints`, `contact`, `pictures`: of those that the recordings have, the first that shows most of the
-            effects is fitted to; by default of those that `vispeg.diagnose` looks in.
-        seconds: of longer recordings, length of the most informative windows, s in all; 0 uses everything.
-        method: `auto`: least squares, with CMA-ES before it if an effect is not smooth.
-        iterations: most least-squares steps; CMA-ES has ten times as many generations.
+        channels: the evidence to fit to: of joints, contact and pictures the first that shows most of the effects;
+            default: of those that `vispeg diagnose` looks in.
+        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
+        method: auto: least squares, with CMA-ES before it if an effect is not smooth.
+        iterations: most steps; default: 15, and ten times as many generations of CMA-ES; 120 generations of the paper's
+            protocol.
         starts: number of random starts; the best result counts.
-        seed: of the random starts and of CMA-ES.
-        threads: of the simulation.
+        seed: seed of the random starts and of CMA-ES.
+        threads: threads of the simulation.
         part: a folder for the state of the optimizers until the result is saved.
-        resume: go on from `part`.
+        resume: go on with a fit that was stopped.
         watch: called with number and trace of an optimizer after each of its steps.
         reading: progress display of reading a recording.
 
@@ -141,6 +143,7 @@ def fit(
         UserError: a model, a recording or an effect that cannot be read, or nothing to fit.
     """
     check_seed(seed)
+    iterations = ITERATIONS if iterations is None else iterations
     for flag, number in (("--starts", starts), ("--iterations", iterations)):
         if number < 1:
             raise UserError("nothing to fit", key=flag, expected="1 or more", got=number)

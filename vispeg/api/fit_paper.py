@@ -88,7 +88,7 @@ def fit_paper(
     recording: Source,
     validate: Source | Sequence[Source] = (),
     *,
-    iterations: int = protocol.GENERATIONS,
+    iterations: int | None = None,
     seed: int = 0,
     threads: int = 2,
     part: str | Path | None = None,
@@ -101,11 +101,12 @@ def fit_paper(
     Args:
         model, validate, seed, threads, part, resume, watch, reading: as in `vispeg.fit`.
         recording: one, under operational space control.
-        iterations: generations of CMA-ES.
+        iterations: generations of CMA-ES; default: 120.
 
     Raises:
         UserError: a recording under another controller, or too short; whatever reading raises.
     """
+    iterations = protocol.GENERATIONS if iterations is None else iterations
     if iterations < 1:
         raise UserError("nothing to fit", key="--iterations", expected="1 or more", got=iterations)
     options = {"need_validate": False, "seconds": 0.0, "signals": None, "reading": reading}

@@ -25,13 +25,16 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass, make_da
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 from vispeg.cli.declared import Parameter, parameters
 from vispeg.cli.options import NAMED, choices, default_shown, metavar, plain
 from vispeg.cli.options import Option as Typed
 from vispeg.cli.output import Output, OutputOptions
 from vispeg.cli.overview import doc
+
+if TYPE_CHECKING:
+    from vispeg.report.text.summary import Block
 
 REQUIRED, SAME = MISSING, object()
 NAMED_IN = re.compile(r"`(\w+)`")  # a parameter in a docstring
@@ -163,7 +166,7 @@ class Call:
             result.save(out, overwrite=overwrite)
         return result
 
-    def give(self, result: Any, *lines: str) -> None:
+    def give(self, result: Any, *lines: str | Block) -> None:
         """Print a result with a record and a summary, and more lines."""
         self.output.give(result.record, [*result.summary, *lines])
 
@@ -215,7 +218,8 @@ def form(command: Command) -> type[Any]:
             hint = tyro.conf.UseAppendAction[hint]
         key = _field(name, option)
         about = NAMED_IN.sub(lambda m: command.word(m[1]) if m[1] in taken else m[0], parameter.help)
-        about = about[:1].upper() + about[1:] if re.match(r"[a-z]+[ ,;.]", about) else about
+        if re.split("[^a-z0-9-]", about)[0] not in choices(kind):  # `auto: ...` stays
+            about = about[:1].upper() + about[1:]
         word = metavar(key, kind, positional, default)
         words = tyro.conf.arg(help=about, metavar=word, help_behavior_hint=default_shown(default))
         row = key, Annotated[hint, words], field(default=default)

@@ -39,10 +39,10 @@ def effects(
     """Effects, each with the model whose joints, links or parts are its places: the robot, or the default cell.
 
     Args:
-        name: one alone; by default all.
-        search: a text that name, first lines or parameters must have in them, in any case.
-        family: one alone.
-        robot: a name or a path to an MJCF or URDF.
+        name: the effect to explain; default: list all.
+        search: only effects with this text in name, description or parameters.
+        family: only effects of this family.
+        robot: a robot's name or a path to an MJCF or URDF; its joints and links are the places.
 
     Raises:
         UserError: no such effect or robot.

@@ -1,1 +1,0 @@
-"""Commands about what a model is missing: compare, diagnose, fit, add, effects, report."""
