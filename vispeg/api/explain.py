@@ -12,6 +12,8 @@ from typing import Any
 
 import yaml
 
+from vispeg.api.bridging import Asked, Bridging, Prices, diagnosis_of, recordings_of
+from vispeg.api.bridging import said as bridged
 from vispeg.api.playing import Playing, check_numbers, folders, play, silent, stamped
 from vispeg.api.run import opened
 from vispeg.api.stress.result import Stressed
@@ -19,6 +21,7 @@ from vispeg.core.cluster import Engine
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
+from vispeg.core.several import several
 from vispeg.evaluation import explain as why
 from vispeg.evaluation import runner, senses
 from vispeg.evaluation.explain import CLOSED, OPEN, TOGETHER
@@ -75,19 +78,38 @@ class ExplainResult(Stressed):
             if x["speaks"]
         ]
         if r["causes"]:
-            heads = [Column(head) for head in ("cause", "effect on success", "share of the loss")]
-            rows = [[c["effect"], c["words"], words.share(c["share"])] for c in r["causes"]]
-            out.append(Sheet(heads, rows))
+            heads = [
+                Column(h) for h in ("cause", "effect on success", "share of the loss", "points to it", "cure", "hours")
+            ]
+            out.append(Sheet(heads, [_cause(c) for c in r["causes"]]))
         for x in r["senses"]:
             if x["points_to"]:
                 out.append(Line(f"with simulation's {x['sense']} the action moves by {x['words']}: {x['points_to']}"))
         out.append(Line(r["worth"]["words"]))
+        if r["remainder"]:
+            out.append(Line(r["remainder"]["words"]))
+        b = r["bridge"]
+        out.append(Line(f"{b['verdict']}: {b['words']}"))
+        heads = [Column(h) for h in ("condition of `unbridgeable here`", "here", "met")]
+        out.append(Sheet(heads, [[c["condition"], c["here"], words.met(c["met"])] for c in b["conditions"]]))
+        heads = [Column(h) for h in ("next step", "wins back at most, points", "hours", "points an hour")]
+        out.append(Sheet(heads, [_step(s) for s in r["steps"]]))
         if r["next"]:
             out += [Line(r["next"]["why"]), Line(f"next: {r['next']['command']}", path=True)]
         return [*out, *(Line(note, path=True) for note in r["notes"])]
 
     def _render(self) -> str:
         return render(self.record, self.strip)
+
+
+def _cause(c: Mapping[str, Any]) -> list[str]:
+    points = "; ".join(c["points_to_it"]) or "-"
+    return [c["effect"], c["words"], words.share(c["share"]), points, c["cure"] or "-", words.hours(c["hours"])]
+
+
+def _step(s: Mapping[str, Any]) -> list[str]:
+    rate = "-" if s["an_hour"] is None else f"{100 * s['an_hour']:.3g}"
+    return [s["step"], words.signed(s["gain"]), f"{words.hours(s['hours'])}: {s['hours_from']}", rate]
 
 
 def explain(
@@ -97,6 +119,12 @@ def explain(
     *,
     model: str | Path | None = None,
     replays: int = 20,
+    remainder: int = 0,
+    held_out: str | Path | Sequence[str | Path] = (),
+    demonstrations: int = 50,
+    minutes_per_demonstration: float = 1.0,
+    minutes_per_recording: float = 17.0,
+    training_hours: float | None = None,
     apply: bool = False,
     task: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -118,6 +146,13 @@ def explain(
         model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: no cause is
             tried, and a note says how to name some.
         replays: of each start.
+        remainder: episodes that play what no cause explains, the torque that the recordings' motions lack, and as many
+            without it; again where the policy was trained. 0: none. 200 tell 5 points.
+        held_out: recordings that the torque is taken from; none: the trials'.
+        demonstrations: that would be recorded on the robot, for their price.
+        minutes_per_demonstration: what setting up and doing one takes a person, min; 500 in a day of 8 hours.
+        minutes_per_recording: what setting up a motion takes a person, min; two hours for an arm of seven joints.
+        training_hours: of fine-tuning; None: as the log of the policy's own training says, where there is one.
         apply: write the world that the named causes correct into `out`, and say which command trains next.
         task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
@@ -128,6 +163,12 @@ def explain(
     check_numbers(1, workers)
     if replays < 1:
         raise UserError("no replays", key="--replays", expected="1 or more", got=replays)
+    asked = Asked(
+        remainder,
+        tuple(Path(p) for p in several(held_out)),
+        Prices(demonstrations, minutes_per_demonstration, minutes_per_recording, training_hours),
+    )
+    asked.check()
     if apply and out is None:
         raise UserError("a corrected world needs a folder", key="--apply", expected="--out FOLDER")
     who, file = ready([policy]), load_world(world)
@@ -144,7 +185,9 @@ def explain(
         causes[TOGETHER] = tuple(named)
     if not causes:
         notes.append(UNTRIED)
-    sources = [file.path, *folders(who), Path(trials), *([] if model is None else [Path(model)])]
+    recordings = recordings_of(asked.held_out, read)
+    diagnosis = diagnosis_of(None if model is None else Path(model))
+    sources = [file.path, *folders(who), Path(trials), *asked.held_out, *([] if model is None else [Path(model)])]
     with workplace(out, "explain.json", overwrite, sources) as place:
         if not (place / runner.EPISODES).exists():  # of a run before
             rmtree(place / "replays", ignore_errors=True)
@@ -175,6 +218,33 @@ def explain(
             notes.append(ASSUMED)
         side = {"notes": notes, "parted": parted, "repeats": repeats or senses.ASSUMED}
         record = why.summarise(who[0].name, read, played, [some[0] for some in replayed], causes, **side)
+        left, more, home = None, [], ""
+        if remainder:
+            bridging = Bridging(who[0], str(world), file, tuple(named), dict(task or {}), place / "worlds", seed)
+            tick = config_of(file.task).control_period
+            left = bridging.remainder(recordings, [r for some in replayed for r in some], tick, record["notes"])
+            if left is not None:
+
+                def played_too(some: list[Job]) -> list[Episode]:
+                    return play(some, place, workers, playing, engine)
+
+                more = bridging.play(left, remainder, played_too, record["notes"])
+                home = more[2][0].world if more[2] else ""
+        tuning = _command("finetune", str(policy), world=str(file.path.resolve()), out="tuned")
+        bridged(
+            record,
+            more,
+            left,
+            home,
+            diagnosis=diagnosis,
+            config=config_of({**file.task, **(task or {})}),
+            asked=asked,
+            policy=who[0].path if who[0].stored else None,
+            trials=read,
+            named=named,
+            commands={"causes": "vispeg explain ... --apply" if causes else "", "demonstrations": tuning},
+        )
+        ends = [*ends, *(e for some in more for e in some)]
         if apply:
             record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))  # type: ignore[arg-type]
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}

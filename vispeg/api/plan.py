@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from vispeg.api.bridging import tolerance_mm
 from vispeg.core.errors import UserError
 from vispeg.evaluation.outlook import Outlook, outlook
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of
 from vispeg.task.world_file import load_world
-
-MM = {"mm": 1.0, "m": 1e3}
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,7 @@ def plan(
     known = config.robot.repeats_mm if repeatability is None else repeatability
     if known is None:
         raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=config.robot.model)
-    about = config.tolerance
-    width = None if about is None else getattr(config, about.setting) * MM[about.unit]
+    width = tolerance_mm(config)
     more = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
     return Planned(file.name, outlook(width, known, **more))  # type: ignore[arg-type]
 

@@ -6,14 +6,15 @@ The trial is the unit of every comparison of success; replays of one start are n
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.seeds import stream
 from vispeg.evaluation import senses, statistics
+from vispeg.evaluation.bridge import bridge
 from vispeg.evaluation.categories import part
 from vispeg.evaluation.gap import worth_row
 from vispeg.evaluation.jobs import FIRST_SEED
@@ -23,7 +24,7 @@ from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.explain import Cause, ExplainRecord, Rule, Sense, TrialRow
 from vispeg.evaluation.schema.gap import Measure
 from vispeg.evaluation.senses import before_contact
-from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, Rows, wilson
+from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Estimate, Hypothesis, Rows, wilson
 from vispeg.trials.trial import Trial
 
 FORMAT = "vispeg-explain/1"
@@ -31,6 +32,7 @@ CLOSED, OPEN, TOGETHER = "closed loop", "open loop", "all together"
 FEWEST = 10  # trials; of fewer, even none that fails leaves 30 % open
 TRACKING = 2.0  # deg: the article's rule is 2 to 3 on any joint
 LATE = 0.02  # s: the article's delays are 0 to 20 ms
+LIGHT = 1.0  # N: a peak force under it is none, and no other is so many times it
 DELAYS = np.arange(0, 41)  # samples that are tried
 
 
@@ -79,9 +81,12 @@ def summarise(
         tests = {key: replace(test, p=None) for key, test in tests.items()}
     decided = statistics.decide(tests)
     compared = [m.decided(decided["measure", m.name]) for m in measures]
+    rules = _rules(trials, replayed, compared)
     made = [_cause(name, some, mean, y, decided["cause", name]) for name, some in causes.items()]
     made.sort(key=lambda c: (c["effect"] == TOGETHER, -(c["cost"]["value"] or 0.0)))
     exchanged = senses.ranked(parted, {name: decided[kind, name] for kind, name in tests if kind == "sense"}, repeats)
+    for cause in made:
+        cause["points_to_it"] = _signs(causes[cause["effect"]], rules, exchanged)
     gap, failed = decided["gap", ""], y == 0
     verdict, words = _verdict(gap, mean, failed, made)
     return {
@@ -97,11 +102,15 @@ def summarise(
         "trials": [_row(t, won[CLOSED][i], won[OPEN][i]) for i, t in enumerate(trials)],
         "categories": kinds.decided({name: decided["failures", name] for name in kinds.tests}),
         "measures": compared,
-        "rules": _rules(trials, replayed, compared),
+        "rules": rules,
         "causes": made,
         "senses": exchanged,
         "moment": senses.moment(trials, parted, _shown(exchanged)) if parted else None,
         "worth": worth_row(y, mean[CLOSED]),
+        "left": _alone(mean[everything(causes)], y),
+        "remainder": None,
+        "bridge": bridge(None, None),
+        "steps": [],
         "next": None,
         "notes": list(notes),
         "rule": statistics.RULE,
@@ -129,6 +138,42 @@ def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
     """Success by trial (n,) on two sides; the trial is the unit."""
     sides: list[Rows] = [{0: {i: float(x) for i, x in enumerate(side)}} for side in (first, second)]
     return replace(statistics.difference(sides[0], sides[1], same_networks=True), discordant=None)
+
+
+def everything(causes: Collection[str]) -> str:
+    """Give the kind of replay that has all causes."""
+    return TOGETHER if TOGETHER in causes else next(iter(causes), CLOSED)
+
+
+def _alone(first: np.ndarray, second: np.ndarray) -> Interval:
+    """Give a difference by itself, 95 %."""
+    d = _difference(first, second)
+    return Estimate(d.value, *d.interval(statistics.ALPHA), d.n).to_json()
+
+
+def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: Sequence[Sense]) -> list[str]:
+    """Give the rules and senses that speak and are of what these effects do."""
+    told = {sign for e in effects for sign in _shows(e.effect)}
+    return [
+        *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in told),
+        *(
+            f"{s['sense']}: the action moves by {s['moved_mm']:.1f} mm"
+            for s in exchanged
+            if s["points_to"] and s["sense"] in told
+        ),
+    ]
+
+
+def _shows(name: str) -> set[str]:
+    """Give the rules' and senses' words for what an effect does."""
+    family = effect(name).family
+    if family in ("camera", "appearance"):
+        return {senses.PICTURES}
+    if family in ("contact", "task"):
+        return {"contact", senses.CONTACT}
+    if family == "sensor" and name.startswith("wrench"):
+        return {senses.WRENCH}
+    return {senses.ARM, "latency" if "delay" in name else "actuator"}
 
 
 def _rate(each: np.ndarray) -> Interval:
@@ -197,6 +242,9 @@ def _cause(
         "p_holm": decision.p_holm,
         "verdict": decision.verdict,
         "share": None if share is None else share.to_json(),
+        "points_to_it": [],
+        "cure": "",
+        "hours": None,
         "words": words,
     }
 
@@ -221,7 +269,7 @@ def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequenc
         rules.append(_rule("the arm moves later than in simulation", late, LATE, "s", "latency"))
     for m in measures:
         if m["measure"] == "peak_force":
-            off = abs(m["second"] - m["first"]) / max(m["first"], 1e-9)
+            off = abs(m["second"] - m["first"]) / max(m["first"], LIGHT)
             rules.append(
                 {**_rule("peak force off the simulated one", off, 0.5, "of it", "contact"), "speaks": m["apart"]}
             )

@@ -102,6 +102,17 @@ class RandomizedWorld:
             drawn += [d for where in places if (d := r.draw(seed, where, float(level))) is not None]
         return self.base.add(*drawn)
 
+    def middle(self, model: Any) -> World:
+        """Every range at its median; what fewer than half of the episodes have is left out."""
+        drawn = []
+        for r in self.ranges:
+            values = {k: v if isinstance(v, (int, float)) else v.at(0.5) for k, v in r.params.items()}
+            if r.chance >= 0.5:
+                drawn += [
+                    EffectInstance.of(r.effect, at, **values) for at in instances(effect(r.effect), r.where, model)
+                ]
+        return self.base.add(*drawn)
+
     def only(self, wanted: Callable[[EffectInstance | RandomizedEffect], bool]) -> RandomizedWorld:
         """Give this world with the wanted effects and ranges alone."""
         return replace(self, ranges=tuple(filter(wanted, self.ranges)), base=self.base.only(wanted))

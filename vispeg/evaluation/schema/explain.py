@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypedDict
 
+from vispeg.evaluation.outlook import Sign
 from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.gap import Measure, PartingRecord, Worth
 
@@ -30,7 +31,9 @@ class Rule(TypedDict):
 
 
 class Cause(TypedDict):
-    """A named effect: success from the trials' starts without and with it, and its share of what is lost."""
+    """A named effect: success from the trials' starts without and with it, its share of what is lost, what points to
+    it, its cure, and the hours of that (None: not known).
+    """
 
     effect: str
     params: dict[str, Any]
@@ -40,6 +43,9 @@ class Cause(TypedDict):
     p_holm: float | None
     verdict: str
     share: Interval | None
+    points_to_it: list[str]
+    cure: str
+    hours: float | None
     words: str
 
 
@@ -112,6 +118,15 @@ class Condition(TypedDict):
     met: bool | None
 
 
+class Bridge(TypedDict):
+    """The verdict on whether the gap can be bridged here: its words, its conditions, and the article's signs."""
+
+    verdict: str
+    words: str
+    conditions: list[Condition]
+    signs: list[Sign]
+
+
 class Step(TypedDict):
     """A next step: what it can gain at most, in success, its hours and where they are from, the gain an hour, and the
     command.
@@ -133,7 +148,7 @@ class Next(TypedDict):
 
 
 class ExplainRecord(TypedDict):
-    """explain.json without world and provenance."""
+    """explain.json without world and provenance; `left`: what is lost of which no cause says why."""
 
     format: str
     policy: str
@@ -152,6 +167,10 @@ class ExplainRecord(TypedDict):
     senses: list[Sense]
     moment: Moment | None
     worth: Worth
+    left: Interval
+    remainder: RemainderRecord | None
+    bridge: Bridge
+    steps: list[Step]
     next: Next | None
     notes: list[str]
     rule: str

@@ -26,6 +26,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     sections = [table_page.title("Why do these trials fail?", lines)]
     sections += _story(values, strip)
     heads = ("cause", "without", "with it", "change, points", "share of the loss", "Holm", "verdict")
+    heads += ("points to it", "cure", "hours")
     rows = [
         [
             _effect(c),
@@ -35,12 +36,16 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
             words.share(c["share"]),
             words.p_value(c["p_holm"]),
             c["verdict"],
+            "; ".join(c.get("points_to_it") or ()) or "-",
+            c.get("cure") or "-",
+            words.hours(c.get("hours")),
         ]
         for c in values["causes"]
     ]
     note = "Success of the policy in simulation from the trials' starts, on the same draws without and with the effect."
     if rows:
         sections.append(table_page.table("Causes", heads, rows, note=note))
+    sections += _bridge(values)
     if values["senses"]:
         heads = ("sense", "moves the action by", "between two draws", "more", "Holm", "points to")
         rows = [
@@ -88,6 +93,43 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
     heads = ("trial", "ended by", "the policy from its start", "its actions from its start")
     sections.append(table_page.table("Trials", heads, each))
     return page("vispeg explain", "explanation of trials", [*sections, table_page.origin(values)])
+
+
+def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
+    """Show what no cause explains, the conditions of a verdict on it, the article's signs, and prices."""
+    sections, b, left = [], values["bridge"], values["remainder"]
+    if left:
+        regimes = "; ".join(
+            f"{100 * p:.0f} % of its power in {r} ({n} recordings)" for r, (p, n) in left["regimes"].items()
+        )
+        rows = [["without", words.rate(left["without"])], ["with it", words.rate(left["with_it"])]]
+        rows.append(["change, points", words.change(left["cost"])])
+        rows += [[f"{j['joint']}, RMS", f"{j['rms']:.2g} {j['unit']}"] for j in left["joints"]]
+        note = (
+            f"{left['words']}. The torque that {len(left['recordings'])} recordings' motions lack in the found world, "
+            f"below 8 Hz, in blocks of {left['block_s']:.2g} s, twice its correlation time, put on the joints in the "
+            f"same episodes; {regimes}."
+        )
+        sections.append(table_page.table("What no cause explains, played back", ("", "success"), rows, note=note))
+    rows = [[c["condition"], c["here"], words.met(c["met"])] for c in b["conditions"]]
+    rows += [[f"the article's sign: {s['sign']}", s["here"], "speaks" if s["speaks"] else "silent"] for s in b["signs"]]
+    note = f"{b['verdict']}: {b['words']}. It is called unbridgeable only where all conditions are met; signs are none."
+    sections.append(table_page.table("Can it be bridged here?", ("condition", "here", ""), rows, note=note))
+    rows = [
+        [
+            s["step"],
+            words.signed(s["gain"]),
+            words.hours(s["hours"]),
+            s["hours_from"],
+            "-" if s["an_hour"] is None else f"{100 * s['an_hour']:.3g}",
+            s["command"] or "-",
+        ]
+        for s in values["steps"]
+    ]
+    heads = ("next step", "wins back at most, points", "hours", "of which", "points an hour", "command")
+    note = "What paired replays say is lost, all of which a step would win back at most. A person's hours are stated."
+    sections.append(table_page.table("What to do next", heads, rows, note=note))
+    return sections
 
 
 def _effect(cause: Mapping[str, Any]) -> str:

@@ -102,3 +102,13 @@ def control(kind: str) -> str:
     if kind.endswith(FIXED):
         return f"{kind.removesuffix(FIXED)} at its nominal place"
     return CONTROLS.get(kind, kind)
+
+
+def met(condition: bool | None) -> str:
+    """`met`, `not met`, or `not known`."""
+    return "not known" if condition is None else "met" if condition else "not met"
+
+
+def hours(value: float | None) -> str:
+    """Give hours to two digits; `not known` where there are none."""
+    return "not known" if value is None else f"{value:.2g} h"

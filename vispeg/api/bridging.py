@@ -1,0 +1,256 @@
+"""What `vispeg explain` says when a gap is not explained: the remainder played back, prices, and the verdict."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.errors import UserError
+from vispeg.evaluation import bridge, prices
+from vispeg.evaluation.entrants import Entrant
+from vispeg.evaluation.explain import TOGETHER
+from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
+from vispeg.evaluation.outlook import Sign, outlook
+from vispeg.evaluation.overlay import Change
+from vispeg.evaluation.prices import Prices
+from vispeg.evaluation.records import Episode
+from vispeg.evaluation.remainder import Missing, Remainder, missing_of
+from vispeg.evaluation.schema.explain import ExplainRecord
+from vispeg.formats.json_data import read_json
+from vispeg.recordings.load import load
+from vispeg.recordings.recording import Recording
+from vispeg.task.config import TaskConfig
+from vispeg.task.registry import scene_of
+from vispeg.task.world_file import WorldFile, load_world
+from vispeg.trials.trial import Trial
+from vispeg.worlds.split import of_arm
+from vispeg.worlds.world import World
+
+FOUND, LEFT, HOME, RANDOM = "as found", "as found, with the remainder", "home", "home, as much at random"
+DIAGNOSIS = "diagnosis.json"
+WIDER = 2.0  # times the remainder: the draws' upper end, so that they lie about it
+SMALL = 0.02  # of the worst joint's torque: less is not randomized
+MM = {"mm": 1.0, "m": 1e3}
+PlayJobs = Callable[[list[Job]], list[Episode]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of an explanation beside causes.
+
+    Attributes:
+        remainder: episodes without and with what no cause explains; 0: none.
+        held_out: recordings that it is taken from; none: the trials'.
+        prices: of a person's work.
+    """
+
+    remainder: int = 0
+    held_out: tuple[Path, ...] = ()
+    prices: Prices = field(default_factory=Prices)
+
+    def check(self) -> None:
+        """Raise UserError for what cannot be."""
+        if self.remainder < 0:
+            raise UserError("no number of episodes", key="--remainder", expected="0 or more", got=self.remainder)
+        self.prices.check()
+
+
+def diagnosis_of(model: Path | None) -> Mapping[str, Any] | None:
+    """Give the diagnosis that stands beside a model file; None where there is none."""
+    if model is None or not (beside := model.parent / DIAGNOSIS).is_file():
+        return None
+    values = read_json(beside, finite=False)
+    return values if isinstance(values, dict) else None
+
+
+def tolerance_mm(config: TaskConfig) -> float | None:
+    """Give the width of the goal less that of the part, mm; None of a task without one."""
+    about = config.tolerance
+    return None if about is None else getattr(config, about.setting) * MM[about.unit]
+
+
+def signs_of(config: TaskConfig) -> Sequence[Sign]:
+    """Give the article's signs of which the world states the numbers; none where it does not state them."""
+    room, repeats = tolerance_mm(config), config.robot.repeats_mm
+    if room is None or repeats is None:
+        return ()
+    return [s for s in outlook(room, repeats)["signs"] if s["sign"].startswith(("precision", "repeatability"))]
+
+
+@dataclass(frozen=True)
+class Bridging:
+    """The remainder of trials, and who plays it where.
+
+    Attributes:
+        who: the policy.
+        world: of the model, by name or file.
+        file: the same, read.
+        named: effects that may be causes.
+        task: settings of the task.
+        folder: for changed worlds.
+        seed: of the episodes.
+    """
+
+    who: Entrant
+    world: str
+    file: WorldFile
+    named: tuple[EffectInstance, ...]
+    task: Mapping[str, Any]
+    folder: Path
+    seed: int
+
+    def arm(self, robot: str) -> World:
+        """Give the found arm: what the world fixes or centres, and what the model names."""
+        drawn = of_arm(self.file.world).middle(scene_of(self.file.task))
+        return _searched(robot, (*drawn.effects, *self.named))
+
+    def remainder(
+        self, recordings: Sequence[Recording], replayed: Sequence[Trial], tick: float, notes: list[str]
+    ) -> Remainder | None:
+        """Give what the found arm lacks in the recordings, less what its own replays lack in their own worlds."""
+        missing = _missing(recordings, self.arm(recordings[0].robot))
+        floor: list[Missing] = []
+        for t in replayed:
+            world = _searched(t.recording.robot, t.said.begin().effects or ())
+            floor += _missing([t.recording], world)
+        found = Remainder.of(missing, floor, recordings[0].joints, tick)
+        if found is None:
+            notes.append("what no cause explains is not played: no recording is long enough")
+        return found
+
+    def play(self, remainder: Remainder, episodes: int, play: PlayJobs, notes: list[str]) -> list[list[Episode]]:
+        """Give the episodes as found, with the remainder, and the same at home; the latter two empty where none is."""
+        changes = tuple(Change(e.effect, {k: v.value for k, v in e.params.items()}, e.where) for e in self.named)
+        at = _digest(remainder)
+        plain = Setting(self.world, self.file.name, FOUND, changes, dict(self.task))
+        (found,) = make_jobs([self.who], [plain], seeds_of(episodes, self.seed), self.folder)
+        jobs = [found, replace(found, configuration=f"{LEFT}, {at}", remainder=remainder)]
+        home = self.home(notes)
+        if home is not None:
+            wide = tuple(
+                Change("torque_noise", {"rms": {"uniform": [0.0, most]}, "time": time}, joint)
+                for joint, most, time in _at_random(remainder)
+            )
+            for name, noise in ((HOME, ()), (f"{RANDOM}, {at}", wide)):
+                setting = Setting(home, load_world(home).name, name, noise, dict(self.task))
+                jobs += make_jobs([self.who], [setting], seeds_of(episodes, self.seed), self.folder)
+        ends = play(jobs)
+        by: dict[str, list[Episode]] = {}
+        for e in ends:
+            by.setdefault(e.configuration, []).append(e)
+        return [by.get(job.configuration, []) for job in jobs] + [[] for _ in range(4 - len(jobs))]
+
+    def home(self, notes: list[str]) -> str | None:
+        """Give the world that the policy was trained in, of the scripted one the model's; None where it is gone."""
+        if self.who.scripted:
+            return self.world
+        from vispeg.learn.coarse_to_fine import open_policy
+        from vispeg.learn.envs import home
+
+        at = home(open_policy(self.who.path))
+        try:
+            load_world(at)
+        except UserError as error:
+            notes.append(f"the world that it was trained in is not played: {error}")
+            return None
+        return at
+
+
+def _searched(robot: str, effects: Sequence[EffectInstance]) -> World:
+    """Give an arm with these effects, of one place the last, as far as inverse dynamics shows them."""
+    arm = of_arm(World(effects=tuple({e.label: e for e in effects}.values())))
+    return World(robot).add(*(e for e in arm.effects if effect(e.effect).searchable))
+
+
+def _missing(recordings: Sequence[Recording], world: World) -> list[Missing]:
+    return [m for rec in recordings if (m := missing_of(rec, world)) is not None]
+
+
+def _at_random(remainder: Remainder) -> list[tuple[str, float, float]]:
+    """Joint, greatest RMS (N m) and correlation time (s) of a random torque that covers the remainder."""
+    params = effect("torque_noise").params
+    time = float(np.clip(remainder.block / 2, params["time"].low, params["time"].high))
+    sizes = remainder.sizes()
+    return [
+        (s["joint"], min(WIDER * s["rms"], params["rms"].high), time)
+        for s in sizes
+        if s["rms"] > SMALL * sizes[0]["rms"] and s["rms"] > 0
+    ]
+
+
+def _digest(remainder: Remainder) -> str:
+    """Give what a remainder is known by, so that a stopped run goes on with the same."""
+    hashed = hashlib.sha256()
+    for piece in remainder.pieces:
+        hashed.update(np.round(piece, 6).tobytes())
+    return hashed.hexdigest()[:12]
+
+
+def recordings_of(places: Sequence[Path], trials: Sequence[Trial]) -> list[Recording]:
+    """Give the held-out recordings; the trials' where none is named.
+
+    Raises:
+        UserError: no recording there, or of another robot than the trials'.
+    """
+    if not places:
+        return [t.recording for t in trials]
+    found = [load(place) for place in places]
+    for rec in found:
+        if (rec.robot, rec.joints) != (trials[0].recording.robot, trials[0].recording.joints):
+            raise UserError("of another robot than the trials", file=rec.path, expected=trials[0].recording.robot)
+    return found
+
+
+def said(
+    record: ExplainRecord,
+    played: Sequence[Sequence[Episode]],
+    remainder: Remainder | None,
+    home_world: str,
+    *,
+    diagnosis: Mapping[str, Any] | None,
+    config: TaskConfig,
+    asked: Asked,
+    policy: Path | None,
+    trials: Sequence[Trial],
+    named: Sequence[EffectInstance],
+    commands: Mapping[str, str],
+) -> None:
+    """Put the remainder, the verdict, the cures and the next steps into a record."""
+    if remainder is not None and played:
+        without, with_it, home, wide = played
+        both = (home, wide) if home and wide else None
+        record["remainder"] = bridge.replayed(remainder, without, with_it, both, home_world)
+    record["bridge"] = bridge.bridge(record["remainder"], diagnosis, signs_of(config))
+    training, work = prices.training_of(policy, asked.prices), asked.prices
+    trial_s = float(np.median([t.said.outcome.time_s for t in trials]))
+    motion = (diagnosis or {}).get("next_experiment")
+    together = record["causes"][-1] if record["causes"] else None
+    record["steps"] = prices.steps(
+        work,
+        training,
+        gap=record["gap"],
+        left=record["left"],
+        causes=None if together is None else together["cost"],
+        remainder=None if record["remainder"] is None else record["remainder"]["cost"],
+        trial_s=trial_s,
+        motion=motion if isinstance(motion, dict) else None,
+        commands=commands,
+    )
+    doubtful = {e.label for e in named if e.partial or e.tentative} | _alike(diagnosis)
+    record_step = next(s for s in record["steps"] if s["step"].startswith("record"))
+    for cause in record["causes"]:
+        unsure = cause["effect"] in doubtful and cause["effect"] != TOGETHER
+        cause["cure"] = record_step["step"] if unsure else "fine-tune in a world that has it"
+        cause["hours"] = record_step["hours"] if unsure else training.hours
+
+
+def _alike(diagnosis: Mapping[str, Any] | None) -> set[str]:
+    """Give the labels of effects that the diagnosis could not tell from others."""
+    rows = [r for r in (diagnosis or {}).get("effects") or () if isinstance(r, dict)]
+    return {f"{r.get('effect')}({r.get('where')})" for r in rows if r.get("indistinguishable_from")}
