@@ -133,7 +133,9 @@ def demonstrations(
             break
         if tried >= limit:
             raise UserError(
-                "the teacher does not succeed in this world", expected=f"{episodes} successes", got=succeeded
+                "the teacher does not succeed in this world",
+                expected=f"{episodes} successes, as of a state policy that was trained in it (--teacher)",
+                got=succeeded,
             )
     for row in range(env.num_envs):
         ring.starts[ring._span(row), row] &= ring.began[row] == ring.head[row]
