@@ -18,6 +18,7 @@ from vispeg.interface.terms import FELT
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
+from vispeg.trials.logged import LoggedRobot
 from vispeg.trials.loop import Acts, Clock, How, Step, run_episode
 from vispeg.trials.named import driver
 from vispeg.trials.trial import OutcomePart, PolicyPart, Said, is_trial, write_trial
@@ -81,7 +82,7 @@ def run(
     robot: str | Driver,
     out: str | Path,
     *,
-    episodes: int = 1,
+    episodes: int | None = None,
     seed: int | None = None,
     how: How | None = None,
     world: str | Path | None = None,
@@ -100,7 +101,7 @@ def run(
             user's own, see `vispeg.evaluation.own`, with `world`.
         robot: as `--robot`, or an object with the four calls of `vispeg.trials.driver.Driver`.
         out: folder of the trials.
-        episodes: number of them.
+        episodes: number of them; by default 1, of a log all that it has.
         seed: of the first one; by default the number of its folder.
         how: limits, shadow, slow, the believed goal.
         world: on whose arm the policy is played; None for the one that it was trained in.
@@ -113,16 +114,20 @@ def run(
     Raises:
         UserError: no such policy or robot, a policy that cannot be run, an `out` that holds something else.
     """
-    if episodes < 1:
+    if episodes is not None and episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
     acts, interface, who = opened(policy, world, name)
     called = robot if isinstance(robot, str) else type(robot).__name__
     target = driver(robot) if isinstance(robot, str) else robot
+    if isinstance(target, LoggedRobot):
+        how, clock, watch, most = target.how(how or How()), target, False, target.episodes
+    else:
+        most = 1
     trials: dict[str, Said] = {}
     try:
         with _place(Path(out).expanduser()) as place:
             first = _next(place)
-            for k in range(episodes):
+            for k in range(episodes or most):
                 ready(k)
                 options = {"name": called, "clock": clock, "show": show, "key": key, "watch": watch}
                 trial = run_episode(acts, interface, target, who, k + (first if seed is None else seed), how, **options)

@@ -60,7 +60,10 @@ class Driver(Protocol):
         ...
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """Give the newest reading, with pictures of these cameras. Called once a control period: returns at once."""
+        """Give the newest reading, with pictures of these cameras. Called once a control period: returns at once.
+
+        Raises EOFError where there will be no more, as at the end of a log: the episode has taken its time.
+        """
         ...
 
     def command(self, pose: np.ndarray) -> None:

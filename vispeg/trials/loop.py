@@ -174,6 +174,8 @@ def run_episode(
                 ended = loop.run(dog.beat)
     except KeyboardInterrupt:
         ended = WATCHDOG if dog is not None and dog.barked else STOPPED
+    except EOFError:  # a log is over
+        ended = None
     except OSError as error:  # the robot is not there any more, or a part of it is silent
         ended, loop.why = WATCHDOG, str(error) or None
     finally:

@@ -9,16 +9,17 @@ from vispeg.core.errors import UserError
 from vispeg.interface.lerobot import PREFIX
 from vispeg.trials.driver import Driver
 from vispeg.trials.lerobot import LeRobotRobot
+from vispeg.trials.logged import LoggedRobot
 from vispeg.trials.ros2 import Ros2Robot
 from vispeg.trials.socket_robot import SocketRobot
 
 CALLS = ("connect", "read", "command", "stop")
-SIMULATED, ROS2, LEROBOT, PYTHON = "sim", "ros2", PREFIX.rstrip(":"), "python"
+SIMULATED, ROS2, LEROBOT, LOG, PYTHON = "sim", "ros2", PREFIX.rstrip(":"), "log", "python"
 
 
 def driver(text: str) -> Driver:
     """Give the driver that `--robot` names: `sim:WORLD`, `ros2`, `ros2:FILE.yaml`, `lerobot:TYPE`,
-    `lerobot:TYPE:FILE.yaml`, or `python:MODULE:CALLABLE`.
+    `lerobot:TYPE:FILE.yaml`, `log:FOLDER`, or `python:MODULE:CALLABLE`.
 
     Raises:
         UserError: no such kind, module, file or world, no ROS 2, no LeRobot, or an object without the four calls.
@@ -30,10 +31,12 @@ def driver(text: str) -> Driver:
         return Ros2Robot(rest)
     if kind == LEROBOT and rest:
         return LeRobotRobot(rest)
+    if kind == LOG and rest:
+        return LoggedRobot(rest)
     if kind == PYTHON and rest.count(":") == 1:
         return _imported(text, *rest.split(":"))
-    expected = f"{SIMULATED}:WORLD, {ROS2}, {ROS2}:FILE.yaml, {LEROBOT}:TYPE, {LEROBOT}:TYPE:FILE.yaml, or "
-    expected += f"{PYTHON}:MODULE:CALLABLE"
+    expected = f"{SIMULATED}:WORLD, {ROS2}, {ROS2}:FILE.yaml, {LEROBOT}:TYPE, {LEROBOT}:TYPE:FILE.yaml, "
+    expected += f"{LOG}:FOLDER, or {PYTHON}:MODULE:CALLABLE"
     raise UserError("no such robot", key="--robot", expected=expected, got=text)
 
 

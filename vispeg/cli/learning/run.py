@@ -6,8 +6,9 @@ behind it where its actions are joints or metres (joint_goal, joint_delta, tip_g
 A robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated one
 in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings), `ros2`,
 an arm over ROS 2 (`ros2:FILE.yaml` says how its topics are called), `lerobot:TYPE`, a robot of LeRobot's
-(`lerobot:TYPE:FILE.yaml` says which motor is which joint's), or `python:MODULE:CALLABLE`, a driver of your own with the
-calls connect, read, command and stop.
+(`lerobot:TYPE:FILE.yaml` says which motor is which joint's), `log:FOLDER`, recordings by `vispeg convert` of what the
+policy did under another program, or `python:MODULE:CALLABLE`, a driver of your own with the calls connect, read,
+command and stop.
 
 The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when readings stay away, and when
 you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, which is a recording too: `compare`,
@@ -16,6 +17,7 @@ you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NN
 Example:
     vispeg run state-3mm --robot sim:VNP --episodes 3 --out trials
     vispeg run policy.onnx --robot ros2:fr3.yaml --shadow --out first-look
+    vispeg run policy.onnx --robot log:converted --out trials
     vispeg run policy.onnx --robot python:my_driver:Robot --slow 0.3 --force 15 --ask --episodes 20 --out trials
 """
 
@@ -44,11 +46,11 @@ class Args:
     policy: tyro.conf.Positional[str]
     """A policy's folder, a bundled policy's name, an .onnx file, or one of your own."""
     robot: str
-    """sim:WORLD, ros2, ros2:FILE.yaml, lerobot:TYPE, lerobot:TYPE:FILE.yaml, or python:MODULE:CALLABLE."""
+    """sim:WORLD, ros2[:FILE.yaml], lerobot:TYPE[:FILE.yaml], log:FOLDER, or python:MODULE:CALLABLE."""
     out: Path
     """Folder of the trials; those that are there stay, numbers go on."""
-    episodes: int = 1
-    """Number of episodes."""
+    episodes: int | None = None
+    """Number of episodes; default: 1, of a log all that it has."""
     seed: int | None = None
     """What a simulated robot draws the first episode's start from; default: the trial's number."""
     goal: tuple[float, float, float] | None = None

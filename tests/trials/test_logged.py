@@ -1,0 +1,83 @@
+"""A log that is played again is the trial that it was: the policy sees and asks for the same, and it ends as it did."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lockstep import Lockstep
+
+from vispeg.api.run import opened, run
+from vispeg.cli.main import main
+from vispeg.core.errors import UserError
+from vispeg.core.notes import Note
+from vispeg.recordings.cell import Outcome
+from vispeg.recordings.load import load
+from vispeg.recordings.write import write
+from vispeg.trials.loop import How, run_episode
+from vispeg.trials.trial import folders, read_trial, write_trial
+
+SEED, FEW = 3, 4  # FEW: steps of the policy that sees
+
+
+def logged(place, name, world, steps=None):
+    """A policy's run on a robot, as a trial, and a recording of it in which nothing speaks of a policy."""
+    policy, interface, who = opened(name, None, None)
+    short = interface if steps is None else interface.model_copy(update={"steps": steps})
+    robot = Lockstep(world, interface.modality)
+    ran = run_episode(policy, short, robot, who, SEED, How(rest=0.0), clock=robot, watch=False)
+    write_trial(ran, place / "trial")
+    write(ran.recording, place / "log")
+    return place
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory):
+    return logged(tmp_path_factory.mktemp("state"), "state-3mm", "nominal")
+
+
+@pytest.fixture(scope="module")
+def depth(tmp_path_factory):
+    return logged(tmp_path_factory.mktemp("depth"), "depth-S", "S", FEW)
+
+
+# what a log keeps is rounded: depth to .1 mm, which a network may turn into a little more of an action
+@pytest.mark.parametrize(("name", "seen", "place"), [("state-3mm", 1e-5, 1e-6), ("depth-S", 2e-3, 5e-5)])
+def test_the_policy_sees_and_does_the_same(name, seen, place, request, tmp_path):
+    log = request.getfixturevalue(name.partition("-")[0])
+    once = read_trial(log / "trial")
+    result = run(name, f"log:{log / 'log'}", tmp_path / "again")
+    (again,) = (read_trial(folder) for folder in folders(result.folder))
+    n = len(once.steps.time)
+    assert n >= FEW and len(again.steps.time) >= n
+    np.testing.assert_allclose(again.steps.time[:n], once.steps.time, atol=1e-9)
+    np.testing.assert_allclose(again.steps.seen[:n], once.steps.seen, atol=seen)
+    np.testing.assert_allclose(again.steps.target[:n, :3], once.steps.target[:, :3], atol=place)
+    assert again.said.start.q_rad == pytest.approx(once.said.start.q_rad, abs=1e-6)
+    assert again.said.outcome.success == once.said.outcome.success and not again.said.how.shadow
+    assert (again.recording.frames is None) == (name == "state-3mm")
+
+
+def test_it_ends_as_the_log_says_and_has_as_many_episodes(depth, tmp_path):
+    rec, both = load(depth / "log"), tmp_path / "both"
+    for name, category in (("a", "jam"), ("b", "dropped")):
+        write(replace(rec, outcomes=(Outcome(False, 0, category, 12.5),)), both / name)
+    assert main(["run", "depth-S", "--robot", f"log:{both}", "--out", str(tmp_path / "t"), "--quiet"]) == 0
+    found = [read_trial(p).said.outcome for p in folders(tmp_path / "t")]
+    assert [(o.category, o.by, o.peak_force_n) for o in found] == [("jam", "robot", 12.5), ("dropped", "robot", 12.5)]
+    with pytest.raises(UserError, match="no more episodes"):
+        run("depth-S", f"log:{both}", tmp_path / "more", episodes=3)
+
+
+def test_another_policy_s_log_is_said_to_be_one(state, tmp_path):
+    with pytest.warns(Note, match="lie .* mm .median. from what the policy asks for"):
+        run("state-0.5mm", f"log:{state / 'log'}", tmp_path / "other")
+
+
+def test_what_is_no_log_of_this_arm_is_refused(depth, tmp_path, capsys):
+    rec = load(depth / "log")
+    write(replace(rec, joints=tuple("abcdefg")), tmp_path / "renamed")
+    write(replace(rec, frames=None), tmp_path / "blind")
+    wrong = {"nothing": "nothing", "renamed": "joints of another arm", "blind": "no picture of a camera"}
+    for name, words in wrong.items():
+        assert main(["run", "depth-S", "--robot", f"log:{tmp_path / name}", "--out", str(tmp_path / "x")]) == 2
+        assert words in capsys.readouterr().err and not (tmp_path / "x").exists()
