@@ -10,6 +10,7 @@ from vispeg.api.run import opened, run
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.core.notes import Note
+from vispeg.datasets.read import Dataset
 from vispeg.recordings.cell import Outcome
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
@@ -81,3 +82,23 @@ def test_what_is_no_log_of_this_arm_is_refused(depth, tmp_path, capsys):
     for name, words in wrong.items():
         assert main(["run", "depth-S", "--robot", f"log:{tmp_path / name}", "--out", str(tmp_path / "x")]) == 2
         assert words in capsys.readouterr().err and not (tmp_path / "x").exists()
+
+
+def test_a_folder_in_lerobot_s_layout_is_a_log_too(tmp_path):
+    """What the policy is told is what the folder says that it was told: poses and forces by their names."""
+    folder = tmp_path / "frames"
+    argv = ["render", "--world", "nominal", "--frames", "40", "--size", "64", "--looks", "1", "--workers", "0"]
+    assert main([*argv, "--no-labels", "--out", str(folder), "--quiet", "--json"]) == 0
+    data = Dataset(folder)
+    with pytest.warns(Note, match="interpolated"):
+        result = run("depth-S", f"log:{folder}", tmp_path / "trials")
+    trials = [read_trial(p) for p in folders(result.folder)]
+    numbers = [k for k, row in enumerate(data.episodes) if row["length"] > 1]
+    assert data.successes is not None and len(trials) == len(numbers)
+    for k, trial in zip(numbers, trials, strict=True):
+        told = data.episode(k)["observation.policy"][: len(trial.steps.time)]
+        assert trial.steps.time == pytest.approx(np.arange(len(told)) / data.info["fps"])
+        np.testing.assert_allclose(trial.steps.seen[: len(told), :3], told[:, :3], atol=1e-3)  # place of the tip
+        # forces are those of the sample but for the part of a mean that reaches back towards the one before
+        np.testing.assert_allclose(trial.steps.seen[1 : len(told), 6:12], told[1:, 6:12], atol=0.1)
+        assert trial.said.outcome.success == data.successes[k] or trial.said.outcome.by == "measured"

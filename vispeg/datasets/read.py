@@ -34,6 +34,7 @@ from vispeg.render.cameras.camera import Camera
 
 KEPT = 4  # episodes that stay in memory, pictures encoded
 OPEN = 32  # files
+SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
 CHUNK = 1000  # episodes of a folder, where version 2 does not say
 
 
@@ -141,6 +142,16 @@ class Dataset:
     def stats(self) -> Mapping[str, Mapping[str, object]]:
         """The content of `meta/stats.json`."""
         return read_stats(self.folder)
+
+    @property
+    def successes(self) -> list[bool] | None:
+        """Whether each episode succeeded, by `meta/episodes` or by `next.success`; None where neither is there."""
+        if all(SUCCESS in row for row in self.episodes):
+            return [bool(row[SUCCESS]) for row in self.episodes]
+        if REACHED not in self.info["features"]:
+            return None
+        reached = self.numbers(REACHED)
+        return [bool(reached[e["dataset_from_index"] : e["dataset_to_index"]].any()) for e in self.episodes]
 
     def numbers(self, name: str) -> np.ndarray:
         """Give a feature of all frames at once, (N, ...); pictures are refused."""

@@ -1,14 +1,15 @@
-"""A robot that only plays a log again: `--robot log:FOLDER`, recordings that `vispeg convert` made of bags or folders.
+"""A robot that only plays a log again: `--robot log:FOLDER`, a recording by `vispeg convert` or a LeRobot folder.
 
-What was measured comes back moment by moment, on a clock of its own that waits for nobody, and what a policy asks for
-moves nothing. So a run of the policy that another program recorded becomes a trial. Where the log says what was
-commanded, a note says how far the policy asks for something else.
+What was measured comes back moment by moment, between samples along a straight line, on a clock of its own that waits
+for nobody; what a policy asks for moves nothing. So a run of the policy that another program recorded becomes a trial.
+Where the log says what was commanded, a note says how far the policy asks for something else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +17,25 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
+from vispeg.interface.actions import POSITION, entries
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import Observer
-from vispeg.recordings.cell import WrenchSensor
+from vispeg.recordings.cell import Outcome, WrenchSensor
 from vispeg.recordings.differentiate import smooth
-from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.load import HEADER, load
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.render.cameras.camera import Camera
+from vispeg.render.image_kinds import camera_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.limits import Limits
 from vispeg.trials.loop import Clock, How
 
 CUTOFF_HZ = 15.0  # of velocities that are taken from angles, as where torques are
 OTHER = 2e-3  # m: ten times what an arm repeats to; a policy that asks for so much else is not the one that ran
+INFO, OBSERVED, SPEED = "meta/info.json", "observation.", ".vel"
+FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
+TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # as such a folder has them
 
 
 @dataclass(frozen=True)
@@ -50,11 +55,36 @@ class Unlimited(Limits):
         return True
 
 
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What was measured in one episode.
+
+    Attributes:
+        name: for people.
+        time: (n,) s from its first sample.
+        q, dq: (n, nj) rad, rad/s.
+        wrench: (n, 6) N and N m, or None; `sensor` says how it is to be read.
+        pictures: of each camera: times (n,) s, and what reads each.
+        asked: (n, 3) m, the commanded place of the flange, or None.
+        outcome: how it ended, or None.
+    """
+
+    name: str
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    wrench: np.ndarray | None
+    sensor: WrenchSensor
+    pictures: Mapping[str, tuple[np.ndarray, Sequence[Callable[[], Picture]]]]
+    asked: np.ndarray | None
+    outcome: Outcome | None
+
+
 class LoggedRobot(Clock):
     """Driver and clock at once.
 
     Args:
-        folder: a recording, or a folder of recordings; an episode of theirs after the other.
+        folder: a recording, a folder of recordings, or a folder in LeRobot's layout; its episodes come in order.
 
     Raises:
         UserError: no recording there, or one that cannot be read.
@@ -62,10 +92,9 @@ class LoggedRobot(Clock):
 
     def __init__(self, folder: str | Path):
         place = Path(folder).expanduser()
-        inside = sorted(p.parent for p in place.glob(f"*/{HEADER}"))
-        found = [load(p) for p in ([place] if (place / HEADER).is_file() or not inside else inside)]
-        self._all = [(rec, int(k)) for rec in found for k in np.unique(_episodes(rec))]
+        self._all = _of_dataset(place) if (place / INFO).is_file() else _of_recordings(place)
         self._next, self._now, self._apart = 0, 0.0, list[float]()
+        self._at: Episode | None = None
 
     @property
     def episodes(self) -> int:
@@ -74,7 +103,7 @@ class LoggedRobot(Clock):
 
     def how(self, how: How) -> How:
         """Give the way in which a log is played: from its first sample, with no limit."""
-        return replace(how, limits=Unlimited(), rest=0.0, silence=np.inf)
+        return replace(how, limits=Unlimited(), rest=0.0)
 
     def now(self) -> float:
         """Seconds since the episode's first sample."""
@@ -88,67 +117,178 @@ class LoggedRobot(Clock):
         """Note that the next episode begins. Raises UserError: there is none, or it is another arm's."""
         if self._next >= self.episodes:
             raise UserError("has no more episodes", key="--episodes", expected=f"{self.episodes} or fewer")
-        whole, number = self._all[self._next]
-        self._next += 1
-        if set(whole.joints) != set(interface.arm.joints):
-            raise UserError("joints of another arm", file=whole.path, expected=interface.arm.joints, got=whole.joints)
-        rec = in_order(whole, interface.arm.joints)
-        rows = np.flatnonzero(_episodes(rec) == number)
-        rows = rows[np.isfinite(rec.q[rows]).all(1)]
-        if len(rows) < 2:
-            raise UserError("an episode without readings of all joints", file=rec.path, key=f"episode {number}")
-        start = rec.time[rows[0]]
-        self._time, self._q, self._now = rec.time[rows] - start, rec.q[rows], 0.0
-        speeds = rec.dq[rows] if rec.dq is not None else smooth(self._time, self._q, CUTOFF_HZ)[1]
-        self._dq = np.nan_to_num(speeds)
-        self._ft = None if rec.ft is None else _held(rec.ft[rows])
-        self._asked = None if rec.ee_cmd is None else rec.ee_cmd[rows]
-        self._apart, self._period = [], interface.policy_period_s
-        self._pictures = {} if rec.frames is None else _pictures(rec.frames, number, start)
-        ended = [o for o in rec.outcomes if o.episode == number]
-        self._ended = ended[0] if ended else None
-        return Connected(None if rec.ft is None else rec.wrench or WrenchSensor())
+        self._at = self._all[self._next](interface)
+        self._next, self._now, self._apart, self._period = self._next + 1, 0.0, [], interface.policy_period_s
+        apart, period = float(np.median(np.diff(self._at.time))), interface.controller.period_s
+        if apart > 2 * period:
+            note(
+                f"samples {1e3 * apart:.0f} ms apart are interpolated to {1e3 * period:g} ms in the trials' recordings"
+            )
+        return Connected(None if self._at.wrench is None else self._at.sensor)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """Give the last sample by now. Raises EOFError: the episode is over."""
-        if self._now > self._time[-1] + 1e-9:
+        """Give what was measured by now. Raises EOFError: the episode is over."""
+        e = self._episode
+        if self._now > e.time[-1] + 1e-9:
             raise EOFError
-        at = self._last(self._time)
         told = {}
         for name in cameras:
-            if name in self._pictures:
-                times, pictures = self._pictures[name]
-                told[name] = pictures[self._last(times)]()
-        wrench = None if self._ft is None else self._ft[at]
-        return Reading(float(self._time[at]), self._q[at], self._dq[at], wrench, told)
+            if name in e.pictures:
+                times, pictures = e.pictures[name]
+                told[name] = pictures[max(0, int(np.searchsorted(times, self._now + 1e-9, side="right")) - 1)]()
+        wrench = None if e.wrench is None else self._between(e.wrench)
+        return Reading(self._now, self._between(e.q), self._between(e.dq), wrench, told)
 
     def command(self, pose: np.ndarray) -> None:
         """Note how far the log's own command is from it, half a policy step later."""
-        if self._asked is not None:
-            at = int(np.searchsorted(self._time, self._now + self._period / 2, side="right")) - 1
-            self._apart.append(float(np.linalg.norm(self._asked[at, :3] - pose[:3])))
+        if (asked := self._episode.asked) is not None:
+            at = int(np.searchsorted(self._episode.time, self._now + self._period / 2, side="right")) - 1
+            self._apart.append(float(np.linalg.norm(asked[at] - pose[:3])))
 
     def stop(self) -> Mapping[str, Any] | None:
         """Give how the log says that the episode ended."""
         apart = float(np.nanmedian(self._apart)) if np.isfinite(self._apart).any() else 0.0
+        self._apart = []
         if apart > OTHER:
             note(
-                f"{self._all[self._next - 1][0].name}: the log's commands lie {1e3 * apart:.1f} mm (median) from what "
-                "the policy asks for: another policy, another clock or another place of the goal"
+                f"{self._episode.name}: the log's commands lie {1e3 * apart:.1f} mm (median) from what the policy asks "
+                "for: another policy, another clock or another place of the goal"
             )
-        self._apart = []
-        if self._ended is None:
+        if self._at is None or self._at.outcome is None:
             return None
-        o = self._ended
+        o = self._at.outcome
         said: dict[str, Any] = {"success": o.success, "category": "success" if o.success else o.category or "failed"}
         numbers = {"peak_force_n": o.peak_force, "depth_m": o.depth}
         return said | {key: value for key, value in numbers.items() if value is not None}
 
-    def _last(self, times: np.ndarray) -> int:
-        return max(0, int(np.searchsorted(times, self._now + 1e-9, side="right")) - 1)
+    @property
+    def _episode(self) -> Episode:
+        assert self._at is not None, "connect comes first"
+        return self._at
+
+    def _between(self, values: np.ndarray) -> np.ndarray:
+        """(k,) now, of (n, k) at the samples."""
+        time = self._episode.time
+        at = int(np.clip(np.searchsorted(time, self._now, side="right") - 1, 0, len(time) - 2))
+        share = min(1.0, (self._now - time[at]) / (time[at + 1] - time[at]))
+        return values[at] + share * (values[at + 1] - values[at])
 
 
-def _episodes(rec: Recording) -> np.ndarray:
+def _of_recordings(place: Path) -> list[Callable[[Interface], Episode]]:
+    """Give what makes each episode. Raises UserError: no recording there, or one that cannot be read."""
+    inside = sorted(p.parent for p in place.glob(f"*/{HEADER}"))
+    found = [load(p) for p in ([place] if (place / HEADER).is_file() or not inside else inside)]
+    return [partial(_recorded, rec, int(k)) for rec in found for k in np.unique(_numbers(rec))]
+
+
+def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
+    """Give an episode of a recording. Raises UserError: of another arm, or without readings."""
+    if set(whole.joints) != set(interface.arm.joints):
+        raise UserError("joints of another arm", file=whole.path, expected=interface.arm.joints, got=whole.joints)
+    rec = in_order(whole, interface.arm.joints)
+    rows = np.flatnonzero((_numbers(rec) == number) & np.isfinite(rec.q).all(1))
+    if len(rows) < 2:
+        raise UserError("an episode without readings of all joints", file=rec.path, key=f"episode {number}")
+    start = rec.time[rows[0]]
+    pictures: dict[str, tuple[np.ndarray, list[Callable[[], Picture]]]] = {}
+    for name in rec.frames.names if rec.frames is not None else ():
+        some = [f for f in rec.frames.of(name) if f.episode == number]  # type: ignore[union-attr]
+        if some:
+            c = some[0].camera  # of which the lens alone counts: the policy's own says where it is
+            eye = Camera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
+            views = [lambda f=f, eye=eye: Picture(f.rgb, f.depth, eye) for f in some]
+            pictures[name] = np.array([f.time - start for f in some]), views
+    ended = [o for o in rec.outcomes if o.episode == number]
+    return Episode(
+        rec.name,
+        rec.time[rows] - start,
+        rec.q[rows],
+        _speeds(rec.time[rows], rec.q[rows], None if rec.dq is None else rec.dq[rows]),
+        None if rec.ft is None else _held(rec.ft[rows]),
+        rec.wrench or WrenchSensor(),
+        pictures,
+        None if rec.ee_cmd is None else rec.ee_cmd[rows, :3],
+        ended[0] if ended else None,
+    )
+
+
+def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
+    """Give what makes each episode of more than a frame of a folder in LeRobot's layout. Raises UserError: one that
+    cannot be read.
+    """
+    from vispeg.datasets.read import Dataset
+
+    index = Dataset(place, theirs=True)
+    ended = index.successes
+    return [partial(_shown, index.folder, k, ended) for k, row in enumerate(index.episodes) if row["length"] > 1]
+
+
+def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: Interface) -> Episode:
+    """Give an episode of such a folder, its numbers by their names. Raises UserError: joints that are not there."""
+    from vispeg.datasets.layout import colour_of, depth_of
+    from vispeg.datasets.read import Dataset
+
+    info = Dataset(folder, theirs=True).info
+    places: dict[str, tuple[str, int]] = {}
+    for feature, what in info["features"].items():
+        if feature.startswith(OBSERVED) and len(what["shape"]) == 1:
+            for i, entry in enumerate(entries(what["names"])):
+                places.setdefault(entry.removesuffix(POSITION), (feature, i))
+    joints = interface.arm.joints
+    if lacking := [joint for joint in joints if joint not in places]:
+        raise UserError("joints are missing", file=folder / INFO, expected=joints, got=lacking, choices=sorted(places))
+    eyes: dict[str, dict[str, str]] = {}  # camera -> kind of picture -> feature
+    for key in interface.images:
+        name = camera_of(key)
+        both = {"rgb": colour_of(name), "depth": depth_of(name, info["features"])}
+        eyes[name] = {kind: feature for kind, feature in both.items() if feature in info["features"]}
+    speeds = tuple(f"{joint}{SPEED}" for joint in joints)
+    wanted = [name for some in (joints, speeds, FORCE) if all(n in places for n in some) for name in some]
+    seen = [feature for kinds in eyes.values() for feature in kinds.values()]
+    names = dict.fromkeys([*(places[name][0] for name in wanted), *seen])
+    chosen = Dataset(folder, names, theirs=True)
+    data, believed = chosen.episode(number), chosen.cameras
+
+    def numbers(some: Sequence[str]) -> np.ndarray | None:
+        if any(name not in places for name in some):
+            return None
+        columns = [data[f].reshape(len(data[f]), -1)[:, i] for f, i in map(places.__getitem__, some)]
+        return np.stack(columns, axis=1).astype(float)
+
+    q = numbers(joints)
+    assert q is not None
+    time = np.arange(len(q)) / float(info["fps"])
+    views: dict[str, tuple[np.ndarray, list[Callable[[], Picture]]]] = {}
+    for name, kinds in eyes.items():
+        if kinds:
+            images, eye = {kind: data[feature] for kind, feature in kinds.items()}, believed.get(name)
+            views[name] = time, [partial(_picture, images, eye, i) for i in range(len(q))]
+    outcome = None if ended is None else Outcome(bool(ended[number]), number, "" if ended[number] else "failed")
+    wrench = numbers(FORCE)
+    return Episode(
+        f"{folder.name}, episode {number}",
+        time,
+        q,
+        _speeds(time, q, numbers(speeds)),
+        None if wrench is None else _held(wrench),
+        TOLD,
+        views,
+        None,
+        outcome,
+    )
+
+
+def _picture(images: Mapping[str, np.ndarray], eye: Camera | None, row: int) -> Picture:
+    """Give a row of a camera's pictures, by kind."""
+    return Picture(**{kind: values[row] for kind, values in images.items()}, camera=eye)
+
+
+def _speeds(time: np.ndarray, q: np.ndarray, dq: np.ndarray | None) -> np.ndarray:
+    """(n, nj) rad/s, as measured or else from the angles; 0 where neither says."""
+    return np.nan_to_num(smooth(time, q, CUTOFF_HZ)[1] if dq is None else dq)
+
+
+def _numbers(rec: Recording) -> np.ndarray:
     """(n,) the episode of each sample."""
     return np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
 
@@ -158,18 +298,3 @@ def _held(values: np.ndarray) -> np.ndarray:
     rows = np.where(np.isfinite(values).all(1), np.arange(len(values)), -1)
     last = np.maximum.accumulate(rows)
     return np.where(last[:, None] >= 0, values[np.maximum(last, 0)], 0.0)
-
-
-def _pictures(frames: Frames, episode: int, start: float) -> dict[str, tuple[np.ndarray, list[Any]]]:
-    """Give each camera's times (n,) s and what reads its pictures."""
-    out: dict[str, tuple[np.ndarray, list[Any]]] = {}
-    for name in frames.names:
-        some = [f for f in frames.of(name) if f.episode == episode]
-        if some:
-            c = some[0].camera  # of which the lens alone counts: the policy's own says where it is
-            eye = Camera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
-            out[name] = (
-                np.array([f.time - start for f in some]),
-                [lambda f=f, eye=eye: Picture(f.rgb, f.depth, eye) for f in some],
-            )
-    return out

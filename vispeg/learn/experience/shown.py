@@ -10,7 +10,6 @@ import torch
 from gymnasium import spaces
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.episodes import OWN
 from vispeg.datasets.layout import colour_of, depth_of, truth_of
 from vispeg.datasets.read import Dataset
 from vispeg.interface.actions import split
@@ -24,8 +23,6 @@ from vispeg.render.image_kinds import DEPTH, GOAL_TOLD, camera_of, kind_of
 from vispeg.task.config import TaskConfig
 from vispeg.task.interface import interface_in
 from vispeg.task.terms import POLICY
-
-SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
 
 
 def feature_of(key: str, features: Container[str]) -> str:
@@ -129,15 +126,9 @@ def from_folder(
 
 
 def successes(data: Dataset) -> list[int]:
-    """Numbers of the episodes that succeeded, by `meta/episodes` or by `next.success`; all where neither is there."""
-    rows = data.episodes
-    if all(SUCCESS in row for row in rows):
-        return [number for number, row in enumerate(rows) if row.get(SUCCESS)]
-    if REACHED not in data.info["features"]:
-        return list(range(len(rows)))
-    reached = data.numbers(REACHED)
-    spans = [slice(row["dataset_from_index"], row["dataset_to_index"]) for row in rows]
-    return [number for number, span in enumerate(spans) if reached[span].any()]
+    """Give the numbers of the episodes that succeeded; all where the data set does not say."""
+    ended = data.successes
+    return [number for number in range(len(data.episodes)) if ended is None or ended[number]]
 
 
 def made_in(folder: str | Path) -> Origin:
