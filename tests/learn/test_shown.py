@@ -1,11 +1,11 @@
 """Demonstrations read from a dataset are its successful episodes' own frames, in its order."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from gymnasium import spaces
+from their_folders import write
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
@@ -156,10 +156,11 @@ def test_only_episodes_that_succeeded_are_shown(tmp_path):
         from_folder(made(tmp_path / "none", failed=range(4)), "rgbd", SEEN, 0)
 
 
-def test_another_writers_dataset_says_by_its_steps_who_succeeded_or_not_at_all():
-    rows = [{"dataset_from_index": 3 * k, "dataset_to_index": 3 * k + 3} for k in range(3)]
-    reached = np.array([0, 0, 1, 0, 0, 0, 0, 1, 1], bool)
-    data = SimpleNamespace(episodes=rows, info={"features": {"next.success": {}}}, numbers=lambda name: reached)
-    assert successes(data) == [0, 2]
-    data.info = {"features": {}}
-    assert successes(data) == [0, 1, 2]
+@pytest.mark.parametrize(("less", "wanted"), [((), [0, 2]), (("next.success",), [0, 1, 2])])
+def test_another_writers_dataset_says_by_its_steps_who_succeeded_or_not_at_all(tmp_path, less, wanted):
+    episodes = []
+    for reached in ([0, 0, 1], [0, 0, 0], [0, 1, 1]):
+        some = {"observation.state": np.zeros((3, 2)), "action": np.zeros((3, 3))}
+        episodes.append({k: v for k, v in (some | {"next.success": np.array(reached, bool)}).items() if k not in less})
+    write(tmp_path, episodes, {"observation.state": ["a", "b"], "action": ["x", "y", "z"]})
+    assert successes(Dataset(tmp_path, theirs=True)) == wanted
