@@ -147,7 +147,7 @@ class Dataset:
     def successes(self) -> list[bool] | None:
         """Whether each episode succeeded, by `meta/episodes` or by `next.success`; None where neither is there."""
         if all(SUCCESS in row for row in self.episodes):
-            return [bool(row[SUCCESS]) for row in self.episodes]
+            return [bool(row.get(SUCCESS)) for row in self.episodes]
         if REACHED not in self.info["features"]:
             return None
         reached = self.numbers(REACHED)
