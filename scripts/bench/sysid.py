@@ -22,9 +22,10 @@ import numpy as np
 from mujoco import sysid
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.calibrate import calibrate
-from vispeg.identify.evidence import SETTLE, Evidence
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
@@ -141,7 +142,7 @@ class Sysid:
         def whiten(params, predicted, measured, model, return_pred_all, state):
             q = state[every - 1 :: every, 1 : 1 + model.nq]  # the state after k ticks, k = 1, 2, ...
             n = min(len(q), len(measured.times) - 1)
-            keep = measured.times[1 : n + 1] >= SETTLE
+            keep = measured.times[1 : n + 1] >= RULES.settle
             r = (q[:n] - measured.data[1 : n + 1])[keep] / NOISE
             return r, predicted, predicted
 

@@ -24,9 +24,9 @@ from vispeg.contact.selection.search import ContactSearch
 from vispeg.core.effect import STAGES, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
@@ -292,7 +292,7 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
         return SimpleNamespace(loss=after)
 
     state = SimpleNamespace(loss=before, fit=None)
-    assert search.judge.gain(before, trial(14.0).loss).z < HELD_OUT
+    assert search.judge.gain(before, trial(14.0).loss).z < RULES.held_out
     assert (
         search.holds(state, trial(14.0))
         and not search.holds(state, trial(1.0))

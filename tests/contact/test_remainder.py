@@ -13,10 +13,11 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.remainder import Rest, judged
 from vispeg.contact.selection.repeats import REPEATS, allowing, repeated, uncertainty
 from vispeg.contact.selection.screen import Probe
-from vispeg.contact.selection.shows_from import POWER, further, least_sizes, shown_from, surely
+from vispeg.contact.selection.shows_from import further, least_sizes, shown_from, surely
 from vispeg.contact.selection.spare import includes_none
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
@@ -56,7 +57,7 @@ def test_an_effect_as_large_as_said_shows_nine_times_in_ten():
     evidence, drop = Judged(), 40.0
     trace = np.sqrt(surely(evidence, drop))
     errors = np.sqrt(evidence.correlated) * np.random.default_rng(0).standard_normal(100_000)
-    assert np.mean(trace**2 + 2 * trace * errors > drop) == pytest.approx(POWER, abs=3e-3)
+    assert np.mean(trace**2 + 2 * trace * errors > drop) == pytest.approx(RULES.power, abs=3e-3)
 
 
 def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it(monkeypatch):
@@ -81,7 +82,7 @@ def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it(monkeypatch)
     rng, size, told = np.random.default_rng(0), least["hole_offset", "fixture"]["x"], 0.5e-4
     for x in size + np.hypot(told, REPEATS["m"]) * rng.standard_normal(400):
         out.append(not includes_none(offset(x, x - 1.96 * told, x + 1.96 * told)))
-    assert np.mean(out) > POWER - 0.03, "as said: an offset of this size is hardly ever taken out again"
+    assert np.mean(out) > RULES.power - 0.03, "as said: an offset of this size is hardly ever taken out again"
 
 
 def offset(x: float, low: float, high: float) -> EffectInstance:

@@ -7,8 +7,9 @@ import pytest
 from loops import ARM
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.verdict import MARK, decide
+from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.evidence.base_parameters import base_parameters, columns
 from vispeg.identify.inverse import TorqueEvidence
 from vispeg.recordings.recording import Control, Recording
@@ -68,5 +69,5 @@ def test_a_model_must_come_near_what_least_squares_leaves():
     """However bad the nominal model was: 97 % of its excess explained is not enough."""
     assert decide(1000.0, 20.0, 3, [], []).verdict == "identified"
     assert decide(1000.0, 20.0, 3, [], [], mark=10.0).verdict == "unexplained"
-    assert decide(1000.0, 10.0 * MARK, 3, [], [], mark=10.0).verdict == "identified"
+    assert decide(1000.0, 10.0 * RULES.inertial, 3, [], [], mark=10.0).verdict == "identified"
     assert "leaves 3.2 ×" in decide(1000.0, 20.0, 3, [], [], mark=10.0).reason

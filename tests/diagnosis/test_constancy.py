@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.constancy import PARTS, _magnitudes, changes
+from vispeg.diagnosis.evidence.constancy import _magnitudes, changes
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
@@ -73,10 +74,10 @@ def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_
     (change,) = changes(items, fit, 0, left(fit))
     assert (change.label, change.over) == ("coulomb_friction(joint1)", "time") and change.share > 0.8
     assert list(change.parts) == sorted(change.parts, reverse=True)
-    quarter = np.repeat(np.minimum(ages(items) // 2.0, PARTS - 1), 2)
-    apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(PARTS)] + [fit.jacobian[:, 1]])
+    quarter = np.repeat(np.minimum(ages(items) // 2.0, RULES.parts - 1), 2)
+    apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(RULES.parts)] + [fit.jacobian[:, 1]])
     moved = np.linalg.lstsq(apart, -fit.residual, rcond=None)[0]
-    assert change.parts == pytest.approx(1.0 + moved[:PARTS] / fit.u[0], rel=1e-4)
+    assert change.parts == pytest.approx(1.0 + moved[: RULES.parts] / fit.u[0], rel=1e-4)
     here = slice(None, None, 2)  # what it removes in the other joint does not count
     drop = np.sum(fit.residual[here] ** 2) - np.sum((fit.residual + apart @ moved)[here] ** 2)
     assert change.share == pytest.approx(drop / left(fit)["joint1"], rel=1e-4)

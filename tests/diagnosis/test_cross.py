@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.selection.accept import DISCOVERIES, threshold
+from vispeg.diagnosis.selection.accept import threshold
 from vispeg.diagnosis.selection.cross import Cross, reduced
 from vispeg.diagnosis.selection.judge import Judge
 
@@ -97,11 +98,11 @@ def test_false_discoveries_keep_their_rate():
     from scipy import stats
 
     one = threshold([6.0, 0.1], 60)
-    assert one == pytest.approx(stats.norm.isf(DISCOVERIES / 60))
+    assert one == pytest.approx(stats.norm.isf(RULES.discoveries / 60))
     many = threshold([4.0, 4.0, 4.0, 0.0], 60)
-    assert many == pytest.approx(stats.norm.isf(3 * DISCOVERIES / 60)) and many < one
+    assert many == pytest.approx(stats.norm.isf(3 * RULES.discoveries / 60)) and many < one
     rng, false = stream(7, "null"), 0
     for _ in range(400):  # 60 places without anything: any discovery is false
         z = rng.standard_normal(60)
         false += bool(np.any(z >= threshold(list(z), 60)))
-    assert false / 400 < 3 * DISCOVERIES
+    assert false / 400 < 3 * RULES.discoveries

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.next_experiment import DECISIVE, MENU, next_experiment
+from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.next_experiment import MENU, next_experiment
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.identify.record import controller
 from vispeg.recordings.recording import Control, Recording
@@ -59,7 +60,7 @@ def test_a_model_without_a_rival_asks_for_nothing(unit):
 
 def test_rivals_are_separated_by_the_motion_that_separates_them_most():
     found, arrays = next_experiment(search(), STATE, EQUAL, "ambiguous", 0)
-    assert found["motion"] in MENU and found["expected_separation_sigma"] > 100 * DECISIVE
+    assert found["motion"] in MENU and found["expected_separation_sigma"] > 100 * RULES.next_sigma
     assert "coulomb_friction(joint4) from viscous_friction(joint4)" in found["why"]
     apart = (arrays["next/A"] - arrays["next/B"]) / 2e-5
     assert np.sqrt(np.sum(apart**2)) == pytest.approx(found["expected_separation_sigma"], rel=1e-3)
@@ -70,7 +71,7 @@ def test_what_no_motion_separates_is_said_and_no_motion_is_drawn():
     same = EffectInstance.of("coulomb_friction", "joint4", torque=1.2 + 1e-9)
     found, arrays = next_experiment(search(), STATE, [Rivals(CHOSEN.label, (trial(same),), ())], "ambiguous", 0)
     assert found["motion"] == "" and "no motion of the menu" in found["why"] and not arrays
-    assert found["expected_separation_sigma"] < DECISIVE and "file" not in found
+    assert found["expected_separation_sigma"] < RULES.next_sigma and "file" not in found
 
 
 def test_what_nothing_explains_is_shown_apart_by_a_motion_that_can_be_played():
@@ -82,7 +83,7 @@ def test_what_nothing_explains_is_shown_apart_by_a_motion_that_can_be_played():
 def test_torques_of_rivals_are_separated_too():
     """Coulomb and viscous friction of joint 4 along a motion: the distance is that of the two friction torques."""
     found, arrays = next_experiment(torques(), STATE, EQUAL, "ambiguous", 0)
-    assert found["motion"] in MENU and found["expected_separation_sigma"] > DECISIVE and found["file"]
+    assert found["motion"] in MENU and found["expected_separation_sigma"] > RULES.next_sigma and found["file"]
     gap = (arrays["next/A"] - arrays["next/B"])[::2, 3]  # compared at 50 Hz
     assert arrays["next/A"].shape == arrays["next/q_cmd"].shape
     assert np.abs(np.delete(arrays["next/A"] - arrays["next/B"], 3, axis=1)).max() < 1e-9
@@ -104,4 +105,4 @@ def test_no_motion_is_asked_for_that_was_recorded():
     assert found["motion"] == "" and "another arm posture" in found["why"] and not arrays
     best = next_experiment(search(), STATE, EQUAL, "ambiguous", 0)[0]["motion"]
     other = next_experiment(search(), STATE, EQUAL, "ambiguous", 0, {best})[0]
-    assert other["motion"] != best and other["expected_separation_sigma"] >= DECISIVE
+    assert other["motion"] != best and other["expected_separation_sigma"] >= RULES.next_sigma

@@ -7,8 +7,9 @@ import pytest
 from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.roles import LOUD, QUIET, recast, shown
+from vispeg.diagnosis.evidence.roles import recast, shown
 from vispeg.diagnosis.run import diagnose
 from vispeg.identify.evidence import Evidence
 from vispeg.report.text import words
@@ -43,7 +44,7 @@ def roles(recordings, fitted: list[str], held_out: list[str]):
 def test_what_shows_something_judges_in_the_place_of_what_shows_nothing(recordings):
     world = World(recordings["wide"].robot)
     found, evidence, judged = roles(recordings, ["wide", "wider"], ["narrow"])
-    assert min(shown(evidence, world)) > LOUD and max(shown(judged, world)) < QUIET
+    assert min(shown(evidence, world)) > RULES.loud and max(shown(judged, world)) < RULES.quiet
     assert found is not None
     most = int(np.argmax(shown(evidence, world)))
     assert [r.name for r in found.fitted] == [["wide", "wider"][most], "narrow"], "what shows most is fitted"

@@ -9,13 +9,14 @@ from loops import ARM, drive, recorded
 
 import vispeg.diagnosis.selection.search as searching
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection import shadows
 from vispeg.diagnosis.selection.accept import in_order, refusal
-from vispeg.diagnosis.selection.judge import FARTHEST, Gain, Judge
+from vispeg.diagnosis.selection.judge import Gain, Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
@@ -259,11 +260,11 @@ def test_where_much_is_left_the_joint_with_the_greatest_error_is_asked_again_for
     viscous = EffectInstance.of("viscous_friction", "shoulder", damping=1e-6)
     bare = World(recordings[0].robot)
     state = search.start(bare.add(ELBOW, viscous, LAG), 0)
-    assert search.judge.mean(state.loss) > FARTHEST
+    assert search.judge.mean(state.loss) > RULES.far
     assert cast_out(search, state, 0) and tried == [bare.add(ELBOW, viscous)]
     assert {e.label for e in state.world.effects} == {e.label for e in (ELBOW, viscous, FRICTION)}
     explained = search.start(bare.add(ELBOW, LAG, FRICTION), 0)
-    assert search.judge.mean(explained.loss) < FARTHEST and not cast_out(search, explained, 0)
+    assert search.judge.mean(explained.loss) < RULES.far and not cast_out(search, explained, 0)
     assert not cast_out(search, search.start(bare.add(LAG), 0), 0), "with nothing else a search begins so"
 
 

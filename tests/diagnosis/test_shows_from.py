@@ -8,8 +8,9 @@ from loops import ARM, drive, pendulum, recorded
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.least_sizes import POWER, Needs, Trace, between, least_coefficient
+from vispeg.diagnosis.conclusion.least_sizes import Needs, Trace, between, least_coefficient
 from vispeg.diagnosis.run import diagnose
 from vispeg.report.text.unseen import sentence, unseen
 from vispeg.robots.model import load
@@ -33,12 +34,12 @@ def test_the_promised_power_is_what_draws_of_noise_have():
     drop = 30.0
     least = least_coefficient(seen, seen, Needs(drop, -np.inf, 1e9))
     drops = least**2 * column @ column + 2.0 * least * drawn @ column
-    assert np.mean(drops > drop) == pytest.approx(POWER, abs=0.04)
+    assert np.mean(drops > drop) == pytest.approx(RULES.power, abs=0.04)
     clear = trace(10.0 * column, noise)  # held out: no other test asks for as much
     least = least_coefficient(seen, clear, Needs(0.0, -np.inf, 1e9))
     error = 1.0 / np.sqrt(column @ column)
     found = least + drawn @ column * error**2
-    assert POWER - 0.03 < np.mean(found > 1.96 * error) < POWER + 0.07, (
+    assert RULES.power - 0.03 < np.mean(found > 1.96 * error) < RULES.power + 0.07, (
         "these few blocks put the error above that of white noise"
     )
     least = least_coefficient(seen, seen, Needs(0.0, LEVEL, 1e9))
@@ -47,7 +48,7 @@ def test_the_promised_power_is_what_draws_of_noise_have():
     p = stats.wilcoxon(
         np.concatenate([gains, other], axis=1), alternative="greater", axis=1, method="asymptotic"
     ).pvalue
-    assert np.mean(p < stats.norm.sf(LEVEL)) == pytest.approx(POWER, abs=0.06)
+    assert np.mean(p < stats.norm.sf(LEVEL)) == pytest.approx(RULES.power, abs=0.06)
 
 
 def test_what_other_parameters_may_take_shows_from_a_greater_size():

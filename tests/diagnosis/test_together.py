@@ -8,11 +8,12 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, searchable
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.selection.names import SURE, Exchange, Ground, doubted, exchanges, open_ended, tentative
+from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, open_ended, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior, together
 from vispeg.identify.space import Space
@@ -126,7 +127,7 @@ def test_stand_ins_are_not_named_and_what_is_certain_is(toy):
     ground = Ground(Dictionary(fit.residual, [toy["tilt"]], fit), LEFT)
     found = exchanges(ground, ground)
     said = {e.label: e for e in found}
-    assert said["joint_bias(joint1)"].costs > SURE, "without the tilt beside it, it looks needed"
+    assert said["joint_bias(joint1)"].costs > RULES.name_costs, "without the tilt beside it, it looks needed"
     assert said["joint_bias(joint1)"].shaken == said["joint_bias(joint2)"].shaken == ("gravity_tilt(base)",)
     assert said["coulomb_friction(joint3)"].shaken == ()
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
@@ -194,9 +195,9 @@ def test_a_name_must_win_where_nothing_was_fitted(toy):
     before = Ground(Dictionary(fit.residual, [truth], fit), LEFT)
     after = Ground(Dictionary(new[0] - columns[2], [held[0]], elsewhere), LEFT)
     (own,) = exchanges(before, before)
-    assert own.costs > SURE and not own.shaken and not own.rivals, "on what was fitted the stand-in stands"
+    assert own.costs > RULES.name_costs and not own.shaken and not own.rivals, "on what was fitted the stand-in stands"
     (own,) = exchanges(before, after)
-    assert own.costs > SURE and own.shaken == ("joint_bias(joint1)",)
+    assert own.costs > RULES.name_costs and own.shaken == ("joint_bias(joint1)",)
     assert [r.label for r in own.rivals] == ["joint_bias(joint1)"], "and is to be fitted in its place"
 
 

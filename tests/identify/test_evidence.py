@@ -11,8 +11,9 @@ from loops import iiwa_segment, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.identify.evidence import PENALTY, READINGS, SETTLE, Evidence
+from vispeg.identify.evidence import PENALTY, READINGS, Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -45,7 +46,7 @@ def test_truth_leaves_white_noise_of_unit_variance(evidence):
         used = r[item.valid]
         assert np.mean(used**2) == pytest.approx(1.0, abs=0.1)
         assert abs(np.mean(used)) < 0.05
-        late = r[item.segment.time > SETTLE + 0.2]
+        late = r[item.segment.time > RULES.settle + 0.2]
         neighbours = np.mean(late[1:] * late[:-1]) / np.mean(late**2)
         assert abs(neighbours) < 0.05
         assert not r[~item.valid].any()
@@ -65,7 +66,7 @@ def test_errors_come_back_in_radians(evidence):
     assert evidence.floor == pytest.approx(2e-5, rel=0.05)
     predicted = evidence.simulated([World()])
     gaps = [
-        (i.measured[:, :7] - y[0][:, :7])[i.segment.time >= SETTLE]
+        (i.measured[:, :7] - y[0][:, :7])[i.segment.time >= RULES.settle]
         for i, y in zip(evidence.items, predicted, strict=True)
     ]
     assert evidence.angle_rms(wrong) == pytest.approx(np.sqrt(np.mean(np.concatenate(gaps) ** 2)), rel=1e-9)

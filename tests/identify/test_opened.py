@@ -9,10 +9,11 @@ import pytest
 from loops import iiwa_segment, recorded
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.loops.opened import driven, saturated
-from vispeg.identify.loops.stops import GIVE, passed, without_stops
+from vispeg.identify.loops.stops import passed, without_stops
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
@@ -51,7 +52,7 @@ def test_the_right_model_of_an_open_loop_stands_at_the_noise_floor():
 def test_a_stop_that_was_passed_is_left_out():
     _, rec = run(1000.0)
     low, high = ROBOT.range[3]
-    beyond = replace(rec, q=np.where(np.arange(7) == 3, high + 2 * GIVE, rec.q))
+    beyond = replace(rec, q=np.where(np.arange(7) == 3, high + 2 * RULES.beyond_stop, rec.q))
     assert passed(ROBOT, rec.q) == () and passed(ROBOT, beyond.q) == ("joint4",)
     assert without_stops(ROBOT, ()) is ROBOT
     free = without_stops(ROBOT, ("joint4",))

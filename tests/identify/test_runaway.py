@@ -9,9 +9,10 @@ import pytest
 from loops import iiwa_segment, recorded
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.runaway import AFTER, BEFORE, in_hand
+from vispeg.identify.loops.runaway import in_hand
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -48,7 +49,7 @@ def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
     """The right model stands at the floor up to there, and the stretch and what follows it are left out."""
     rec = thrown(calm, 2.0, 2.3)
     kept = in_hand(rec, ROBOT, LEAST)
-    assert kept.time[0] == 0.0 and kept.time[-1] == pytest.approx(2.0 - BEFORE, abs=0.02)
+    assert kept.time[0] == 0.0 and kept.time[-1] == pytest.approx(2.0 - RULES.runaway_before, abs=0.02)
     assert in_hand(kept, ROBOT, LEAST) is kept
     np.testing.assert_array_equal(kept.q, calm.q[: len(kept.q)])
     assert mean_square(rec) == pytest.approx(1.0, abs=0.2)
@@ -58,7 +59,7 @@ def test_what_comes_before_is_judged_as_if_nothing_followed(calm):
 
 def test_where_it_is_lost_at_once_what_follows_is_what_there_is(calm):
     kept = in_hand(thrown(calm, 0.2, 0.5), ROBOT, LEAST)
-    assert kept.time[0] == pytest.approx(0.5 + AFTER, abs=0.02) and kept.time[-1] == calm.time[-1]
+    assert kept.time[0] == pytest.approx(0.5 + RULES.runaway_after, abs=0.02) and kept.time[-1] == calm.time[-1]
 
 
 def test_nothing_is_left_out_where_nothing_would_be_left_or_known(calm):

@@ -9,9 +9,10 @@ import pytest
 from loops import iiwa_segment, one, recorded
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.loops.soft import FAR, as_asked, near
+from vispeg.identify.loops.soft import as_asked, near
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import load
 from vispeg.sim.compiled import nominal_of
@@ -48,7 +49,7 @@ def test_a_model_that_drifts_is_compared_in_the_measured_posture(tilted):
     assert followed.recordings[0].control.mode == "torque"
     assert any("drift" in note for note in followed.notes)
     gap = [e.angle_rms(e.residuals([World()])[0]) for e in (evidence, followed)]
-    assert gap[0] > FAR and gap[1] < 0.2 * gap[0]
+    assert gap[0] > RULES.posture and gap[1] < 0.2 * gap[0]
     (residual,) = followed.residuals([TILTED])
     assert residual @ residual / followed.count == pytest.approx(1.0, abs=0.3)
 

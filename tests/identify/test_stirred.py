@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.verdict import FLOOR
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import motion
@@ -87,8 +87,8 @@ def test_a_coarse_encoder_leaves_the_right_model_no_more_than_is_foretold():
             (loss,) = judge.losses([coarse])
             ratios.append(judge.mean(loss) / (judge.floor(coarse) + more))
             assert more > 0.5
-    assert np.sum(np.array(right) < FLOOR) >= 3 and max(right) < min(wrong)
-    assert np.all(np.array(wrong) > FLOOR)
+    assert np.sum(np.array(right) < RULES.adequate) >= 3 and max(right) < min(wrong)
+    assert np.all(np.array(wrong) > RULES.adequate)
     fine = World().add(EffectInstance.of("encoder_quantization", "joint2", step=2e-5))
     assert stirred(Evidence([recorded("torque")]), fine) == 0.0
 

@@ -21,6 +21,7 @@ from vispeg.contact.sensor import trusted
 from vispeg.contact.thin import PART, driven_blocks, pieces
 from vispeg.contact.torques import notes
 from vispeg.core.effect import Effect
+from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks import missing
 from vispeg.robots.scene import Scene
@@ -40,8 +41,6 @@ class ContactEvidence(Evidence):
         nthread: of the batch.
     """
 
-    least_gain = 0.02
-    most_effects = 6
     decisive = 60.0
     alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
     rough = 5.0  # where contacts come and go, worlds 1e-3 of an effect apart differ by 5 to 15
@@ -68,6 +67,16 @@ class ContactEvidence(Evidence):
         self.floor_from = "simulated repeats with the stated noise"
         self._recent = []
         self.rollouts = 0.0
+
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain
+
+    @property
+    def most_effects(self) -> int:
+        """Effects that a search may add."""
+        return RULES.effects_few
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
         """Ties left out: an effect of contact shows in few blocks, and hardly in most."""

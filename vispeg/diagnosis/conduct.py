@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from vispeg.core.effect import Effect, EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.resolve import ChannelName
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ChannelRecord, DiagnosisRecord
 from vispeg.worlds.world import World
 
-ROUNDS = 3  # each channel anew while the others have news for it
 FIRM = ("identified", "ambiguous")  # verdicts whose effects other channels may build on
 ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any channel says is said of all
 
@@ -67,7 +67,7 @@ def conduct(members: Sequence[Member], world: World, say: Callable[[str], None])
         say: is told what is being done.
     """
     said: dict[str, Said] = {}
-    for _ in range(ROUNDS):
+    for _ in range(RULES.channel_rounds):
         news = False
         for member in members:
             others = [s for name, s in said.items() if name != member.name]

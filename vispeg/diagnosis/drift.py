@@ -17,13 +17,13 @@ from scipy.stats import norm
 from vispeg.core.effect import effect
 from vispeg.core.holm import holm
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.identify.calibrate import calibrate
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 WIDTH = 2 * float(norm.ppf(0.975))  # standard deviations in a 95 % interval
-ALPHA = 0.05
 LAPS = 4  # least-squares steps from the model's own values: a robot that has not changed takes one
 
 
@@ -101,7 +101,7 @@ def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> l
             )
     every = [n for row in rows for n in row["now"]]
     for n, p in zip(every, holm([n["p_holm"] for n in every]), strict=True):
-        n["p_holm"], n["outside"] = p, p < ALPHA
+        n["p_holm"], n["outside"] = p, p < RULES.changed
     for row in rows:
         inside = [k for k, n in enumerate(row["now"]) if not n["outside"]]
         last = inside[-1] + 1 if inside else 0

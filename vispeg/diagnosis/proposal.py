@@ -3,12 +3,12 @@
 Along a measured motion (q, dq, ddq) the drive of joint j gave tau_j: measured, or what a known controller must have
 sent. The nominal arm needs tau0_j. What is left is linear in the sizes c of effects whose torque is:
 
-    y = tau - tau0 = X c + e,    e_j ~ N(0, s_j^2 + (FORM rms(y_j))^2)    for each joint j
+    y = tau - tau0 = X c + e,    e_j ~ N(0, s_j^2 + (0.05 rms(y_j))^2)    for each joint j
 
 X are the torques that effects say they take (`write`, `friction`, `torque`, `along`, `inverse`, or `regressor`), by
 worlds that hold one each: so residuals are in the sensor's unit whatever the sizes are, and a gain's column is the
 model's torque, never the measured one (with that, a gain of nothing explains everything). s is what the noise of the
-readings makes of y, from a simulated repeat; no law is exact, so FORM of what a joint lacks is never evidence.
+readings makes of y, from a simulated repeat; no law is exact, so 5 % of what a joint lacks is never evidence.
 
 With a prior c ~ N(0, P), the evidence of a set S of effects on the fitted recordings, and its error on the held-out
 one, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of its columns,
@@ -31,6 +31,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import joint_data, missing_torque
 from vispeg.diagnosis.evidence.signatures import STEP, Probe, Signature, probes
 from vispeg.diagnosis.schema import Likely, Place, ProposalRecord
@@ -42,15 +43,6 @@ from vispeg.recordings.recording import Recording
 from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
-SLOW = 0.05  # rad/s: below it a stuck joint's friction is whatever it must be, so those rows say nothing of that joint
-FORM = 0.05  # of the RMS torque that a joint lacks: no law is exact
-TYPICAL = 3.0  # typical sizes (`Param.start`) that the prior of a magnitude is wide
-SHAPE = 0.25  # of a moment's range, the same
-BETTER = 1.0  # nats that a move must gain
-LOOKED = 6  # moves of one kind, best by the fitted recordings, whose held-out error is worked out
-TIE = 3.0  # nats within which another effect in the place of one is as likely
-ROUNDS, ALIKE = 6, 1.2  # of the search, until the variances that it assumed hold
-MOST = 40  # effects
 STEPS = 3  # of the last fit
 BATCH = 16  # worlds whose torques are filtered at once
 
@@ -143,7 +135,7 @@ class _Side:
     def __init__(self, world: World, drives: Drives):
         self.world, self.drives = world, drives
         self.base = drives.needed([world])[0]
-        self.moves = drives.valid & (np.abs(drives.dq) > SLOW)
+        self.moves = drives.valid & (np.abs(drives.dq) > RULES.first_slow)
         self.y = np.where(self.moves, drives.torque - self.base, 0.0)
 
     def lacks(self, *worlds: World) -> np.ndarray:
@@ -224,7 +216,7 @@ class Linear:
             for gram, slope, total in sums
         ]
         self.price = float(np.log(max(len(self.entries), 2)))
-        self.weigh(floor**2 + FORM**2 * sides[0].power)
+        self.weigh(floor**2 + RULES.first_form**2 * sides[0].power)
 
     def weigh(self, variance: np.ndarray) -> None:
         """Take these variances (nj,) of what a joint lacks, (N m)^2, as those of noise and form."""
@@ -250,7 +242,7 @@ class Linear:
         return float(evidence), -0.5 * _left(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
-        """Entries that may come beside the chosen ones, those that raise L most first; at most LOOKED."""
+        """Entries that may come beside the chosen ones, those that raise L most first; at most `first_looked`."""
         matrix, slope = self.matrix, self.slope
         if len(chosen):
             i = self._rows(chosen)
@@ -264,8 +256,8 @@ class Linear:
             else:
                 block = matrix[np.ix_(j, j)]
                 rise[k] = 0.5 * (slope[j] @ np.linalg.solve(block, slope[j]) - np.linalg.slogdet(block)[1])
-        best = sorted(rise, key=lambda k: -rise[k])[: 4 * LOOKED]
-        return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][:LOOKED]
+        best = sorted(rise, key=lambda k: -rise[k])[: 4 * RULES.first_looked]
+        return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][: RULES.first_looked]
 
     def possible(self, chosen: Sequence[int]) -> bool:
         """Whether all sizes of a set lie inside their bounds."""
@@ -285,13 +277,13 @@ class Linear:
         """
         chosen: list[int] = []
         path: list[str] = []
-        for _ in range(ROUNDS):
+        for _ in range(RULES.first_rounds):
             chosen, moves = self.climb(chosen)
             path += moves
             c, i = self.score(chosen)[2], self._rows(chosen)
             left = np.array([_left(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
             more = np.maximum(self.variance, left / np.maximum(self.sides[1].moves.sum(axis=0), 1))
-            if np.all(more <= ALIKE * self.variance):
+            if np.all(more <= RULES.first_same * self.variance):
                 break
             self.weigh(more)
         return chosen, path
@@ -299,7 +291,7 @@ class Linear:
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
         """Make moves from a set until none raises L + H; also the moves."""
         now, path = self.score(chosen), []
-        while len(chosen) < MOST:
+        while len(chosen) < RULES.first_most:
             moves = []
             for k in self.additions(chosen):
                 new = self.score([*chosen, k])
@@ -316,7 +308,7 @@ class Linear:
                         label = f"{self._label(k)} > {self._label(other)}"
                         moves.append((new[0] + new[1], label, [*rest, other]))
             best = max(moves, default=None, key=lambda m: m[0])
-            if best is None or best[0] < now[0] + now[1] + BETTER:
+            if best is None or best[0] < now[0] + now[1] + RULES.first_gain:
                 break
             chosen = best[2]
             now = self.score(chosen)
@@ -333,7 +325,7 @@ class Linear:
         total, shares, named = sum(self.score(chosen)[:2]), self._shares(chosen), []
         for k, effect_there in zip(chosen, placed, strict=True):
             rest = [other for other in chosen if other != k]
-            equals = [o for o in self.additions(rest) if sum(self.score([*rest, o])[:2]) > total - TIE]
+            equals = [o for o in self.additions(rest) if sum(self.score([*rest, o])[:2]) > total - RULES.first_tie]
             keys = dict.fromkeys(self.entries[o].key for o in equals if self.entries[o].key != self.entries[k].key)
             named.append(Named(effect_there, shares[k], tuple(keys)))
         named.sort(key=lambda n: -n.share)
@@ -391,10 +383,11 @@ def _width(s: Signature) -> np.ndarray:
     """Give the standard deviations of the coefficients' priors."""
     kind = effect(s.probe.effect)
     sizes = [
-        TYPICAL * abs((kind.params[m].start - kind.params[m].null) / (s.probe.params[m].value - kind.params[m].null))
+        RULES.first_typical
+        * abs((kind.params[m].start - kind.params[m].null) / (s.probe.params[m].value - kind.params[m].null))
         for m in s.names
     ]
-    return np.array([*sizes, *[SHAPE / STEP * max(sizes)] * len(s.moments)])
+    return np.array([*sizes, *[RULES.first_shape / STEP * max(sizes)] * len(s.moments)])
 
 
 class _Sizes(Freedom):
@@ -421,7 +414,12 @@ def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -
         for value, which in zip(effect(its.effect).limits(arm, its.where).get(a.name, ()), (low, high), strict=False):
             which[k] = space.forward(value, a)
     null = np.array([space.forward(a.param.start if a.param.shape else a.param.null, a) for a in space.axes])
-    width = np.array([SHAPE * (a.param.high - a.param.low) / a.unit if a.param.shape else TYPICAL for a in space.axes])
+    width = np.array(
+        [
+            RULES.first_shape * (a.param.high - a.param.low) / a.unit if a.param.shape else RULES.first_typical
+            for a in space.axes
+        ]
+    )
 
     def cost(left: np.ndarray, u: np.ndarray) -> float:
         return float(np.sum(weight * left**2) + np.sum(((u - null) / width) ** 2))

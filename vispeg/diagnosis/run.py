@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.beginning import of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
 from vispeg.diagnosis.conclusion.intervals import widened
@@ -35,7 +36,7 @@ from vispeg.diagnosis.record import (
     with_origin,
 )
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
-from vispeg.diagnosis.selection.judge import FARTHEST, Judge
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.evidence import Evidence
@@ -123,7 +124,7 @@ def diagnose(
     unsure = open_ended(state, n_fixed)
     if verdict.partial and state.fit is not None:
         say("asking which names are certain")
-        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > FARTHEST)
+        unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = settled_names(verdict, rivals, unsure)
     final = with_origin(

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.touch import touch
 
-BEFORE, AFTER = 0.03, 0.5  # s about a contact in which no sample is compared
-LIGHT = Thresholds(touch=1.0)  # N: what is not taken off moves an arm under soft control
-GRAZE = 0.1  # s after a contact in which less than what counts as a touch acts, too
 ROWS = 4096  # samples whose Jacobians are worked out at a time
 
 
@@ -50,15 +48,19 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
         rec: with `ft`, and `wrench` that says how it is to be read.
         robot: the nominal arm with its declared tool.
     """
-    contact = touch(rec, robot, LIGHT) if rec.ft is not None and rec.wrench is not None else None
+    contact = (
+        touch(rec, robot, Thresholds(touch=RULES.touch_light))
+        if rec.ft is not None and rec.wrench is not None
+        else None
+    )
     if contact is None or not contact.touching.any():
         return None
     episode = np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
     free, acts = np.ones(len(rec.time), bool), np.zeros(len(rec.time), bool)
     for number in np.unique(episode):
         rows = np.flatnonzero(episode == number)
-        free[rows] = ~_widened(rec.time[rows], contact.touching[rows], AFTER)
-        acts[rows] = _widened(rec.time[rows], contact.touching[rows], GRAZE)
+        free[rows] = ~_widened(rec.time[rows], contact.touching[rows], RULES.touch_after)
+        acts[rows] = _widened(rec.time[rows], contact.touching[rows], RULES.touch_graze)
     wrench, torque = np.nan_to_num(contact.contact), np.zeros(rec.q.shape)
     some = np.flatnonzero(acts)
     for start in range(0, len(some), ROWS):
@@ -69,10 +71,10 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
 
 
 def _widened(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
-    """(n,) bool: within `BEFORE` before, or `longer` after, a sample that is on."""
+    """(n,) bool: within `touch_before` before, or `longer` after, a sample that is on."""
     index = np.where(on, np.arange(len(on)), -1)
     last = np.maximum.accumulate(index)
     after = (last >= 0) & (time - time[last] <= longer)
     ahead = np.where(on, np.arange(len(on)), len(on))[::-1]
     following = np.minimum(np.minimum.accumulate(ahead)[::-1], len(on) - 1)
-    return after | (on[following] & (time[following] - time <= BEFORE))
+    return after | (on[following] & (time[following] - time <= RULES.touch_before))

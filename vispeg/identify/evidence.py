@@ -14,6 +14,7 @@ import numpy as np
 from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.memory import large_apart
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item, shows
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.load import load_noise, unsigned, with_gains
@@ -30,8 +31,6 @@ from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 
-SETTLE = 0.4  # s at the start of a segment that no comparison uses: the unmeasured start state fades there
-OBSERVED = 1.2  # the same where an observer of 8 rad/s, or a null space of 3, is all that forgets a wrong start
 SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that it shows the integrator's error
 SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is no faster than 150 rad/s
 MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
@@ -78,8 +77,15 @@ class Evidence(Freedom):
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
 
-    least_gain = 0.02  # share of the held-out squared error that a step must remove
-    most_effects = 32  # that a search may add: an arm shows friction in every joint, and more beside it
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain
+
+    @property
+    def most_effects(self) -> int:
+        """Effects that a search may add."""
+        return RULES.effects
 
     def sees(self, kind: Effect) -> bool:
         """Whether an effect leaves a trace in some channel of this evidence."""
@@ -184,11 +190,11 @@ class Evidence(Freedom):
         """Number of valid readings."""
         return int(sum(i.valid.sum() for i in self.items))
 
-    def blocks(self, seconds: float = 0.25) -> np.ndarray:
+    def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Block number of every residual entry, in the order of `residuals`; blocks never span two segments."""
         out, start = [], 0
         for item in self.items:
-            number = (item.segment.time / seconds).astype(int)
+            number = (item.segment.time / (seconds or RULES.block)).astype(int)
             out.append(np.repeat(number[:, None] + start, item.measured.shape[1], axis=1).ravel())
             start += number[-1] + 1
         return np.concatenate(out)
@@ -248,7 +254,7 @@ def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
 
 def _settle(rec: Recording) -> float:
     """Seconds at the start of a segment that are not compared."""
-    return SETTLE if rec.control.mode in ("position", "servo") else OBSERVED
+    return RULES.settle if rec.control.mode in ("position", "servo") else RULES.settle_observed
 
 
 def _every(recordings: Sequence[Recording]) -> list[int]:

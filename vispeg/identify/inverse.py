@@ -14,6 +14,7 @@ from mujoco import batch as mjb
 
 from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item
 from vispeg.identify.contact import Contact, contact_of
 from vispeg.identify.evidence import Evidence
@@ -37,7 +38,6 @@ REMEMBERED = 128e6  # bytes of inertias along motions: of a minute of seven join
 ENDS = 0.5  # s at either end of an episode, where a zero-phase filter guesses
 STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
 STANDS = 3 * STICK  # rad/s under which a joint may as well stand
-REPEATABILITY = 0.02  # of a joint torque's spread: what a torque sensor is trusted to where nothing is known
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
     "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder "
@@ -69,8 +69,10 @@ class TorqueEvidence(Evidence):
         self._ddq = [i.segment.cache["ddq"] for i in self.items]
         self._rigid: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
 
-    least_gain = 0.002
-    most_effects = 32  # friction sits in every joint
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain_torque
 
     @property
     def floors(self) -> np.ndarray:
@@ -225,7 +227,7 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
     tau = first.tau if first.tau is not None else np.zeros_like(first.q)
     read = np.isfinite(tau).any(axis=0)
     sigma = np.full(tau.shape[1], np.nan)
-    sigma[read] = np.maximum(highpass_sigma(tau[:, read]), REPEATABILITY * np.nanstd(tau[:, read], axis=0))
+    sigma[read] = np.maximum(highpass_sigma(tau[:, read]), RULES.torque_repeats * np.nanstd(tau[:, read], axis=0))
     usual = np.sqrt(np.nanmean(sigma**2)) if read.any() else 0.0  # of a joint without readings nothing is compared
     return np.maximum(np.where(read, sigma, usual), 1e-3), "estimated"
 

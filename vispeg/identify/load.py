@@ -10,11 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import Item
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Recording
-
-TRUST = 0.2  # of a load's spread: an estimate from current or duty cycle is no sensor, and is weighted as none
 
 
 def unsigned(rec: Recording) -> bool:
@@ -25,8 +24,8 @@ def unsigned(rec: Recording) -> bool:
 def load_noise(load: np.ndarray) -> np.ndarray:
     """1-sigma (nj,) of a load (n, nj), in its unit; never 0: a joint that rests is trusted as the mean joint is."""
     spread = np.nanstd(load, axis=0)
-    least = max(TRUST * float(np.sqrt(np.mean(spread**2))), 1e-9)
-    return np.maximum(np.maximum(highpass_sigma(load), TRUST * spread), least)
+    least = max(RULES.load_noise * float(np.sqrt(np.mean(spread**2))), 1e-9)
+    return np.maximum(np.maximum(highpass_sigma(load), RULES.load_noise * spread), least)
 
 
 def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.ndarray]:

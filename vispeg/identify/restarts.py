@@ -19,6 +19,7 @@ import numpy as np
 
 from vispeg.core.effect import Effect
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.objects import ObjectRecording, turn_between
 from vispeg.robots.objects import ObjectModel
@@ -81,9 +82,6 @@ class Restarts(Evidence):
         sigma: (6,) floor to whiten by; None takes it from the windows in free flight.
         nthread: threads.
     """
-
-    least_gain = 0.02
-    most_effects = 4
 
     def __init__(
         self,
@@ -190,7 +188,17 @@ class Restarts(Evidence):
         size = np.abs(r)
         return np.where(size <= HUBER, r, np.sign(r) * np.sqrt(np.maximum(2 * HUBER * size - HUBER**2, 0.0)))
 
-    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain
+
+    @property
+    def most_effects(self) -> int:
+        """Effects that a search may add."""
+        return RULES.effects_fewest
+
+    def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Block number of every residual entry: a toss is a block, since only tosses are independent."""
         return np.concatenate([np.full(w.measured.size, i) for i, w in enumerate(self.items)])
 

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import FoundEffect, Place
-from vispeg.diagnosis.selection.accept import CORRELATED
 from vispeg.identify.fit import Fit
 
 Together = tuple[EffectInstance, ...]
@@ -29,7 +29,7 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
     columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
     value, vector = np.linalg.eigh(columns.T @ columns)
     out: list[Together] = []
-    for way in vector.T[value < 1 - CORRELATED]:
+    for way in vector.T[value < 1 - RULES.correlated]:
         some = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > PART)})
         together = tuple(fit.world.effects[i] for i in some)
         if len(some) > 1 and some[0] >= n_fixed and together not in out:

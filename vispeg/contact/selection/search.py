@@ -25,7 +25,7 @@ from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.contact.selection.spare import doubted, spared
 from vispeg.contact.selection.sparse import sparse
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.verdict import FLOOR
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.selection.accept import equal
@@ -171,7 +171,7 @@ class ContactSearch(Search):
             return []
         trials = self.try_all(state, short, n_fixed, tested)
         best = min(trials, key=lambda t: float(t.loss.sum()))
-        if len(trials) < 2 or self.judge.mean(best.loss) < FLOOR:
+        if len(trials) < 2 or self.judge.mean(best.loss) < RULES.adequate:
             return self.of_cell_first(state, trials)
         pairs = self.pairs(trials)
         trials = trials + (self.try_all(state, pairs, n_fixed, tested) if pairs else [])

@@ -14,16 +14,15 @@ from vispeg.contact.selection.repeats import uncertainty
 from vispeg.contact.selection.screen import FELT, Probe
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
 
-POWER = 0.9  # with which an effect shows that is as large as said
-
 
 def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
-    """`shown_from` beside a world, of one parameter alone and with the probability `POWER`; greater where the held-out
+    """`shown_from` beside a world, of one parameter alone and with the probability `power`; greater where the held-out
     recordings ask for more, and of a pose by what its interval allows for, so that it leaves out none as surely.
     """
     where = places(search.evidence, world)
@@ -41,7 +40,8 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
         short = surely(judged, search.confirms()) / max(PART * float(np.sum((r - base) ** 2)), 1e-12)
         if short > 1.0:
             least[key][name] = further(key[0], name, size, float(np.sqrt(short)))
-    ends = 1.96 + float(stats.norm.ppf(POWER))  # of standard uncertainties: an interval's half, and how it may lie
+    # of standard uncertainties: an interval's half, and how it may lie
+    ends = 1.96 + float(stats.norm.ppf(RULES.power))
     return {
         key: {n: within(key[0], n, float(np.hypot(s, ends * uncertainty(key[0], n)))) for n, s in sizes.items()}
         for key, sizes in least.items()
@@ -49,11 +49,11 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
-    """Squared trace d^2 of an effect that lowers the squared residual by more than `drop` with the probability `POWER`.
+    """Squared trace d^2 of an effect that lowers the squared residual by more than `drop` with the probability `power`.
 
     A fit lowers it by d^2 + 2 d e, e being an error along the trace, of the variance that acceptance goes by.
     """
-    error = float(stats.norm.ppf(POWER) * np.sqrt(evidence.correlated * evidence.variance(1.0)))
+    error = float(stats.norm.ppf(RULES.power) * np.sqrt(evidence.correlated * evidence.variance(1.0)))
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 

@@ -14,10 +14,9 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.selection.accept import HELD_OUT, HELD_OUT_LARGE, LARGE
+from vispeg.core.rules import RULES
 
-POWER = 0.9  # with which an effect is found that is as large as said
-DRAWS = 200  # of the errors of all blocks: one in ten of them says what `POWER` leaves
+DRAWS = 200  # of the errors of all blocks: one in ten of them says what `power` leaves
 REACH = (1e-4, 1e4)  # of a trial's size, between which the least one is sought
 
 
@@ -52,7 +51,7 @@ class Needs:
     Attributes:
         held_out: drop of the squared residual of the held-out recordings; of the fitted ones any drop is enough.
         level: standard errors of the gain over the blocks of both.
-        loss: held-out squared residual without the effect; of a gain that is `LARGE` beside it less is asked.
+        loss: held-out squared residual without the effect; of a gain that is `large` beside it less is asked.
     """
 
     held_out: float
@@ -61,8 +60,9 @@ class Needs:
 
 
 def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
-    """Of a trial's size the least multiple that passes with the probability `POWER`; infinite where none does."""
-    ends = 1.96 + float(stats.norm.ppf(POWER))  # half an interval that leaves out none, and how its middle may lie
+    """Of a trial's size the least multiple that passes with the probability `power`; infinite where none does."""
+    # half an interval that leaves out none, and how its middle may lie
+    ends = 1.96 + float(stats.norm.ppf(RULES.power))
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
     least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
@@ -116,18 +116,19 @@ def distance(placed: EffectInstance, key: str, times: float) -> float:
 
 
 def _surely(trace: Trace, drop: float) -> float:
-    """Squared trace that lowers the squared residual by so much with the probability `POWER`."""
-    error = float(stats.norm.ppf(POWER)) * trace.error
+    """Squared trace that lowers the squared residual by so much with the probability `power`."""
+    error = float(stats.norm.ppf(RULES.power)) * trace.error
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 
 def _ranks(fitted: Trace, held_out: Trace, needs: Needs, times: float) -> bool:
     """Whether Wilcoxon's signed ranks over blocks pass, of all blocks and of the held-out ones alone."""
-    large = times**2 * held_out.square.sum() >= LARGE * (needs.loss + times**2 * held_out.square.sum())
-    level = float(stats.norm.isf(0.05)) if large else needs.level
+    large = times**2 * held_out.square.sum() >= RULES.large * (needs.loss + times**2 * held_out.square.sum())
+    level = float(stats.norm.isf(RULES.large_level)) if large else needs.level
     draw = np.random.default_rng(0)  # the same errors for every size, so that a greater one shows no less
     gains = [_gains(t, times, draw) for t in (held_out, fitted)]
-    return _passes(np.concatenate(gains, axis=1), level) and _passes(gains[0], HELD_OUT_LARGE if large else HELD_OUT)
+    alone = RULES.held_out_large if large else RULES.held_out
+    return _passes(np.concatenate(gains, axis=1), level) and _passes(gains[0], alone)
 
 
 def _gains(trace: Trace, times: float, draw: np.random.Generator) -> np.ndarray:
@@ -137,11 +138,11 @@ def _gains(trace: Trace, times: float, draw: np.random.Generator) -> np.ndarray:
 
 
 def _passes(gains: np.ndarray, level: float) -> bool:
-    """Whether the signed ranks of gains (draws, nblock) are above a level with the probability `POWER`."""
+    """Whether the signed ranks of gains (draws, nblock) are above a level with the probability `power`."""
     n = gains.shape[1]
     if not n:
         return False
     ranks = np.argsort(np.argsort(np.abs(gains), axis=1), axis=1) + 1.0
     total = np.sum(ranks * (gains > 0), axis=1)
     scores = (total - n * (n + 1) / 4) / np.sqrt(n * (n + 1) * (2 * n + 1) / 24)
-    return float(np.quantile(scores, 1.0 - POWER)) >= level
+    return float(np.quantile(scores, 1.0 - RULES.power)) >= level

@@ -2,8 +2,8 @@
 
 Where several effects explain the recordings equally well: the motion on which the leading explanations would differ
 most (T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
-between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below DECISIVE no
-motion is proposed: what rounding makes of two predictions that are alike is no experiment. Where no known effect
+between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below `next_sigma`
+no motion is proposed: what rounding makes of two predictions that are alike is no experiment. Where no known effect
 explains what remains: a motion that shows the regimes apart. What was recorded already is asked for last. A model that
 is adequate, or identified without a rival, asks for nothing.
 """
@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.schema import NextMotion
@@ -36,7 +37,6 @@ SHOWS = {  # what a motion is for where no known effect explains what remains, i
 }
 MENU = ("triangle", "chirp", "steps", "fourier", "sweep")
 SECONDS = 6.0
-DECISIVE = 3.0  # sigma between two predictions, below which one recording would not settle it
 
 
 def next_experiment(
@@ -58,12 +58,13 @@ def next_experiment(
         return stage.record(name, SHOWS[name] + stage.beside), stage.arrays(name)
     first, second, names = pair
     apart = stage.apart(first, second)
-    fresh = {n: rows for n, rows in apart.items() if n not in recorded and rows[0] >= DECISIVE}
+    fresh = {n: rows for n, rows in apart.items() if n not in recorded and rows[0] >= RULES.next_sigma}
     name = max(fresh or apart, key=lambda n: apart[n][0])
     sigma, a, b = apart[name]
-    if sigma < DECISIVE:
-        why = f"no motion of the menu separates {names[0]} from {names[1]} by {DECISIVE:g} sigma (the best, {name}, by "
-        return {"motion": "", "why": f"{why}{sigma:.2g})", "expected_separation_sigma": round(sigma, 2)}, {}
+    if sigma < RULES.next_sigma:
+        best = f"(the best, {name}, by {sigma:.2g})"
+        why = f"no motion of the menu separates {names[0]} from {names[1]} by {RULES.next_sigma:g} sigma {best}"
+        return {"motion": "", "why": why, "expected_separation_sigma": round(sigma, 2)}, {}
     motion = stage.record(name, f"separates {names[0]} from {names[1]}")
     motion["expected_separation_sigma"] = round(sigma, 2)
     return motion, stage.arrays(name) | {"next/A": a, "next/B": b}

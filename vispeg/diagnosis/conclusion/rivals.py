@@ -9,20 +9,17 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.accept import DECISIVE, equal
+from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.search import AT_FLOOR, Search
+from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
 from vispeg.worlds.places import ALL
 
-EXCHANGES = 3  # at most
-BETTER = 0.01  # of the held-out error, that a rival must remove to come in; none where it goes before (`prior`)
-FAR = 3.0  # times what the chosen effect leaves over the noise, by which a rival is far from it
-MOST, MOST_FITTED = 3, 8  # rivals of one of many effects: of linear algebra, and with what the library promises
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
 
@@ -38,7 +35,7 @@ class Rivals:
 def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
-    for _ in range(EXCHANGES):
+    for _ in range(RULES.exchanges):
         better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
         if not better or len(state.world.effects) - n_fixed < 2:
             break
@@ -55,7 +52,7 @@ def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], Non
 def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
     """Whether a rival belongs in the place of the effect `label`."""
     (accepted,) = [e for e in state.world.effects if e.label == label]
-    least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else BETTER
+    least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
@@ -99,7 +96,7 @@ def _goal(search: Search, state: State) -> float | None:
         return None
     size = len(state.residual)
     remains, noise = float(state.residual @ state.residual) / size, search.evidence.count / size
-    return remains + FAR * max(remains - noise, 0.1)
+    return remains + RULES.rival_far * max(remains - noise, RULES.rival_room)
 
 
 def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
@@ -112,7 +109,12 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
     beyond = _beyond(search, state)
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
     # bytes of derivatives, an effect:
-    size = 8 * state.residual.size * (1 + len(state.world.effects)) * (1 + 2 * MOST_FITTED)
+    size = (
+        8
+        * state.residual.size
+        * (1 + len(state.world.effects))
+        * (1 + 2 * (RULES.rivals_linear + RULES.rivals_screened))
+    )
     some, by_label = max(1, AT_ONCE // size), {}
     for start in range(0, len(placed), some):
         part = placed[start : start + some]
@@ -122,7 +124,7 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
         for e, beside in zip(part, reduced, strict=True):
             proposed = [Score(r, 0.0) for r in asked.get(e.label, ())]
             screened, tested = search.instead(beside, e) if e.where in beyond else ([], 0)
-            scores = {s.key: s for s in (*screened, *proposed[:MOST])}
+            scores = {s.key: s for s in (*screened, *proposed[: RULES.rivals_linear])}
             tries.append((beside, list(scores.values()), max(tested, len(proposed))))
         for e, beside, trials in zip(part, reduced, search.try_each(tries, n_fixed, _goal(search, state)), strict=True):
             by_label[e.label] = _compare(search, state, e.label, trials, search.judge.mean(beside.loss))
@@ -135,7 +137,7 @@ def _beyond(search: Search, state: State) -> set[str]:
     What all joints share, such as a delay, moves the arm by far more than noise: at first order a lag looks alike. In
     the joint that misses most, something may stand in for what has no signature, as friction that grows with load.
     """
-    if search.judge.mean(state.loss) - search.judge.floor(state.world) <= AT_FLOOR - 1.0:
+    if search.judge.mean(state.loss) - search.judge.floor(state.world) <= RULES.at_floor - 1.0:
         return set()
     worst = int(np.argmax(joint_z(search.missing(state.world))))
     return {ALL, search.evidence.items[0].robot.joints[worst]}
@@ -162,7 +164,7 @@ def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     name, where = _parts(label)
     kind = effect(trial.score.placed.effect)
     nested = name in kind.contains and trial.score.placed.where == where
-    return nested and judge.gain(state.loss, trial.loss).z < 3.0
+    return nested and judge.gain(state.loss, trial.loss).z < RULES.richer_sigma
 
 
 def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
@@ -173,7 +175,7 @@ def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
     name, where = _parts(label)
     grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
     gain = judge.gain(trial.loss, state.loss)
-    return grows and gain.relative > DECISIVE and gain.z > stats.norm.isf(0.05)
+    return grows and gain.relative > RULES.decisive and gain.z > stats.norm.isf(RULES.large_level)
 
 
 def _parts(label: str) -> tuple[str, str]:

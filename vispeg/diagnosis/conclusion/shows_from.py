@@ -11,17 +11,18 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.least_sizes import POWER, REACH, Needs, Trace, between, distance, least_coefficient
+from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.least_sizes import REACH, Needs, Trace, between, distance, least_coefficient
 from vispeg.diagnosis.evidence.localise import joint_data
 from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import probes
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import ShowsFrom
-from vispeg.diagnosis.selection.accept import DISCOVERIES, REFINEMENT, same_kind
+from vispeg.diagnosis.selection.accept import same_kind
 from vispeg.diagnosis.selection.bic import correlation_time
 from vispeg.diagnosis.selection.cross import on_held_out
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.search import AT_FLOOR, Search
+from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
@@ -95,8 +96,8 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
 
     count = float(search.judge.size.sum())
     over = float(state.loss.sum()) / count - search.judge.floor(state.world)
-    chance = float(stats.norm.ppf(POWER)) * np.sqrt(2.0 / count)  # of the mean square of so many readings' noise
-    return shows_from(search, state, tried, AT_FLOOR - 1.0 + chance if over <= AT_FLOOR - 1.0 else 0.0)
+    chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # of the mean square of so many readings' noise
+    return shows_from(search, state, tried, RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0)
 
 
 def shows_from(
@@ -130,14 +131,14 @@ def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float)
     fit, residual = state.fit, state.residual
     slopes = np.zeros((len(residual), 0)) if fit is None else fit.jacobian
     basis, upper = np.linalg.qr(slopes)
-    blocks, held_blocks = search.evidence.blocks(0.25), search.judge.blocks
+    blocks, held_blocks = search.evidence.blocks(RULES.block), search.judge.blocks
 
     def fitted(t: Tried) -> Trace:
         own = [c - basis @ (basis.T @ c) for c in (t.column.astype(float), t.others.astype(float))]
         return Trace.of(own[0], own[1], residual, blocks)
 
     traces = [fitted(t) for t in tried]
-    level = float(stats.norm.isf(DISCOVERIES / max(search.tested(state), 1)))
+    level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
     needs = [_needs(search, state, t.placed, worth, level) for t in tried]
     promised = [max(t.least, least_coefficient(a, a, n)) for t, a, n in zip(tried, traces, needs, strict=True)]
     out = [np.inf] * len(tried)
@@ -168,7 +169,7 @@ def _needs(search: Searched, state: State, placed: EffectInstance, worth: float,
         drop = max(drop, search.least_share * state.scale * count)
     same = [e for e in state.world.effects if same_kind(e, placed)]
     if same:
-        drop = max(drop, REFINEMENT * max(map(state.removed_by, same)) * count)
+        drop = max(drop, RULES.refinement * max(map(state.removed_by, same)) * count)
     return Needs(drop, level, loss)
 
 

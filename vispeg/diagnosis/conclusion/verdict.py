@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.evidence.remainder import CONVINCING, Dependence
+from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.diagnosis.evidence.roles import Roles
 from vispeg.diagnosis.scale import floors, times
-from vispeg.diagnosis.selection.judge import FARTHEST
-
-FLOOR = 1.6  # held-out mean squared residual, in noise variances, up to which a model stands at the noise floor
-EXPLAINED = 0.97  # share of the held-out excess over noise that an identified model must explain
-MARK = 1.25  # of what least squares of base parameters leaves, up to which an identified model may leave too
 
 
 @dataclass(frozen=True)
@@ -63,14 +59,16 @@ def decide(
         return Verdict("unexplained", unjudged.note, rest, partial=True)
     excess_before, excess_after = max(before - 1.0, 1e-9), max(after - floor, 0.0)
     explained = 1.0 - excess_after / excess_before
-    at_floor = after <= FLOOR * floor
+    at_floor = after <= RULES.adequate * floor
     top = depends[0] if depends else None
-    far = (after / floor if farthest is None else farthest) > FARTHEST or (mark is not None and after > MARK * mark)
-    if not at_floor and (explained < EXPLAINED or far or not n_added):
-        on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= CONVINCING]
+    far = (after / floor if farthest is None else farthest) > RULES.far or (
+        mark is not None and after > RULES.inertial * mark
+    )
+    if not at_floor and (explained < RULES.explained or far or not n_added):
+        on = [{"input": d.input, "joint": d.joint, "share": d.share} for d in depends if d.share >= RULES.depends]
         what = f"it depends on {on[0]['input']} at {on[0]['joint']}" if on else "no single input predicts it"
         text = f"an error of {times(last)} × the noise floor remains that no known effect explains; {what}"
-        if farthest is not None and farthest > FARTHEST:
+        if farthest is not None and farthest > RULES.far:
             text += f"; what is described worst is {floors(farthest)} × its own noise floor off"
         if mark is not None:
             over = f"over all readings the model leaves {floors(after)} × their noise"
@@ -88,7 +86,7 @@ def decide(
         ""
         if at_floor
         else f"; {100 * explained:.1f} % of the excess is explained"
-        + (f", the rest depends most on {top.input}" if top is not None and top.share >= CONVINCING else "")
+        + (f", the rest depends most on {top.input}" if top is not None and top.share >= RULES.depends else "")
     )
     remainder += _of_readings(floor)
     if n_added == n_read:
@@ -126,7 +124,7 @@ def unexplained(before: float, after: float, n_added: int) -> bool:
         n_added: effects added.
     """
     explained = 1.0 - max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)
-    return after > FLOOR and (explained < EXPLAINED or after > FARTHEST or not n_added)
+    return after > RULES.adequate and (explained < RULES.explained or after > RULES.far or not n_added)
 
 
 def _of_readings(floor: float) -> str:

@@ -17,13 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.identify.channels import Item
 from vispeg.identify.fit import Fit
 
-PARTS = 4
-REMOVES = 0.3  # of the error left in the joint, that values of their own for the parts must remove
-APART = 0.5  # of an effect's value, by which those of the parts must differ at least
 RIDGE = 1e-9  # of each column's own norm: directions that the evidence cannot determine stay
 
 
@@ -34,7 +32,7 @@ class Change:
     Attributes:
         label: of the effect.
         over: `time` or `position`.
-        parts: (PARTS,) its first magnitude in each part, over the fitted one.
+        parts: (nparts,) its first magnitude in each part, over the fitted one.
         share: of the squared error left in its joint, that such values remove there.
     """
 
@@ -72,7 +70,7 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
             for over, everywhere, here in ways:
                 drop, moved = _apart(everywhere, here, axes)
                 parts = 1.0 + moved / (fit.u - null)[axes[0]]
-                if drop >= REMOVES * excess[joint] and np.ptp(parts) >= APART:
+                if drop >= RULES.parts_remove * excess[joint] and np.ptp(parts) >= RULES.parts_apart:
                     label = fit.world.effects[k].label
                     out.append(Change(label, over, tuple(parts.tolist()), drop / excess[joint]))
                     break
@@ -97,13 +95,13 @@ def _times(items: Sequence[Item]) -> np.ndarray:
         windows = [i for i in items if i.recording is item.recording]
         begin, end = (f(i.recording.time[i.segment.rows[k]] for i in windows) for f, k in ((min, 0), (max, -1)))
         age = (start + item.segment.time - begin) / max(end - begin, 1e-9)
-        out.append(np.clip((PARTS * age).astype(int), 0, PARTS - 1))
+        out.append(np.clip((RULES.parts * age).astype(int), 0, RULES.parts - 1))
     return np.concatenate(out)
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
     """Part of the distribution of `values` in which each lies."""
-    return np.digitize(values, np.quantile(values, np.arange(1, PARTS) / PARTS))
+    return np.digitize(values, np.quantile(values, np.arange(1, RULES.parts) / RULES.parts))
 
 
 def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:
@@ -119,8 +117,8 @@ def _channels(items: Sequence[Item]) -> np.ndarray:
 
 
 def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Inner products (PARTS, p, p) of the derivatives, and (PARTS, p) with the residual, over each part of `where`."""
-    rows = [part == s if where is None else where & (part == s) for s in range(PARTS)]
+    """Inner products (nparts, p, p) of derivatives, and (nparts, p) with the residual, over each part of `where`."""
+    rows = [part == s if where is None else where & (part == s) for s in range(RULES.parts)]
     return (
         np.stack([fit.jacobian[r].T @ fit.jacobian[r] for r in rows]),
         np.stack([fit.jacobian[r].T @ fit.residual[r] for r in rows]),
@@ -138,21 +136,21 @@ def _apart(
     p, k = gram.shape[1], len(free)
     rest = [i for i in range(p) if i not in free]
     r = len(rest)
-    matrix, right = np.zeros((r + PARTS * k, r + PARTS * k)), np.zeros(r + PARTS * k)
+    matrix, right = np.zeros((r + RULES.parts * k, r + RULES.parts * k)), np.zeros(r + RULES.parts * k)
     matrix[:r, :r], right[:r] = gram.sum(axis=0)[np.ix_(rest, rest)], slope.sum(axis=0)[rest]
-    for s in range(PARTS):
+    for s in range(RULES.parts):
         at = slice(r + s * k, r + (s + 1) * k)
         matrix[at, at], right[at] = gram[s][np.ix_(free, free)], slope[s][free]
         matrix[at, :r] = gram[s][np.ix_(free, rest)]
         matrix[:r, at] = matrix[at, :r].T
     once, x = _solved(gram.sum(axis=0), slope.sum(axis=0)), _solved(matrix, right)
-    apart = np.zeros((PARTS, p))
-    apart[:, rest], apart[:, free] = x[:r], x[r:].reshape(PARTS, k)
-    return _squares(here, np.tile(once, (PARTS, 1))) - _squares(here, apart), x[r::k]
+    apart = np.zeros((RULES.parts, p))
+    apart[:, rest], apart[:, free] = x[:r], x[r:].reshape(RULES.parts, k)
+    return _squares(here, np.tile(once, (RULES.parts, 1))) - _squares(here, apart), x[r::k]
 
 
 def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
-    """Rise of |r|^2 where the coordinates move by x (PARTS, p) in each part."""
+    """Rise of |r|^2 where the coordinates move by x (nparts, p) in each part."""
     gram, slope = moments
     return float(np.einsum("si,sij,sj->", x, gram, x) + 2.0 * np.sum(slope * x))
 

@@ -7,22 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
-
-STILL = {"q": 1e-3, "q_cmd": 1e-3, "ee_cmd": 1e-3, "tau_cmd": 0.1}  # rad, rad, m, N m: a smaller range is no motion
-SIGMAS = 10.0  # of the stated noise, that the range of many readings of a joint at rest may span
 
 
 def motionless(rec: Recording) -> bool:
     """Whether neither a joint nor a command moved: a commanded robot that stays where it is does tell something."""
-    for name, least in STILL.items():
+    still = dict.fromkeys(("q", "q_cmd", "ee_cmd"), RULES.still_angle) | {"tau_cmd": RULES.still_torque}
+    for name, least in still.items():
         values = getattr(rec, name)
         if values is None:
             continue
         finite = np.where(np.isfinite(values), values, np.nan)
         columns = finite[:, ~np.isnan(finite).all(axis=0)]
         span = np.nanmax(columns, axis=0) - np.nanmin(columns, axis=0) if columns.size else np.zeros(1)
-        if np.any(span > max(least, SIGMAS * rec.noise.get(name, 0.0))):
+        if np.any(span > max(least, RULES.still_noise * rec.noise.get(name, 0.0))):
             return False
     return True
 

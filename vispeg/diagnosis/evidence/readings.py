@@ -12,15 +12,12 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
-
-LOUDER = 4.0  # times the stated noise: the least step (an estimated noise is never less than step / sqrt(12))
-FEW = 6  # readings that differ, under which a joint stands still and shows no step
-OFF = 0.05  # of a step: a reading farther from a multiple is on no grid, which also says how exactly a step is known
 
 
 def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstance, ...]:
@@ -49,7 +46,9 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
             places = {ALL: (list(steps), common)}
         for where, (rows, step) in places.items():
             if step <= kind.params[param].high:
-                width = OFF * step**2 / max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
+                width = (
+                    RULES.grid_off * step**2 / max(float(np.nanmax(np.abs(r.q[:, j]))) for j in rows for r in moved[j])
+                )
                 placed = EffectInstance.of(name, where, **{param: step})
                 value = Value(step, step - width, step + width)
                 out.append(EffectInstance(name, where, {**placed.params, param: value}))
@@ -58,7 +57,7 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
 
 def moves(values: np.ndarray) -> bool:
     """Whether readings (n,) differ."""
-    return len(np.unique(values[np.isfinite(values)])) >= FEW
+    return len(np.unique(values[np.isfinite(values)])) >= RULES.grid_readings
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
@@ -67,7 +66,7 @@ def common_step(recordings: Sequence[Recording], joint: int) -> float:
         return 0.0
     widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))
     step = refined(widest, quantization(widest) or 0.0)
-    louder = all(step > LOUDER * noise_of(r)["q"][joint] for r in recordings)
+    louder = all(step > RULES.grid_step * noise_of(r)["q"][joint] for r in recordings)
     return step if louder and all(on_grid(r.q[:, joint], step) for r in recordings) else 0.0
 
 
@@ -87,4 +86,4 @@ def refined(values: np.ndarray, step: float) -> float:
 def on_grid(values: np.ndarray, step: float) -> bool:
     """Whether values (n,) are whole multiples of a step."""
     counts = values[np.isfinite(values)] / step
-    return bool(np.abs(counts - np.round(counts)).max(initial=0.0) < OFF)
+    return bool(np.abs(counts - np.round(counts)).max(initial=0.0) < RULES.grid_off)

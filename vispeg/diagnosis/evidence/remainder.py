@@ -10,7 +10,6 @@ from vispeg.diagnosis.evidence.localise import MissingTorque
 from vispeg.diagnosis.schema import Remainder
 
 BINS = 24
-CONVINCING = 0.15  # share of the held-out missing torque that a curve must predict
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.scale import floors
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
-
-QUIET = 1.25  # noise variances, up to which a recording shows nothing that a model lacks
-LOUD = 10.0  # noise variances, from which on one does
-HALF = 2.4  # s, that half a recording must outlast: so long takes an observed rollout to settle, and to say something
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class Roles:
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
         """Give these roles, if one recording alone shows what a model lacks, and `world` lacks it still."""
-        return self if self.alone and max(shown(evidence, world)) > LOUD else None
+        return self if self.alone and max(shown(evidence, world)) > RULES.loud else None
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
@@ -44,16 +41,19 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
     if none that should judge does. One alone judges by its second half, if both its halves show it; else it is said
     that nothing else shows it: what is fitted to it is judged nowhere.
     """
-    if max(shown(judged, world)) > QUIET:
+    if max(shown(judged, world)) > RULES.quiet:
         return None
     means = shown(evidence, world)
-    loud = [r for r, mean in zip(evidence.recordings, means, strict=True) if mean > LOUD]
+    loud = [r for r, mean in zip(evidence.recordings, means, strict=True) if mean > RULES.loud]
     if not loud:
         return None
     names = ", ".join(r.name for r in judged.recordings)
     if len(loud) == 1:
         first, second = halves(loud[0])
-        if np.ptp(second.time) > HALF and min(shown(evidence_for(world, [first, second]), world)) > LOUD:
+        if (
+            np.ptp(second.time) > RULES.half_least
+            and min(shown(evidence_for(world, [first, second]), world)) > RULES.loud
+        ):
             rest = [r for r in evidence.recordings if r is not loud[0]]
             note = f"only {loud[0].name} shows what the model lacks: its second half judges what is fitted to its first"
             return Roles([first, *rest, *judged.recordings], [second], note)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from vispeg.core.effect import EffectInstance, effect, searchable
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
@@ -92,7 +93,8 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
     """Give the scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
     top = scores[0].gain if scores else 0.0
-    return [s for i, s in enumerate(scores) if i < best and (i < 4 or s.gain > 0.25 * top)]
+    least = RULES.fitted_share * top
+    return [s for i, s in enumerate(scores) if i < best and (i < RULES.fitted_surely or s.gain > least)]
 
 
 def screen(

@@ -9,13 +9,13 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import JointData
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
 WILD = 5e3  # whitened residual beyond which a rollout says nothing about its parameter
-EDGE = 0.005  # of a range, from a bound: a value so close stands at it
 STEP = 0.05  # of a moment's range, by which it is shifted
 
 
@@ -173,7 +173,7 @@ def at_bound(placed: EffectInstance) -> bool:
 
 def _at_edge(p: Param, value: float) -> bool:
     value, low, high = (float(np.log(v)) if p.scale == "log" else v for v in (value, p.low, p.high))
-    edge = EDGE * (high - low)
+    edge = RULES.edge * (high - low)
     return (value > high - edge and p.high != p.null) or (value < low + edge and p.low != p.null)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.agreement import agreement
 from vispeg.diagnosis.pictures.search import PictureSearch
-from vispeg.diagnosis.selection.accept import LEAST_SHARE, equal
+from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import parameters, present
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.worlds.world import World
@@ -21,7 +22,7 @@ MOVING = 0.12  # px that an effect of time has to move the borders by
 class BorderSearch(PictureSearch):
     """A search whose names do what no other effects can do, alike in both recordings."""
 
-    least_share = LEAST_SHARE  # projections are nearly exact: pixels count (`Agreement`)
+    least_share = RULES.later  # projections are nearly exact: pixels count (`Agreement`)
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """Add effects until none earns its place; then let what does as well with less take the place of others."""

@@ -21,8 +21,8 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.search import PictureSearch
-from vispeg.diagnosis.selection.accept import HELD_OUT
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit
 
@@ -54,7 +54,7 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
     assert fit is not None
     accepted = [(e.effect, e.where) for e in state.world.effects]  # the last refusals may be beside another world
     beside = [t for t in state.last if [(e.effect, e.where) for e in t.fit.world.effects[: len(accepted)]] == accepted]
-    richer = [t for t in beside if t.gain.z > HELD_OUT and t.gain.relative > search.evidence.least_gain]
+    richer = [t for t in beside if t.gain.z > RULES.held_out and t.gain.relative > search.evidence.least_gain]
     if not richer or len(richer[0].fit.u) <= len(fit.u):
         return np.zeros(len(fit.u))
     return np.abs(richer[0].fit.u[: len(fit.u)] - fit.u) / np.sqrt(3)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.conclusion.verdict import Verdict, unexplained
-from vispeg.diagnosis.evidence.remainder import CONVINCING
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
 from vispeg.diagnosis.pictures.sensors import Sensed
@@ -92,7 +92,7 @@ def _convinces(x: Left) -> bool:
     """Give a share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near
     it.
     """
-    return (x.share >= CONVINCING and x.size >= VISIBLE) or (x.share >= MARKED and x.size >= LARGE)
+    return (x.share >= RULES.depends and x.size >= VISIBLE) or (x.share >= MARKED and x.size >= LARGE)
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
@@ -16,20 +17,6 @@ from vispeg.diagnosis.selection.state import State, Trial, without
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
-
-TIE = 0.03  # two fits this close in held-out squared error (above the floor) count as equals
-LEAST_SHARE = 0.001  # of what the effects so far typically removed that a later one must remove: no model is exact
-CLEAR = 0.8  # share of the held-out squared error that no mere refinement removes
-CLEAR_OF_ANGLE = 0.2  # the same where the torque is one of the angle alone, which no form of friction leaves
-REFINEMENT = 0.03  # of what an effect of the same kind at the same place removed: no model of friction is exact
-DISCOVERIES = 0.01  # rate of false discoveries over all places screened (Benjamini and Hochberg)
-ALONE = 0.8  # share of the held-out squared error from which on one effect comes alone, before several at a time
-# An effect that acts at times (a torque limit), or beside another that is missing too, gains in few blocks of time:
-DECISIVE = 0.5  # share of the held-out squared error that chance does not remove, so that blocks need pass at 5 % only
-CORRELATED = 0.9  # of two effects' estimates, from which on a candidate that explains as much is preferred
-HELD_OUT = 1.645  # sigma on the held-out recordings alone, whatever the cross-fitted ones say
-LARGE = 0.4  # share of the held-out squared error that a fit of other recordings hardly removes by chance
-HELD_OUT_LARGE = 1.0  # sigma on the held-out recordings where so much goes: a gain may lie in few of their blocks
 
 
 def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> list[Trial]:
@@ -51,14 +38,14 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
     beside = max(same, key=state.removed_by, default=None)
     refines = t.gain.mean / state.removed_by(beside) if beside is not None else 1.0
     of_angle = effect(t.score.placed.effect).conservative and not any(effect(e.effect).conservative for e in same)
-    clear = CLEAR_OF_ANGLE if of_angle else CLEAR
-    if beside is not None and refines < REFINEMENT and t.gain.relative < clear:
+    clear = RULES.clear_of_angle if of_angle else RULES.clear
+    if beside is not None and refines < RULES.refinement and t.gain.relative < clear:
         return f"only refines {beside.label} at the same place ({100 * refines:.2g} % of what that removed)"
     if share < search.least_share:
         return f"removes {100 * share:.2g} % of what an effect so far did, under {100 * search.least_share:.1g} %"
     if t.gain.relative < search.evidence.least_gain:
         return f"held-out gain {100 * t.gain.relative:.1f} % is under {100 * search.evidence.least_gain:.0f} %"
-    if t.gain.z < (level if t.gain.relative < LARGE else stats.norm.isf(0.05)):
+    if t.gain.z < (level if t.gain.relative < RULES.large else stats.norm.isf(RULES.large_level)):
         return f"held-out gain is {t.gain.z:.1f} standard errors, under {level:.1f}"
     if not search.holds(state, t):
         return "it does not show in the held-out recordings alone"
@@ -73,12 +60,12 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
     """Those that passed first, of them the simplest of the equals; what ended at a bound stands behind all others."""
     passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
-        alone = [t for t in passed if not t.score.beside and t.gain.relative >= ALONE and sound(t)]
+        alone = [t for t in passed if not t.score.beside and t.gain.relative >= RULES.alone and sound(t)]
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
         # what is wrong alone may as well be a link
-        others = state.fit is not None or first.gain.mean < ALONE * (judge.mean(state.loss) - 1.0)
+        others = state.fit is not None or first.gain.mean < RULES.alone * (judge.mean(state.loss) - 1.0)
         instead = [t for t in alike if others and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
         passed.remove(first)
@@ -102,7 +89,7 @@ def doubtful(t: Trial) -> bool:
     count = len(t.fit.world.effects)
     new = [i for i, a in enumerate(t.fit.space.axes) if a.index >= count - t.score.count]
     old = [i for i in range(len(t.fit.space.axes)) if i not in new]
-    entangled = bool(np.any(np.abs(t.fit.correlation[np.ix_(new, old)]) > CORRELATED))
+    entangled = bool(np.any(np.abs(t.fit.correlation[np.ix_(new, old)]) > RULES.correlated))
     return entangled or any(at_bound(e) for e in _own(t))
 
 
@@ -118,13 +105,13 @@ def _own(t: Trial) -> Sequence[EffectInstance]:
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:
-    """Give the score from which on these of `tested` places pass at the rate `DISCOVERIES` of false discoveries.
+    """Give the score from which on these of `tested` places pass at the rate `discoveries` of false discoveries.
 
     Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995; places that were not fitted
     count as tested.
     """
     p = np.sort(stats.norm.sf(scores))
-    levels = DISCOVERIES * np.arange(1, len(p) + 1) / max(tested, len(p), 1)
+    levels = RULES.discoveries * np.arange(1, len(p) + 1) / max(tested, len(p), 1)
     passed = np.flatnonzero(p <= levels)
     return float(stats.norm.isf(levels[passed[-1] if len(passed) else 0]))
 
@@ -146,10 +133,10 @@ def equal(
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)
-    form = LEAST_SHARE * (without - 1.0)
+    form = RULES.later * (without - 1.0)
     share = max(min(form, excess) if remaining else form, alike * (without - judge.mean(best)))
-    hardly = gain.mean <= max(TIE * (excess + 0.3), share)
-    by_chance = gain.z < 2.0 and not judge.apart(gain)
+    hardly = gain.mean <= max(RULES.tie * (excess + RULES.tie_room), share)
+    by_chance = gain.z < RULES.tie_sigma and not judge.apart(gain)
     if alike > 0:
         by_chance = gain.mean <= 0.5 * (without - judge.mean(best)) and (by_chance or judge.tied(gain))
     return hardly or by_chance

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit
 
-QUARTERS = 4
 RIDGE = 1e-9  # of each parameter's own information: directions that a fold cannot determine stay
 
 
@@ -25,7 +25,7 @@ class Cross:
     def __init__(self, judge: Judge):
         self.judge = judge
         items = judge.evidence.items
-        parts = QUARTERS if len(items) == 1 else 1
+        parts = RULES.folds if len(items) == 1 else 1
         self.folds: list[slice] = []
         start = 0
         for item in items:

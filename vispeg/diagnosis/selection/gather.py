@@ -9,14 +9,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from vispeg.core.effect import EffectInstance, effect, searchable
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.selection.shadows import become, lacking, overtakes
 from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
-
-STEPS = 1  # that a search with the body may take to be better
 
 
 def gathered(search: Search, state: State, n_fixed: int) -> bool:
@@ -40,7 +39,7 @@ def gathered(search: Search, state: State, n_fixed: int) -> bool:
     if best is None:
         return False
     search.take(other, best, trials, n_fixed)
-    if not overtakes(search, state, other, n_fixed, STEPS):
+    if not overtakes(search, state, other, n_fixed, RULES.gather_steps):
         return False
     become(state, other)
     return True

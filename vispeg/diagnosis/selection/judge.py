@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import effect
+from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.identify.loops.stirred import reading_noise
@@ -16,8 +17,6 @@ from vispeg.worlds.world import World
 
 # However bad the given model was, an identified one leaves no more than this in any kind of channel, over its floor;
 # where the mean over all is more, a search asks again (`shadows`):
-FARTHEST = 100.0
-CAP = 1e7  # squared whitened residual beyond which a reading counts no more: one wild row must not decide
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Judge:
 
     def __init__(self, evidence: Evidence):
         self.evidence = evidence
-        self.blocks = evidence.blocks(0.25)
+        self.blocks = evidence.blocks(RULES.block)
         self.nj = evidence.items[0].nj
         joint = [
             np.broadcast_to(np.arange(i.measured.shape[1]) % i.nj, i.measured.shape).ravel() for i in evidence.items
@@ -60,7 +59,7 @@ class Judge:
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
         """Give the summed squared whitened residual of each block and joint."""
-        return self._by_cell(np.minimum(residual**2, CAP) * self.valid)
+        return self._by_cell(np.minimum(residual**2, RULES.cap) * self.valid)
 
     def _by_cell(self, values: np.ndarray) -> np.ndarray:
         size = (int(self.blocks.max()) + 1) * self.nj

@@ -15,14 +15,13 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.evidence.localise import joint_data
 from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.accept import DECISIVE, DISCOVERIES, HELD_OUT, REFINEMENT
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import present
-from vispeg.diagnosis.selection.prune import LOCAL
 from vispeg.diagnosis.selection.state import State, Trial, without
 from vispeg.identify.fit import Chase, Race, squares
 from vispeg.worlds.world import World
@@ -30,30 +29,27 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
 
-SCALES = (1.0, 3.0)  # of a guess, at which a richer effect is tried in the place of a simple one
-FITTED = 2  # of those starts, of each kind
-
 
 def refined(search: Search, state: State, n_fixed: int) -> bool:
     """Put a richer law in the place of a simple one where it earns that; whether one came in."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
     for simple, kind in laws(search, state.world, n_fixed):
         removed = _removed(search, state, simple)
-        if excess < REFINEMENT * removed:
+        if excess < RULES.refinement * removed:
             continue
         starts = _starts(search, state, simple, kind)
         trial = _fitted(search, state, simple, starts, n_fixed)
         crossed = state.cross, search.cross.loss_of(trial.fit, trial.fit.residual)
         tested = search.judge.gain(state.loss, trial.loss, crossed)
         if (
-            trial.gain.mean < REFINEMENT * removed
-            or tested.z < stats.norm.isf(DISCOVERIES)
-            or trial.gain.z < HELD_OUT
+            trial.gain.mean < RULES.refinement * removed
+            or tested.z < stats.norm.isf(RULES.discoveries)
+            or trial.gain.z < RULES.held_out
             or bic_gain(search.evidence, state.world, state.residual, trial.fit) <= 0
         ):
             continue
         joints = list(search.evidence.items[0].robot.joints)
-        visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= LOCAL]
+        visible = [e for e in simple if trial.gain.joints[joints.index(e.where)] >= RULES.drop_local]
         if visible and len(visible) < len(simple):
             by_joint = {e.where: e for e in trial.fit.world.effects if e.effect == kind.name}
             trial = _fitted(search, state, visible, [[by_joint[e.where] for e in visible]], n_fixed)
@@ -128,7 +124,7 @@ def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectI
     starts: list[EffectInstance] = []
     for name, kind in searchable().items():
         for param_name, its in kind.grows_from.get(simple.effect, {}).items():
-            for guess, scale in product(kind.guesses(data), SCALES):
+            for guess, scale in product(kind.guesses(data), RULES.law_scales):
                 scaled = {k: v * scale for k, v in guess.items() if k in kind.magnitudes}
                 start = EffectInstance.of(
                     name, simple.where, **{**guess, **scaled, param_name: simple.params[its].value}
@@ -138,9 +134,9 @@ def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectI
 
 
 def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
-    """Give the first FITTED of each kind."""
+    """Give the first few of each kind."""
     kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
-    return [s for some in kinds for s in some[:FITTED]]
+    return [s for some in kinds for s in some[: RULES.law_fitted]]
 
 
 def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
@@ -156,7 +152,7 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
     starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of play creeps where it begins far off
     noise = search.evidence.count / len(state.residual)
-    goal = squares(state.residual) - DECISIVE * max(squares(state.residual) - noise, 0.0)
+    goal = squares(state.residual) - RULES.decisive * max(squares(state.residual) - noise, 0.0)
     chases = [Chase(goal) for _ in starts]
     columns = [state.derivatives([simple])] * len(starts)
     fits = search.fits([rest.add(s) for s in starts], n_fixed, races=chases, columns=columns)
@@ -178,14 +174,15 @@ def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -
     """
     gain, judge = trial.gain, search.judge
     contained = any(e.effect in effect(trial.score.placed.effect).contains for e in trial.score.out)
-    most = gain.mean > DECISIVE * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
+    most = gain.mean > RULES.decisive * max(judge.mean(state.loss) - judge.floor(state.world), 0.0)
     if not most or not (contained or present(trial.fit, -1)):
         return False
-    if gain.relative > DECISIVE:
-        sure = contained and gain.z > stats.norm.isf(DISCOVERIES)  # a straight line predicts folds ill far from its fit
-        return sure or (crossed if contained else gain.z) > stats.norm.isf(0.05)
-    if contained or gain.relative < search.evidence.least_gain or gain.z < HELD_OUT:
+    if gain.relative > RULES.decisive:
+        # a straight line predicts folds ill far from its fit
+        sure = contained and gain.z > stats.norm.isf(RULES.discoveries)
+        return sure or (crossed if contained else gain.z) > stats.norm.isf(RULES.large_level)
+    if contained or gain.relative < search.evidence.least_gain or gain.z < RULES.held_out:
         return False
-    if crossed < stats.norm.isf(DISCOVERIES):
+    if crossed < stats.norm.isf(RULES.discoveries):
         return False
     return bic_gain(search.evidence, state.world, state.residual, trial.fit) > 0

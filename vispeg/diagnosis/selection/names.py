@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.selection.judge import present
@@ -22,14 +23,6 @@ from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.conclusion.rivals import Rivals
-
-SURE = 0.3  # of the error left where it sits, that taking a named effect away must cost beside any other candidate
-FAR = 1.0  # the same where the model is far from the recordings
-SLACK = 0.2  # of the error left and of what an effect removed, by which a rival that is worth a fit may be worse
-ALIKE = 0.7  # of what an effect costs by itself, under which it must cost beside another for the two to be alike
-ASKED = 6  # rivals, at most
-CORRELATED = 0.9  # of two effects' estimates, from which on neither is certain
-CLASS = 3  # proven rivals beyond which a class of effects says nothing
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class Ground:
 
     def needed(self, k: int) -> float:
         """Rise of the squared residual that taking the entry `k` away must cost."""
-        return SURE * self.left(k)
+        return RULES.name_costs * self.left(k)
 
     def left(self, k: int) -> float:
         """Give the excess where an entry sits."""
@@ -62,7 +55,7 @@ class Exchange:
         label: of the effect.
         costs: rise of the squared residual without it, over the excess that is left where it sits; of the fitted and of
             the held-out recordings the lesser.
-        shaken: labels of the candidates beside which it costs less than SURE; none where it costs less by itself.
+        shaken: labels of the candidates beside which it costs less than `name_costs`; none where it does by itself.
         rivals: candidates, with start values, that shake it or hardly do worse in its place; the best first.
     """
 
@@ -100,13 +93,13 @@ def _doubts(
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
     asked = [c for c in asked if instead[c] > 0]
     costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # bounds aside
-    alike = [c for c in asked if costs[c] < max(fitted.needed(k), ALIKE * (without - error))]
+    alike = [c for c in asked if costs[c] < max(fitted.needed(k), RULES.name_alike * (without - error))]
     return instead, alike, [c for c in asked if without - instead[c] < _near(fitted, k, error, without)]
 
 
 def _near(fitted: Ground, k: int, error: float, without: float) -> float:
     """Squared residual up to which a candidate in the place of `k` is worth a fit."""
-    return error + SLACK * min(fitted.left(k), without - error)
+    return error + RULES.name_slack * min(fitted.left(k), without - error)
 
 
 class _Both:
@@ -129,7 +122,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     (error, left_held), (without, without_held) = both(model), both(rest)
     instead, alike, close = _doubts(fitted, model, k, beside, error, without)
     share = min((without - error) / fitted.left(k), (without_held - left_held) / held.left(k))
-    alike = alike if share >= SURE else []
+    alike = alike if share >= RULES.name_costs else []
     shaken = []
     for c in alike:
         (other, other_held), (more, more_held) = both([*rest, c]), both([*model, c])
@@ -140,7 +133,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     better = [c for c in alike if both([*rest, c])[1] < left_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
     rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # of one candidate's guesses the best
-    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[:ASKED])
+    placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[: RULES.name_rivals])
     labels = dict.fromkeys(entries[c].placed.label for c in shaken)
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
 
@@ -175,9 +168,10 @@ def tentative(
         label, exchange = placed.label, by_label.get(placed.label)
         equals = proven.get(label, set())
         unsure = exchange is not None and (
-            exchange.costs < (FAR if far else SURE) or bool(set(exchange.shaken) - tried.get(label, set()))
+            exchange.costs < (RULES.name_costs_far if far else RULES.name_costs)
+            or bool(set(exchange.shaken) - tried.get(label, set()))
         )
-        if unsure or len(equals) > CLASS or _entangled(state, index):
+        if unsure or len(equals) > RULES.name_class or _entangled(state, index):
             out.add(label)
     return frozenset(out)
 
@@ -189,7 +183,7 @@ def _entangled(state: State, index: int) -> bool:
     kinds = [effect(e.effect) for e in state.fit.world.effects]
     axes = [(i, a.index) for i, a in enumerate(state.fit.space.axes) if a.name in kinds[a.index].magnitudes]
     inside, other = [i for i, k in axes if k == index], [i for i, k in axes if k != index]
-    return bool(np.any(np.abs(state.fit.correlation[np.ix_(inside, other)]) > CORRELATED))
+    return bool(np.any(np.abs(state.fit.correlation[np.ix_(inside, other)]) > RULES.correlated))
 
 
 def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:

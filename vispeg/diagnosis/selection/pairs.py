@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import Effect, EffectInstance, effect, searchable
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.evidence.signatures import guessed
@@ -24,7 +25,6 @@ from vispeg.worlds.model_file import model_text
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
 
-CLOSE = 0.2  # of a value, within which two starts are one
 STAGES = ("goal", "regulate", "drive")  # of a joint's drive: of two effects in one stage either stands for the other
 
 
@@ -81,7 +81,7 @@ def _stages(kind: Effect) -> set[str]:
 def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
     """Whether two starts are so close that their fits end at one place."""
     both = [(v.value, y.params[name].value) for x, y in zip(a, b, strict=True) for name, v in x.params.items()]
-    return all(abs(v - w) <= CLOSE * max(abs(v), abs(w)) for v, w in both)
+    return all(abs(v - w) <= RULES.same_start * max(abs(v), abs(w)) for v, w in both)
 
 
 def _values(placed: EffectInstance) -> list:

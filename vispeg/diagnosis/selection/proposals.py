@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.constancy import Change, changes
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
@@ -22,8 +23,6 @@ from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
-
-LEAST = 0.01  # of the noise, that counts as left at a place where nothing shows
 
 
 class Proposals:
@@ -161,7 +160,7 @@ def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]
     total, count = judge.loss(residual).sum(axis=0), judge.size.sum(axis=0)
     floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
     over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}
-    return {where: float(max(a - floor * n, LEAST * n, 1.0)) for where, (a, n) in over.items()}
+    return {where: float(max(a - floor * n, RULES.left_least * n, 1.0)) for where, (a, n) in over.items()}
 
 
 def _plain(placed: EffectInstance) -> list:

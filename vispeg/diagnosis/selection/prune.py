@@ -13,21 +13,14 @@ from typing import TYPE_CHECKING
 
 from scipy import stats
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
-from vispeg.diagnosis.selection.accept import DISCOVERIES
 from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import Gain, present
 from vispeg.diagnosis.selection.state import State, without
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
-
-SURE = 2.0  # sigma by which a member of a group must lower the error to stay
-ABLE = 1.645  # the same for an effect that passed a test of its own
-WORSE = 0.05  # of the held-out squared error, by which it may rise when something that it does not need goes out
-RISE = 1.0  # standard errors of the held-out error, by which it may rise when what it was not asked of goes out
-NOTHING = 0.1  # of the least visible share: what may be absent and removes less goes out, however surely it does
-LOCAL = 0.01  # of the squared residual in its own joint that a member of a group must remove
 
 
 def prune(search: Search, state: State, n_fixed: int) -> None:
@@ -44,8 +37,9 @@ def prune(search: Search, state: State, n_fixed: int) -> None:
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
-        worse = search.judge.mean(loss) > (1.0 + WORSE) * search.judge.mean(state.loss)  # no straight line led there
-        if worse or (useless and benefit.mean > 0 and benefit.z > RISE):
+        # no straight line led there:
+        worse = search.judge.mean(loss) > (1.0 + RULES.drop_rise) * search.judge.mean(state.loss)
+        if worse or (useless and benefit.mean > 0 and benefit.z > RULES.drop_chance):
             if not useless:
                 return
             spare = False
@@ -72,7 +66,7 @@ def _spare(search: Search, state: State, n_fixed: int) -> list[int]:
             gain = search.cross.judge.gain(loss, best)
             tried.append((gain.z, k, loss, gain))
         z, k, loss, gain = min(tried, key=lambda t: t[0])
-        if z >= SURE and _matters(search, state, k, gain):
+        if z >= RULES.drop_member and _matters(search, state, k, gain):
             break
         gone.append(k)
         best = loss
@@ -96,7 +90,7 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
         search.judge.gain(loss, state.loss, (cross, state.cross)) for loss, cross in zip(losses, crossed, strict=True)
     ]
     hardly = [i for i, k in enumerate(places) if not search.needed(state, k, gains[i])]
-    nothing, chance = NOTHING * search.evidence.least_gain, stats.norm.isf(DISCOVERIES)
+    nothing, chance = RULES.drop_nothing * search.evidence.least_gain, stats.norm.isf(RULES.discoveries)
     weak = [
         i
         for i in hardly
@@ -112,7 +106,7 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
 
 def needed(search: Search, state: State, k: int, gain: Gain) -> bool:
     """Whether an effect lowers the error on held-out recordings beyond chance, and visibly."""
-    sure = SURE if state.grouped(state.world.effects[k]) else ABLE
+    sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
     return gain.z >= sure and _matters(search, state, k, gain)
 
 
@@ -120,4 +114,4 @@ def _matters(search: Search, state: State, k: int, gain: Gain) -> bool:
     """Whether an effect removes a visible share: of all the error, or for one of a group of that in its own joint."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
-    return bool(gain.relative >= search.evidence.least_gain or local >= LOCAL)
+    return bool(gain.relative >= search.evidence.least_gain or local >= RULES.drop_local)

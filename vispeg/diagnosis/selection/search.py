@@ -8,11 +8,12 @@ from functools import partial
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
 from vispeg.diagnosis.evidence.screen import Score, candidates, groups, shortlist
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
-from vispeg.diagnosis.selection.accept import LEAST_SHARE, in_order, passes, ranked
+from vispeg.diagnosis.selection.accept import in_order, passes, ranked
 from vispeg.diagnosis.selection.gather import gathered
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import grow, refined
@@ -29,20 +30,14 @@ from vispeg.identify.pool import run_together
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
-BEST = 7  # candidates fitted at each step
-AT_FLOOR = 1.25  # held-out noise variances at which there is nothing left to look for
-PROMISE = 0.3  # of the gain that a step needs, which the score test must promise for a fit to be tried
-SINGLE = 0.97  # of what a group promises that one effect must promise alone for the group not to be tried
-
 
 class Search(Loop[State, Trial], Shown, Proposals):
-    """The discovery loop over fitted evidence and a held-out judge.
+    """The discovery loop over fitted evidence and a held-out judge."""
 
-    Attributes:
-        few: effects up to which the whole library is screened for rivals in the place of each.
-    """
-
-    few = 3
+    @property
+    def few(self) -> int:
+        """Effects up to which the whole library is screened for rivals in the place of each."""
+        return RULES.rivals_full
 
     def __init__(
         self,
@@ -53,7 +48,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     ):
         super().__init__(evidence, judge, progress or Progress())
         self.say = say
-        self.least_share = min(LEAST_SHARE, evidence.least_gain)
+        self.least_share = min(RULES.later, evidence.least_gain)
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Adding an effect, then what makes those that stand there earn their places."""
@@ -93,7 +88,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Whether a step may be taken, and enough is left above the floor for one to be able to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
-        enough = excess > AT_FLOOR - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
+        enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
         return enough and super().worth_it(state, n_fixed)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
@@ -111,7 +106,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
         if not passes(trials):
-            scores = [] if common else shortlist(pairs(self, state, missing), BEST)
+            scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
         every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
@@ -124,7 +119,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
     def arrived(self, trials: Sequence[Trial]) -> bool:
         """Whether the first of them leaves nothing to look for: one effect in one joint was all."""
-        return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= AT_FLOOR - 1.0
+        return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= RULES.at_floor - 1.0
 
     def scored(self, state: State) -> list[Score]:
         """Give the candidates beside a state, best first by the share of the fitted error that each promises to
@@ -172,18 +167,18 @@ class Search(Loop[State, Trial], Shown, Proposals):
         """
         scores = self.screened(state.world, state.residual, state.fit, places, missing, groups, several)
         most = max((s.gain for s in scores if not s.beside), default=0.0)
-        scores = [s for s in scores if not s.beside or most < SINGLE * s.gain]
+        scores = [s for s in scores if not s.beside or most < RULES.group * s.gain]
         state.screening += scores
         need = self.least_drop(state)
-        if not scores or scores[0].gain / self.evidence.count < PROMISE * need:
+        if not scores or scores[0].gain / self.evidence.count < RULES.promise * need:
             return []
-        short = shortlist(scores, BEST)
+        short = shortlist(scores, RULES.fitted)
         trials = self.try_all(state, short, n_fixed, tested)
         tested_places = {e.where for s in short if not s.beside for e in s.members}
         elsewhere = [s for s in scores if s not in short and s.key[1] not in tested_places]
-        elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= PROMISE * need]
+        elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
         if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
-            trials = trials + self.try_all(state, shortlist(elsewhere, BEST), n_fixed, tested)
+            trials = trials + self.try_all(state, shortlist(elsewhere, RULES.fitted), n_fixed, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
 
@@ -236,7 +231,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
         scores = self.screened_alone(state.world, state.residual, state.fit, places, self.missing(state.world))
-        return shortlist(scores, 5), len(places)
+        return shortlist(scores, RULES.rivals_screened), len(places)
 
     def fits(
         self,
@@ -297,9 +292,9 @@ class Search(Loop[State, Trial], Shown, Proposals):
         grow(self, state, placed, n_fixed)
 
 
-def suspects(missing: Sequence[MissingTorque], joints: list[str], share: float = 0.02, most: int = 4) -> list[str]:
+def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:
     """Joints with a visible share of the missing torque: an effect in one joint leaves torque missing there."""
     z = joint_z(missing) ** 2
     order = np.argsort(-z)
-    keep = [j for j in order[:most] if z[j] > share * z.max()]
+    keep = [j for j in order[: RULES.suspects] if z[j] > RULES.suspect * z.max()]
     return [joints[j] for j in sorted(keep)]

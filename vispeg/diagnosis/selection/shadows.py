@@ -17,16 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.screen import Score, candidates
 from vispeg.diagnosis.evidence.signatures import at_bound
-from vispeg.diagnosis.selection.judge import FARTHEST
 from vispeg.diagnosis.selection.state import State, without
 
 if TYPE_CHECKING:
     from vispeg.diagnosis.selection.search import Search
-
-BETTER = 0.01  # of the held-out squared error, that a world without them must be better by
-STEPS = 3  # that it may take to be
 
 
 def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
@@ -58,7 +55,7 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
         state.cast_out.add(asked)
         search.say(f"going on without {', '.join(e.label for e in gone)}: {why}")
         other = lacking(search, state, gone, n_fixed)
-        if overtakes(search, state, other, n_fixed, STEPS):
+        if overtakes(search, state, other, n_fixed, RULES.on_steps):
             become(state, other)
             return True
     return False
@@ -67,7 +64,7 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
 def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: int) -> bool:
     """Whether a state of other effects is better than `state`, or within some `steps` of its search; it goes on."""
     for k in range(steps + 1):
-        if other.fit is not None and search.judge.gain(state.loss, other.loss).relative >= BETTER:
+        if other.fit is not None and search.judge.gain(state.loss, other.loss).relative >= RULES.exchange:
             return True
         if k == steps or not (search.worth_it(other, n_fixed) and search.advance(other, n_fixed)):
             return False
@@ -89,7 +86,7 @@ def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance
 
     None where that joint has all that every arm has; nor where nothing else came in, for a search begins so.
     """
-    if search.judge.mean(state.loss) <= FARTHEST * search.judge.floor(state.world):
+    if search.judge.mean(state.loss) <= RULES.far * search.judge.floor(state.world):
         return []
     worst = search.evidence.items[0].robot.joints[int(np.argmax(state.loss.sum(axis=0)))]
     lacks = [name for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]

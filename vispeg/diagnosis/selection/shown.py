@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from vispeg.diagnosis.selection.accept import HELD_OUT, HELD_OUT_LARGE, LARGE, refusal
+from vispeg.core.rules import RULES
+from vispeg.diagnosis.selection.accept import refusal
 from vispeg.diagnosis.selection.judge import Gain, Judge, adds
 from vispeg.diagnosis.selection.prune import needed
 from vispeg.diagnosis.selection.state import State, Trial
@@ -29,7 +30,7 @@ class Shown:
     def holds(self, state: State, trial: Trial) -> bool:
         """Whether what a trial adds shows in the held-out recordings alone, block by block."""
         gain = self.judge.gain(state.loss, trial.loss)
-        return gain.z >= (HELD_OUT if gain.relative < LARGE else HELD_OUT_LARGE)
+        return gain.z >= (RULES.held_out if gain.relative < RULES.large else RULES.held_out_large)
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Why a fitted trial may not pass; empty where it may."""

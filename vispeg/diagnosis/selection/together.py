@@ -1,7 +1,7 @@
 """Several effects at a time: orthogonal least squares over signatures proposes, with exchanges; a fit decides.
 
 Forward: the effect that lowers the linear model's error most, each fold predicted by the others, comes in. Of those
-within TIE the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias), or what an
+within `tie` the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias), or what an
 effect calls likelier than itself, comes before what is not much better. After each, every effect is asked whether
 another one would do better in its place, those that were accepted before included, so that an early wrong guess does
 not stay. Then what carries nothing goes out.
@@ -14,17 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.screen import Score
-
-LEAST = 0.02  # share of the error left that one more effect must promise to remove
-LINK = 0.1  # the same of a link's mass or centre, or a payload: links stay few, or they cancel one another
-TIE = 0.03  # of the best gain: candidates this close are equals
-PRIOR = 0.5  # of the best gain in a joint, from which on what every arm has there is taken instead
-LIKELIER = 0.8  # the same of an effect in whose place a likelier one is taken (`Effect.likelier`)
-BETTER = 0.995  # of the error left, that an exchange must leave at most
-LOOKED = 8  # candidates whose bounds are looked at, at each step
-ROUNDS = 3  # of exchanges after one addition
 
 
 def together(dictionary: Dictionary, most: int) -> Score | None:
@@ -57,7 +49,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
     candidates = []
-    for k in (int(k) for k in np.argsort(-gains)[:LOOKED] if gains[k] > 0):
+    for k in (int(k) for k in np.argsort(-gains)[: RULES.several_looked] if gains[k] > 0):
         coefficients = dictionary.loss([*fixed, *chosen, k])[1]
         signature = dictionary.entries[k].signature
         if signature is None or signature.possible(coefficients[-len(dictionary.entries[k].columns) :].tolist()):
@@ -68,7 +60,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
     if not candidates:
         return None
     top = max(candidates)[0]
-    equal = [f for f in candidates if f[0] >= (1 - TIE) * top]
+    equal = [f for f in candidates if f[0] >= (1 - RULES.tie) * top]
     best = min(equal, key=lambda f: (dictionary.entries[f[1]].size, -f[0]))
     placed = [e.placed for e in dictionary.entries]
     common = [f for f in candidates if f[0] >= prior(placed[f[1]], placed[best[1]]) * best[0]]
@@ -77,7 +69,8 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
 
 def _least(dictionary: Dictionary, k: int) -> float:
     placed = dictionary.entries[k].placed
-    return LINK if effect(placed.effect).family == "body" and placed.where != "base" else LEAST
+    link = effect(placed.effect).family == "body" and placed.where != "base"
+    return RULES.several_link if link else RULES.several_least
 
 
 def prior(a: EffectInstance, b: EffectInstance) -> float:
@@ -86,13 +79,13 @@ def prior(a: EffectInstance, b: EffectInstance) -> float:
     Every arm has friction and a rotor in every joint; and its links are as their maker says, what it holds is not.
     """
     if a.where == b.where and effect(a.effect).common and not effect(b.effect).common:
-        return PRIOR
-    return LIKELIER if a.effect in effect(b.effect).likelier else np.inf
+        return RULES.several_common
+    return RULES.several_likelier if a.effect in effect(b.effect).likelier else np.inf
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
     """Put better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
-    for _ in range(ROUNDS):
+    for _ in range(RULES.several_rounds):
         moved = False
         for k in list(chosen):
             rest = [c for c in chosen if c != k]
@@ -102,7 +95,7 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
                 continue
             other = dictionary.entries[candidate[1]].placed
             worth = candidate[0] * min(1.0, prior(dictionary.entries[k].placed, other))
-            if without - candidate[0] < BETTER * error and worth > without - error:
+            if without - candidate[0] < RULES.several_better * error and worth > without - error:
                 chosen[chosen.index(k)], error, moved = candidate[1], without - candidate[0], True
         if not moved:
             break
@@ -114,7 +107,7 @@ def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error:
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])
-        if rest and without < (1 + LEAST / 2) * error:
+        if rest and without < (1 + RULES.several_least / 2) * error:
             chosen.remove(k)
             error = without
     return error

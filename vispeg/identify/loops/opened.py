@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.control.laws import position
+from vispeg.core.rules import RULES
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
@@ -20,10 +21,7 @@ from vispeg.sim.segments.along import gravity, inertia
 from vispeg.sim.segments.segment import Segment, segments
 
 MOTION_HZ = 15.0  # bandwidth of the motion whose acceleration is believed
-BEYOND = 1.5  # of the greatest torque that the motion ever needed: a drive asked for so much more did not give it
-MOST = 0.5  # of a recording's samples, from which on its loop is taken as open
 OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"
-FLAT = 0.25  # of the torque that a saturated drive gives, by which that varies at most
 
 
 def driven(rec: Recording, robot: RobotModel) -> Recording:
@@ -39,12 +37,12 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
     if not parts:
         return np.zeros(len(rec.joints), bool)
     asked, needed = (np.concatenate(side) for side in zip(*parts, strict=True))
-    beyond = np.abs(asked) > BEYOND * np.abs(needed).max(axis=0)
+    beyond = np.abs(asked) > RULES.saturated_beyond * np.abs(needed).max(axis=0)
     size = np.maximum(beyond.sum(axis=0), 1)
     along = np.where(beyond, np.sign(asked) * needed, 0.0)
     mean = along.sum(axis=0) / size
     spread = np.sqrt(np.where(beyond, (along - mean) ** 2, 0.0).sum(axis=0) / size)
-    return (beyond.mean(axis=0) > MOST) & (spread < FLAT * mean)
+    return (beyond.mean(axis=0) > RULES.saturated_share) & (spread < RULES.saturated_flat * mean)
 
 
 def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:

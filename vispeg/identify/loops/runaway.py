@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import taken
 from vispeg.robots.model import RobotModel
 
-BEYOND = 3.0  # times the speed that a joint is made for, which no loop that holds its arm reaches
 MOTION_HZ = 50.0  # bandwidth of the speeds that are looked at
-BEFORE, AFTER = 0.1, 1.0  # s about them that are left out in any case: errors grow before they show, and fade after
 RUNAWAY = (
     "{}: the loop loses the arm (a joint exceeds {:g} times its rated speed): {:.3g} of {:.3g} s can be compared, "
     "from {:.3g} s on"
@@ -48,16 +47,16 @@ def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
 def said(before: Recording, after: Recording) -> str:
     """Give a note on what was left out of a recording."""
     spent = [np.ptp(time) for time in (after.time, before.time)]
-    return RUNAWAY.format(before.name, BEYOND, *spent, after.time[0])
+    return RUNAWAY.format(before.name, RULES.runaway_speed, *spent, after.time[0])
 
 
 def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """(n,) bool: within BEFORE before, or AFTER after, a sample at which some joint is far too fast."""
+    """(n,) bool: shortly before, or some time after, a sample at which some joint is far too fast."""
     _, dq, _ = smooth(time, q, MOTION_HZ)
-    fast = time[(np.abs(dq) > BEYOND * limit).any(axis=1)]  # a missing reading is not fast
-    # of the samples too fast the last one before time + BEFORE; it is no further back than time - AFTER
-    last = np.searchsorted(fast, time + BEFORE, side="right") - 1
-    return (last >= 0) & (fast[last] >= time - AFTER) if len(fast) else np.zeros(len(time), bool)
+    fast = time[(np.abs(dq) > RULES.runaway_speed * limit).any(axis=1)]  # a missing reading is not fast
+    # of the samples too fast the last one that is not too far ahead; it is not too far back
+    last = np.searchsorted(fast, time + RULES.runaway_before, side="right") - 1
+    return (last >= 0) & (fast[last] >= time - RULES.runaway_after) if len(fast) else np.zeros(len(time), bool)
 
 
 def _stretches(rows: np.ndarray) -> list[np.ndarray]:

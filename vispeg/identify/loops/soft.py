@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.control.laws import hold_pose
+from vispeg.core.rules import RULES
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.nominal import nominal_robot
 from vispeg.recordings.differentiate import smooth
@@ -21,7 +22,6 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.worlds.world import World
 
-FAR = 0.05  # rad RMS in some joint, from which on the posture is another: inertia and gravity differ by some per cent
 MOTION_HZ = 40.0  # bandwidth of velocities that were not recorded
 ROWS = 4096  # samples that are worked out at a time
 SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques that the loop asked for drive the models"
@@ -39,7 +39,7 @@ def near(evidence: Evidence, world: World) -> Evidence:
 
 
 def _drift(evidence: Evidence, world: World) -> dict[int, float]:
-    """Of each OSC recording (by id) that the world leaves by more than FAR, the RMS angle of its worst joint."""
+    """Of each OSC recording (by id) that the world leaves by more than `posture`, the RMS angle of its worst joint."""
     if all(i.recording.control.mode != "osc" for i in evidence.items):
         return {}
     out: dict[int, float] = {}
@@ -50,7 +50,7 @@ def _drift(evidence: Evidence, world: World) -> dict[int, float]:
             gap = np.where(np.isfinite(gap), gap, np.pi)  # a rollout that diverged
             rms = np.sqrt((gap**2).sum(axis=0) / np.maximum(valid.sum(axis=0), 1)).max()
             out[id(item.recording)] = max(out.get(id(item.recording), 0.0), float(rms))
-    return {key: rms for key, rms in out.items() if rms > FAR}
+    return {key: rms for key, rms in out.items() if rms > RULES.posture}
 
 
 def as_asked(rec: Recording, robot: RobotModel) -> Recording:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import SOFT_STEP, Evidence
@@ -19,9 +20,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.sim.rollout import ReadingNoise, simulate
 from vispeg.worlds.world import World
 
-DRAWS, SHARE = 16, 0.9
-MAGNIFIED = 10.0  # noise variances that fed-back noise leaves of the right model, from which on chance decides
-WIDER = 2.0  # times the noise: readings so much worse for their steps are coarse
+DRAWS = 16
 
 
 def stirred(evidence: Evidence, world: World) -> float:
@@ -32,7 +31,7 @@ def stirred(evidence: Evidence, world: World) -> float:
     widely, as a null space wanders slowly: what one in ten exceeds is given; where encoders are coarse and each draw
     begins elsewhere in their steps, the median, so that a floor so wide does not hide what is missing.
     """
-    total, count, share = np.zeros(DRAWS), 0, SHARE
+    total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
     for item in evidence.items:
         count += int(item.valid.sum())
         sigma = item.sigma[: item.nj]
@@ -49,7 +48,7 @@ def stirred(evidence: Evidence, world: World) -> float:
         )
         h_max = evidence.h_max * (SOFT_STEP if soft else 1.0)
         draws = [_begun(item, world, k) if coarse else world for k in range(DRAWS)]
-        share = 0.5 if coarse else share
+        share = RULES.noise_quantile_coarse if coarse else share
         options = {"h_max": h_max, "along": True, "reading_noise": noise}
         (response,) = simulate(item.robot, [world, *draws], [item.segment], **options)
         moved = (response.q[1:] - response.q[:1]) / sigma
@@ -68,12 +67,12 @@ def within(evidence: Evidence, world: World) -> bool:
     if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
     residual, more = evidence.residuals([world])[0], stirred(evidence, world)
-    return more > MAGNIFIED and float(residual @ residual) <= (1.0 + more) * evidence.count
+    return more > RULES.noise_magnified and float(residual @ residual) <= (1.0 + more) * evidence.count
 
 
 def _coarse(item: Item, world: World) -> bool:
     """Whether a world reads some joint in steps much wider than its noise."""
-    return bool(np.any(reading_noise(item, world) > WIDER * item.sigma[: item.nj]))
+    return bool(np.any(reading_noise(item, world) > RULES.coarse * item.sigma[: item.nj]))
 
 
 def _begun(item: Item, world: World, draw: int) -> World:

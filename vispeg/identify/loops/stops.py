@@ -7,15 +7,14 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.robots.model import RobotModel
-
-GIVE = 0.05  # rad: no encoder's offset, and no stop's give, is more
 
 
 def passed(robot: RobotModel, q: np.ndarray) -> tuple[str, ...]:
     """Joints that were measured at angles q (n, nj), rad, which the model's stops would not let them reach."""
     low, high = robot.range.T
-    outside = (q < low - GIVE) | (q > high + GIVE)  # a missing reading is no angle
+    outside = (q < low - RULES.beyond_stop) | (q > high + RULES.beyond_stop)  # a missing reading is no angle
     return tuple(j for j, out in zip(robot.joints, outside.any(axis=0), strict=True) if out)
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from vispeg.core.effect import Effect
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
@@ -75,7 +76,6 @@ class BorderEvidence(Evidence):
         freed: effects that the alignment freed beside the usual ones.
     """
 
-    least_gain, most_effects = 0.02, 6
     held: frozenset[tuple[str, str]] = frozenset()  # parameters that a fit leaves: none
     floor_from = "scatter about the freest model, and what a look shifts edges by"
 
@@ -142,7 +142,17 @@ class BorderEvidence(Evidence):
         r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
         return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
-    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain
+
+    @property
+    def most_effects(self) -> int:
+        """Effects that a search may add."""
+        return RULES.effects_few
+
+    def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Give the image of every residual entry, in the order of `residuals`: errors within an image hang together.
 
         Whatever the `seconds`, a test of single moments (above 0) takes each part in an image by itself: what moves all

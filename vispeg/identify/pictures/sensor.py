@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
+from vispeg.core.rules import RULES
 from vispeg.effects.common.disparity import PARAMS
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
@@ -75,7 +76,6 @@ class SensorEvidence(Evidence):
         kind: of channel.
     """
 
-    least_gain, most_effects = 0.03, 4
     floor_from = "scatter between frames, and what a calibration repeats to"
     settled = World()
     least_change, changes_in = 1.0, "times what is ordinary"
@@ -127,7 +127,17 @@ class SensorEvidence(Evidence):
         """Per world, all figures' residuals, flat; those that are not known 0."""
         return (np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds)
 
-    def blocks(self, seconds: float = 0.0) -> np.ndarray:
+    @property
+    def least_gain(self) -> float:
+        """Share of the held-out squared error that a step must remove."""
+        return RULES.gain_sensor
+
+    @property
+    def most_effects(self) -> int:
+        """Effects that a search may add."""
+        return RULES.effects_fewest
+
+    def blocks(self, seconds: float | None = None) -> np.ndarray:
         """Give the frame of every residual entry."""
         shapes = [i.figures.measured.shape for i in self.items]
         return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))

@@ -1,0 +1,448 @@
+"""Every number that decides something in a diagnosis: what it decides, for which channel, and what asked for it.
+
+Read from top to bottom it follows a diagnosis: what is compared, what is proposed, accepted, exchanged, dropped and
+named, the verdict, and what is said beside it. Numerical tolerances, sizes of pictures, limits of memory and time,
+bandwidths of filters and physical constants are not here: they stand where they are used.
+
+A rule has a `reason` (a quantile, a level, an accuracy) or a `case` (the data that asked for it), each as far as it is
+known, and the commit that set its value. Modules read `RULES.tie` when they need it, so `varied(tie=0.0)` tells what a
+rule does. docs/rules.md is the table of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+Channel = Literal["all", "joints", "contact", "pictures", "tosses"]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One number, and what is known of it.
+
+    Attributes:
+        name: under which `RULES` has it.
+        value: of the number.
+        channel: that it decides something in.
+        decides: what it decides, in one sentence.
+        commit: that set the value.
+        reason: why it has this value; empty where none is known.
+        case: the data or the case that asked for it; empty where none is known.
+    """
+
+    name: str
+    value: float | tuple[float, ...]
+    channel: Channel
+    decides: str
+    commit: str
+    reason: str = ""
+    case: str = ""
+
+    @property
+    def evidence(self) -> str:
+        """Give the reason, the case and the commit in one line."""
+        known = "; ".join(part for part in (self.reason, self.case) if part)
+        return f"{known or 'none known'} ({self.commit})"
+
+
+def _rule(
+    value: float | tuple[float, ...], channel: Channel, commit: str, decides: str, *, reason: str = "", case: str = ""
+) -> Any:
+    """Give the field of a rule; its name is that of the attribute."""
+    known = {"channel": channel, "decides": decides, "commit": commit, "reason": reason, "case": case}
+    return field(default=value, metadata=known)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is compared, and what counts as noise."""
+
+    # fmt: off
+    settle: float = _rule(0.4, "joints", "2fcabec5",
+        "Seconds at the start of a stretch that are not judged.",
+        reason="the start state is not measured and its error fades")
+    settle_observed: float = _rule(1.2, "joints", "d3946098",
+        "The same where only an observer or a null space forgets a wrong start.",
+        reason="the observer's 8 rad/s leave under 1 in 1000 of it")
+    runaway_speed: float = _rule(3.0, "joints", "47e115cb",
+        "Times its rated speed from which a joint's loop has lost the arm.",
+        reason="no loop that holds its arm reaches it")
+    runaway_before: float = _rule(0.1, "joints", "47e115cb",
+        "Seconds before such a speed that are left out.",
+        reason="errors grow before they show")
+    runaway_after: float = _rule(1.0, "joints", "47e115cb",
+        "Seconds after such a speed that are left out.")
+    saturated_beyond: float = _rule(1.5, "joints", "fb73cacf",
+        "Times the greatest torque that the motion needed, from which a drive did not give what it was asked for.")
+    saturated_share: float = _rule(0.5, "joints", "fb73cacf",
+        "Share of the samples with such a demand, from which a position loop counts as open.")
+    saturated_flat: float = _rule(0.25, "joints", "fb73cacf",
+        "Share of its mean by which the torque that a saturated drive gives may vary.")
+    beyond_stop: float = _rule(0.05, "joints", "fb73cacf",
+        "Angle (rad) beyond a stated stop from which the stop is left out of the model.",
+        reason="no encoder's offset and no stop's give is more")
+    posture: float = _rule(0.05, "joints", "24523092",
+        "RMS angle (rad) of a joint from which an OSC recording is compared in the measured posture.",
+        reason="inertia and gravity differ by some per cent there")
+    touch_before: float = _rule(0.03, "joints", "d380f188",
+        "Seconds before a contact that joints do not judge.")
+    touch_after: float = _rule(0.5, "joints", "d380f188",
+        "Seconds after a contact that joints do not judge.",
+        reason="until a null space has forgotten it")
+    touch_graze: float = _rule(0.1, "joints", "d380f188",
+        "Seconds after a contact in which a lighter force still acts on the model's arm.")
+    touch_light: float = _rule(1.0, "joints", "d380f188",
+        "Force (N) from which a measured contact acts on the model's arm.",
+        reason="less hardly moves an arm under soft control")
+    still_angle: float = _rule(1e-3, "joints", "66fd68e7",
+        "Range (rad, m) of angles or goals up to which nothing moves.")
+    still_torque: float = _rule(0.1, "joints", "66fd68e7",
+        "Range (N m) of commanded torque up to which nothing moves.")
+    still_noise: float = _rule(10.0, "joints", "66fd68e7",
+        "Stated noises that the range of a joint at rest may span.",
+        reason="the range of 10^6 normal readings is about 10 standard deviations")
+    torque_repeats: float = _rule(0.02, "joints", "d3946098",
+        "Noise of a torque sensor as a share of its spread, where none is stated.")
+    load_noise: float = _rule(0.2, "joints", "0b8fe262",
+        "Noise of a servo's load reading as a share of its spread.",
+        reason="an estimate from current or duty cycle is no sensor")
+    grid_step: float = _rule(4.0, "joints", "8a3542a9",
+        "Noises that an encoder's step must exceed to be read off the readings.",
+        reason="an estimated noise is never less than step / sqrt(12)")
+    grid_readings: int = _rule(6, "joints", "8f055d1b",
+        "Different readings under which a joint stands still and shows no step.")
+    grid_off: float = _rule(0.05, "joints", "8f055d1b",
+        "Share of a step by which a reading may lie off the grid.")
+    noise_quantile: float = _rule(0.9, "joints", "f10230da",
+        "Quantile, over draws, of how far fed-back noise moves the right model: that much is its noise floor.",
+        reason="one draw in ten exceeds it", case="OSC arms with the right model that were called unexplained")
+    noise_quantile_coarse: float = _rule(0.5, "joints", "e07bb19d",
+        "The same where encoders are coarse.",
+        reason="the draws differ by where in a step the arm began; a floor so wide would hide effects")
+    coarse: float = _rule(2.0, "joints", "e07bb19d",
+        "Noises as a reading's error from which an encoder counts as coarse.")
+    noise_magnified: float = _rule(10.0, "joints", "671f1452",
+        "Noise variances that fed-back noise leaves of the right model, from which no effect is looked for.",
+        case="effects of micrometres named on an effect-free arm near a singular posture")
+    quiet: float = _rule(1.25, "joints", "7abebd9a",
+        "Noise variances up to which the held-out recording shows nothing that the model lacks and cannot judge.",
+        case="a drive that saturates in two of three motions and not in the held-out one")
+    loud: float = _rule(10.0, "joints", "7abebd9a",
+        "Noise variances from which a fitted recording shows it and judges instead.",
+        case="the same")
+    half_least: float = _rule(2.4, "joints", "c0359c29",
+        "Seconds that half a recording must last to judge the other half.",
+        reason="twice `settle_observed`")
+    block: float = _rule(0.25, "all", "2fcabec5",
+        "Seconds of a block, the unit of the tests over held-out recordings.")
+    folds: int = _rule(4, "joints", "b805ac3c",
+        "Parts of the only fitted recording that predict one another.")
+    cap: float = _rule(1e7, "joints", "6d175ccd",
+        "Squared whitened residual beyond which a reading counts no more.",
+        reason="one wild reading must not decide")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """What is proposed: before any rollout, by a linear screen, and several effects at a time."""
+
+    # fmt: off
+    first_slow: float = _rule(0.05, "joints", "ecf3a9b7",
+        "Speed (rad/s) below which a joint's torque has no part in the first proposal.",
+        reason="a stuck joint's friction is whatever it must be")
+    first_form: float = _rule(0.05, "joints", "ecf3a9b7",
+        "Share of a joint's missing torque that is no evidence in the first proposal.",
+        reason="no law is exact")
+    first_typical: float = _rule(3.0, "joints", "ecf3a9b7",
+        "Typical sizes that the prior of a size is wide in the first proposal.")
+    first_shape: float = _rule(0.25, "joints", "ecf3a9b7",
+        "Width of the prior of a shape in the first proposal, as a share of its range.")
+    first_gain: float = _rule(1.0, "joints", "ecf3a9b7",
+        "Nats that a move of the first proposal must gain.",
+        reason="a factor of e in odds")
+    first_tie: float = _rule(3.0, "joints", "ecf3a9b7",
+        "Nats within which another effect is as likely in the first proposal.",
+        reason="odds of 20 to 1")
+    first_looked: int = _rule(6, "joints", "ecf3a9b7",
+        "Moves of one kind whose held-out error is asked in the first proposal.")
+    first_rounds: int = _rule(6, "joints", "ecf3a9b7",
+        "Rounds in which the first proposal corrects its variances.")
+    first_same: float = _rule(1.2, "joints", "ecf3a9b7",
+        "Ratio of variances up to which those that were assumed hold.")
+    first_most: int = _rule(40, "joints", "ecf3a9b7",
+        "Effects of the first proposal at most.")
+    suspect: float = _rule(0.02, "joints", "2fcabec5",
+        "Share of the worst joint's squared missing torque from which a joint is screened first.")
+    suspects: int = _rule(4, "joints", "2fcabec5",
+        "Joints that are screened first at most.")
+    promise: float = _rule(0.3, "joints", "1a2442b3",
+        "Share of the gain a step needs that the screen must promise for a fit.",
+        reason="the screen is linear, so what it promises may fall short")
+    group: float = _rule(0.97, "joints", "b805ac3c",
+        "Share of a group's promise from which one effect alone is tried instead.")
+    fitted: int = _rule(7, "joints", "1a2442b3",
+        "Candidates that are fitted at a step.")
+    fitted_surely: int = _rule(4, "joints", "1a2442b3",
+        "Of these, as many are fitted however little they promise.")
+    fitted_share: float = _rule(0.25, "joints", "1a2442b3",
+        "Share of the best candidate's promise under which the others are not fitted.")
+    same_start: float = _rule(0.2, "joints", "abbb5d6f",
+        "Share of a value within which two starts of a pair of effects are one.")
+    edge: float = _rule(0.005, "all", "45b9c56e",
+        "Share of a range from its bound within which a value stands at the bound.")
+    several_least: float = _rule(0.02, "joints", "9e47cadb",
+        "Share of the error left that one more of several effects must promise.",
+        reason="as `gain` of one effect")
+    several_link: float = _rule(0.1, "joints", "fbd72ba7",
+        "The same of a link's mass or centre, or a payload.",
+        reason="links stay few, or they cancel one another")
+    several_common: float = _rule(0.5, "joints", "fbd72ba7",
+        "Share of the best promise in a joint from which what every arm has (friction, rotor, bias) is taken instead.")
+    several_likelier: float = _rule(0.8, "joints", "e3f41922",
+        "Share of an effect's promise from which a likelier one is taken in its place.",
+        case="a payload that came in as masses of links beside other effects (0.9 before)")
+    several_better: float = _rule(0.995, "joints", "9e47cadb",
+        "Share of the error that an exchange in the linear model must leave at most.",
+        case="two biases accepted for a tilted base")
+    several_looked: int = _rule(8, "joints", "9e47cadb",
+        "Candidates whose bounds are checked at each addition.")
+    several_rounds: int = _rule(3, "joints", "9e47cadb",
+        "Rounds of exchanges in the linear model after an addition.")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """What a fitted candidate must pass, and which of those that pass is taken."""
+
+    # fmt: off
+    gain: float = _rule(0.02, "all", "6d175ccd",
+        "Share of the held-out squared error that an effect must remove.")
+    gain_torque: float = _rule(0.002, "joints", "6d175ccd",
+        "The same where torques are compared without a controller.",
+        reason="what no rigid arm explains is most of that error, and stays")
+    effects: int = _rule(32, "joints", "9e47cadb",
+        "Effects that a search may add.",
+        reason="friction sits in every joint")
+    gain_sensor: float = _rule(0.03, "pictures", "367f443f",
+        "The same of a sensor's figures of depth or light.")
+    effects_few: int = _rule(6, "all", "65a197ce",
+        "The same of contact, and of borders in pictures.")
+    effects_fewest: int = _rule(4, "all", "1eb50084",
+        "The same of tosses, and of a sensor's figures.")
+    later: float = _rule(0.001, "joints", "f15b2aa2",
+        "Share of what the effects so far typically removed that a later one must remove.",
+        reason="no model is exact")
+    discoveries: float = _rule(0.01, "joints", "b805ac3c",
+        "Rate of false discoveries over all places that were screened.",
+        reason="Benjamini and Hochberg, 1 %")
+    large: float = _rule(0.4, "joints", "e3f41922",
+        "Share of the held-out squared error from which blocks need less significance.",
+        reason="a fit of other recordings hardly removes as much by chance",
+        case="a torque limit, which acts at times (0.5 in 3fbb93d7)")
+    large_level: float = _rule(0.05, "joints", "3fbb93d7",
+        "Level of the test over blocks where so much goes.",
+        reason="5 %, one-sided")
+    held_out: float = _rule(1.645, "all", "b805ac3c",
+        "Standard errors that a gain needs in the held-out recordings alone.",
+        reason="5 %, one-sided")
+    held_out_large: float = _rule(1.0, "joints", "e3f41922",
+        "The same where `large` goes.",
+        reason="a recording of 5 s has twenty blocks, and such a gain may lie in few")
+    refinement: float = _rule(0.03, "joints", "54ffd752",
+        "Share of what an effect removed that one of the same kind beside it must remove.",
+        reason="no model of friction is exact")
+    clear: float = _rule(0.8, "joints", "3fbb93d7",
+        "Share of the held-out error that no mere refinement removes.")
+    clear_of_angle: float = _rule(0.2, "joints", "82e9c37c",
+        "The same of a torque that depends on the angle alone.",
+        reason="no form of friction leaves one")
+    alone: float = _rule(0.8, "joints", "954b27c7",
+        "Share of the held-out error from which one effect is taken before several.",
+        case="the demo's arm: several at a time named what was not there")
+    tie: float = _rule(0.03, "all", "2fcabec5",
+        "Share of the error, or of the best promise, within which candidates are equals.")
+    tie_room: float = _rule(0.3, "all", "2fcabec5",
+        "Noise variances that count as left when equals are compared at the noise floor.")
+    tie_sigma: float = _rule(2.0, "all", "2fcabec5",
+        "Standard errors under which two held-out errors are equal by chance.",
+        reason="2.3 %, one-sided")
+    correlated: float = _rule(0.9, "all", "e3bdc84a",
+        "Correlation of two estimates from which neither is a sure name and either comes last.",
+        case="a mass more in one link and less in the next: each is needed beside the other")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """What takes the place of an effect, and which rivals are asked."""
+
+    # fmt: off
+    exchange: float = _rule(0.01, "joints", "c6d6e56d",
+        "Share of the held-out error that an exchange of effects must remove.",
+        case="effects at a bound in the place of others")
+    exchanges: int = _rule(3, "joints", "fbd72ba7",
+        "Exchanges of an effect with its rival at most.")
+    on_steps: int = _rule(3, "joints", "7abebd9a",
+        "Steps that a search without a doubtful effect may take to become better.",
+        case="a wrist's voltage limit at its bound, in the place of its friction, rotor inertia and bias")
+    gather_steps: int = _rule(1, "joints", "39bb29f5",
+        "Steps that a search with one load in the place of several links may take.",
+        case="a payload that came in as masses and centres of three links")
+    decisive: float = _rule(0.5, "joints", "3fbb93d7",
+        "Share of what is left that a richer effect in the place of a simple one must remove.",
+        case="gear play that was taken for a rotor's inertia")
+    richer_sigma: float = _rule(3.0, "joints", "ea475dcf",
+        "Standard errors by which a richer effect must be better to be a rival.",
+        reason="0.1 %: it contains the chosen one, so it is never worse")
+    law_scales: tuple[float, ...] = _rule((1.0, 3.0), "joints", "64d409e6",
+        "Multiples of a guess at which a richer effect is tried.",
+        case="gear play behind a light rotor")
+    law_fitted: int = _rule(2, "joints", "64d409e6",
+        "Starts of each richer effect that are fitted.",
+        case="the same")
+    rivals_full: int = _rule(3, "joints", "65a197ce",
+        "Effects up to which the whole library is screened for rivals of each.")
+    rivals_screened: int = _rule(5, "joints", "2fcabec5",
+        "Rivals of an effect that the screen proposes at most.")
+    rivals_linear: int = _rule(3, "joints", "9e47cadb",
+        "Rivals that the linear model proposes at most.")
+    rival_far: float = _rule(3.0, "joints", "7757c625",
+        "Times what the chosen effect leaves over the noise from which the fit of a rival gives up.")
+    rival_room: float = _rule(0.1, "joints", "7757c625",
+        "Noise variances that count as left at least, for `rival_far`.")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """What goes out again once others stand beside it."""
+
+    # fmt: off
+    drop_member: float = _rule(2.0, "joints", "b805ac3c",
+        "Standard errors by which a member of a group must lower the error to stay.",
+        reason="2.3 %, one-sided: it has had no test of its own")
+    drop_single: float = _rule(1.645, "joints", "b805ac3c",
+        "The same for an effect that passed a test of its own.",
+        reason="5 %, one-sided")
+    drop_local: float = _rule(0.01, "joints", "b805ac3c",
+        "Share of the error in its own joint that a member of a group must remove.")
+    drop_rise: float = _rule(0.05, "joints", "45b9c56e",
+        "Share by which the held-out error may rise when something goes out.",
+        case="deletions after which the held-out error rose, since no straight line led there")
+    drop_chance: float = _rule(1.0, "joints", "b04a4732",
+        "Standard errors by which it may rise when only the fitted recordings call an effect useless.")
+    drop_nothing: float = _rule(0.1, "joints", "e76c6eab",
+        "Share of `gain` under which an effect goes out that may be absent, however sure its gain.")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Named:
+    """Which effects of a model may be named, and which are tentative."""
+
+    # fmt: off
+    name_costs: float = _rule(0.3, "joints", "9e47cadb",
+        "Share of the error left by which the error must rise without a named effect, beside any other candidate.",
+        case="biases that stood in for a tilted base")
+    name_costs_far: float = _rule(1.0, "joints", "0b929084",
+        "The same where more than `far` is left.",
+        reason="what removes less than is left may make up for a little of it")
+    name_slack: float = _rule(0.2, "joints", "9e47cadb",
+        "Share of the error left by which a rival that is worth a fit may be worse.")
+    name_alike: float = _rule(0.7, "joints", "de0de97d",
+        "Share of its own cost under which an effect's cost beside another calls them alike.",
+        case="a stand-in that fits one motion better than the truth and is worse on another")
+    name_rivals: int = _rule(6, "joints", "356154d4",
+        "Rivals that may shake a name at most.")
+    name_class: int = _rule(3, "joints", "9e47cadb",
+        "Proven rivals beyond which an effect is tentative.",
+        reason="a class of effects says nothing")
+    left_least: float = _rule(0.01, "joints", "81a0e25b",
+        "Noise variances that count as left at a place where nothing shows.")
+    parts: int = _rule(4, "joints", "858007e9",
+        "Parts of time or range over which an effect must be constant.")
+    parts_remove: float = _rule(0.3, "joints", "858007e9",
+        "Share of the error left in a joint that values of their own for the parts remove.",
+        case="friction that falls while a gear warms up, or sits at one angle alone")
+    parts_apart: float = _rule(0.5, "joints", "858007e9",
+        "Share of an effect's value by which those of the parts differ.",
+        case="the same")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Concluded:
+    """The verdict."""
+
+    # fmt: off
+    at_floor: float = _rule(1.25, "joints", "1a2442b3",
+        "Noise variances of held-out error at which nothing is left to look for (1.2 before).")
+    adequate: float = _rule(1.6, "all", "2fcabec5",
+        "Noise variances of held-out error up to which a model stands at the noise floor.")
+    explained: float = _rule(0.97, "all", "2fcabec5",
+        "Share of the held-out excess over noise that an identified model must explain.")
+    far: float = _rule(100.0, "all", "25a39308",
+        "Noise variances in any kind of channel above which no model is identified.",
+        reason="ten times the noise", case="a model so wrong that 97 % of its error left 25 times the noise")
+    inertial: float = _rule(1.25, "joints", "f121f501",
+        "Times what least squares of all inertial parameters leaves, up to which a model is identified.",
+        reason="a remainder no greater is none that a rigid arm with plain friction could mend")
+    depends: float = _rule(0.15, "all", "2fcabec5",
+        "Share of the missing torque, or shift, that an input must predict to be told.")
+    channel_rounds: int = _rule(3, "all", "e38b9f33",
+        "Times each channel is asked while others have news for it.")
+    # fmt: on
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told beside the verdict: least sizes, the next motion, whether a robot changed."""
+
+    # fmt: off
+    power: float = _rule(0.9, "all", "43dfe918",
+        "Probability with which an effect of the least visible size is found.",
+        reason="nine times in ten")
+    next_sigma: float = _rule(3.0, "all", "0df63f4c",
+        "Sigma between two predictions below which no next motion is proposed.",
+        reason="three standard deviations")
+    changed: float = _rule(0.05, "joints", "d4fa7c72",
+        "Level, over all values and recordings, of a robot's change.",
+        reason="Holm, 5 %")
+    # fmt: on
+
+
+STEPS: tuple[type, ...] = (Compared, Proposed, Accepted, Exchanged, Dropped, Named, Concluded, Told)
+
+
+@dataclass(frozen=True)
+class Rules(Told, Concluded, Named, Dropped, Exchanged, Accepted, Proposed, Compared):
+    """The values of all rules, by name."""
+
+
+RULES = Rules()
+
+
+def rules(step: type) -> list[Rule]:
+    """Give the rules of one of the `STEPS`, in order."""
+    return [Rule(f.name, f.default, **f.metadata) for f in fields(step)]
+
+
+@contextmanager
+def varied(**values: float | tuple[float, ...]) -> Iterator[None]:
+    """Give rules other values while the block lasts."""
+    unknown = sorted(values.keys() - {f.name for f in fields(Rules)})
+    if unknown:
+        raise KeyError(f"no such rule: {', '.join(unknown)}")
+    before = {name: getattr(RULES, name) for name in values}
+    try:
+        for name, value in values.items():
+            object.__setattr__(RULES, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            object.__setattr__(RULES, name, value)
