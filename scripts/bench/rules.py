@@ -3,7 +3,8 @@
     python scripts/bench/rules.py --make DIR --rules tie=0 name_costs --cases "coulomb_friction/joint4/*" --limit 2
 
 A rule without a value is halved and doubled. Every case also runs with the rules as they are. Each run is appended to
-`--results` (JSON lines) as it ends; what is there of this commit is not run again. The scored seed is refused.
+`--results` (JSON lines) as it ends; what is there of this commit, unchanged, is not run again. The scored seed is
+refused.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def run(root: Path, case: Case, values: dict[str, Value]) -> dict:
         record = diagnose(World(), [first, second], [last], nthread=1, plan_next=False).record
     names = [f"{e['effect']}({e['where']})" + ("?" if e.get("tentative") else "") for e in record["effects"]]
     rivals = [f"{r['effect']}({r['where']})" for e in record["effects"] for r in e["indistinguishable_from"]]
-    error = record["ladder"][-1]["heldout_error"] / record["noise_floor"]["value"]
+    error = float(record["ladder"][-1]["heldout_error"] or "nan") / record["noise_floor"]["value"]
     found = {
         "verdict": record["verdict"],
         "names": sorted(names),
@@ -98,7 +99,7 @@ def main() -> int:
     args = parser.parse_args()
     if args.dev == SCORED:
         parser.error(f"--dev {SCORED} is the seed that is scored")
-    root, at = args.make / f"dev-{args.dev}", commit()
+    root, at = args.make / f"dev-{args.dev}", str(commit())
     results = args.results or root / "rules.jsonl"
     try:
         asked, chosen = trials(args.rules), choose(tuple(args.cases), args.dev, args.limit, args.many)
@@ -114,7 +115,7 @@ def main() -> int:
         base = None
         for values in asked:
             key = {"case": case.name, "seed": case.seed, "commit": at, "values": json.loads(json.dumps(values))}
-            found = next((r for r in known if key.items() <= r.items()), None)
+            found = next((r for r in known if key.items() <= r.items() and not at.endswith("-dirty")), None)
             if found is None:
                 found = key | run(root, case, values)
                 with results.open("a") as file:

@@ -429,7 +429,7 @@ RULES = Rules()
 
 def rules(step: type) -> list[Rule]:
     """Give the rules of one of the `STEPS`, in order."""
-    return [Rule(f.name, f.default, **f.metadata) for f in fields(step)]
+    return [Rule(f.name, getattr(RULES, f.name), **f.metadata) for f in fields(step)]
 
 
 @contextmanager
