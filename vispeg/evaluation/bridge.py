@@ -56,11 +56,10 @@ def replayed(
         home_world: its name.
     """
     lost = cost(without, with_it)
-    sizes, regimes = remainder.sizes(), dict(remainder.regimes())
-    where = max(regimes, key=lambda name: regimes[name][0])
-    size = (
-        f"{sizes[0]['rms']:.2g} N m RMS in {sizes[0]['joint']}, {100 * regimes[where][0]:.0f} % of its power in {where}"
-    )
+    sizes, regimes = remainder.sizes(), remainder.regimes()
+    where = max(regimes, key=lambda name: regimes[name]["share"])
+    size = f"{sizes[0]['rms']:.2g} N m RMS in {sizes[0]['joint']}"
+    size += f", {100 * regimes[where]['share']:.0f} % of its power in {where}"
     ends = f"{100 * lost.value:.0f} points ({100 * lost.low:.0f} to {100 * lost.high:.0f})"
     telling = matters(lost)
     if telling is None:
@@ -102,13 +101,12 @@ def bridge(
     ]
     missing = [c for c in conditions if not c["met"]]
     if not missing and remainder is not None:
-        worst = max(remainder["regimes"].items(), key=lambda item: item[1][0])
+        worst = max(remainder["regimes"].items(), key=lambda item: item[1]["share"])
         e = remainder["cost"]
         said = f"{100 * (e['low'] or 0):.0f} to {100 * (e['high'] or 0):.0f} points"
         verdict = UNBRIDGEABLE
-        words = (
-            f"{100 * worst[1][0]:.0f} % of what remains is in {worst[0]}, it costs {said}, and no known effect takes it"
-        )
+        share = f"{100 * worst[1]['share']:.0f} % of what remains is in {worst[0]}"
+        words = f"{share}, it costs {said}, and no known effect takes it"
     elif remainder is not None and remainder["matters"] is False:
         verdict, words = HARMLESS, remainder["words"]
     else:
@@ -122,7 +120,7 @@ def _recorded(remainder: RemainderRecord | None) -> Condition:
     condition = f"{RECORDINGS} recordings or more of each regime"
     if remainder is None:
         return {"condition": condition, "here": ASK, "met": None}
-    counts = {name: n for name, (_, n) in remainder["regimes"].items()}
+    counts = {name: r["recordings"] for name, r in remainder["regimes"].items()}
     here = ", ".join(f"{n} in {name}" for name, n in counts.items())
     return {"condition": condition, "here": here, "met": min(counts.values()) >= RECORDINGS}
 

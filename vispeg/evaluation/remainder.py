@@ -9,14 +9,14 @@ twice the integrated autocorrelation time long, in which nearly all that hangs t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.evaluation.schema.explain import RemainderSize
+from vispeg.evaluation.schema.explain import Regime, RemainderSize
 from vispeg.identify.inverse import ENDS, MOTION_HZ, TorqueEvidence
 from vispeg.identify.nominal import robot_of
 from vispeg.recordings.differentiate import smooth
@@ -182,15 +182,15 @@ class Remainder:
         order = np.argsort(-self.rms)
         return [{"joint": self.joints[j], "rms": float(self.rms[j]), "unit": "N m"} for j in order]
 
-    def regimes(self) -> Mapping[str, tuple[float, int]]:
+    def regimes(self) -> dict[str, Regime]:
         """Regime -> share of the missing torque's power, and recordings that have half a block of it."""
         power = np.concatenate([(p**2).sum(axis=1) for p in self.pieces])
         enough = 0.5 * self.block / self.period
-        out = {}
+        out: dict[str, Regime] = {}
         for name, inside in (("free air", False), ("contact", True)):
             masks = [on == inside for on in self.touching]
             part = float(power[np.concatenate(masks)].sum() / max(power.sum(), 1e-12))
-            out[name] = part, sum(bool(mask.sum() >= enough) for mask in masks)
+            out[name] = {"share": part, "recordings": sum(bool(mask.sum() >= enough) for mask in masks)}
         return out
 
 

@@ -87,18 +87,24 @@ class RemainderSize(TypedDict):
     unit: str
 
 
+class Regime(TypedDict):
+    """Share of the unexplained torque's power in a regime, and recordings that have it."""
+
+    share: float
+    recordings: int
+
+
 class RemainderRecord(TypedDict):
     """What no named cause explains, played back: its size, and the policy's success without and with it.
 
-    `recordings` it is from, resampled in blocks of `block_s`; `regimes`: share of its power in free air and in contact,
-    and recordings that have it. `home`: the same two rates and their difference where the policy was trained, with as
-    much random torque; None where that was not played.
+    `recordings` it is from, resampled in blocks of `block_s`; `regimes`: free air and contact. `home`: what as much
+    random torque costs where the policy was trained; None where that was not played.
     """
 
     recordings: list[str]
     block_s: float
     joints: list[RemainderSize]
-    regimes: dict[str, tuple[float, int]]
+    regimes: dict[str, Regime]
     without: Interval
     with_it: Interval
     cost: Interval

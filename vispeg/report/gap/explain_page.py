@@ -100,7 +100,8 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
     sections, b, left = [], values["bridge"], values["remainder"]
     if left:
         regimes = "; ".join(
-            f"{100 * p:.0f} % of its power in {r} ({n} recordings)" for r, (p, n) in left["regimes"].items()
+            f"{100 * r['share']:.0f} % of its power in {name} ({r['recordings']} recordings)"
+            for name, r in left["regimes"].items()
         )
         rows = [["without", words.rate(left["without"])], ["with it", words.rate(left["with_it"])]]
         rows.append(["change, points", words.change(left["cost"])])
