@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vispeg.api.explain import UNTRIED, explain
-from vispeg.api.learning.finetune import _failed
+from vispeg.api.learning.finetune import failed_starts
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
 from vispeg.evaluation.senses import HELD, TOUCH, before_contact
@@ -85,7 +85,7 @@ def test_apply_of_a_policy_that_fails_anywhere_sends_for_demonstrations_from_the
     assert found["verdict"] == "policy" and not (tmp_path / "why" / "world.yaml").exists()
     verb, *options = found["next"]["command"].split()[1:]
     assert verb == "finetune" and options[options.index("--starts") + 1] == str(cell / "trials")
-    starts = _failed(cell / "trials")
+    starts = failed_starts(cell / "trials")
     assert len(starts) == sum(not read_said(f).outcome.success for f in folders(cell / "trials"))
 
 
