@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.agreement import Agreement, agreement
-from vispeg.diagnosis.pictures.borders import MOVING, BorderSearch
-from vispeg.identify.pictures.evidence import LEAST_PX, BorderEvidence
+from vispeg.diagnosis.pictures.borders import BorderSearch
+from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
 
 WRIST = "wrist_wide"
@@ -68,6 +69,6 @@ def test_the_first_name_that_is_not_doubted_comes_first_and_says_why_the_others_
 
 def test_what_only_motion_makes_needs_fewer_pixels_than_what_a_look_may_make():
     search = object.__new__(BorderSearch)
-    search.least = LEAST_PX
+    search.least = RULES.shift_px
     late, off = (EffectInstance.of(name, WRIST) for name in ("camera_delay", "camera_offset"))
-    assert search.least_of(late) == MOVING < search.least_of(off) == LEAST_PX
+    assert search.least_of(late) == RULES.moving_px < search.least_of(off) == RULES.shift_px

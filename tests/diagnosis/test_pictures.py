@@ -15,6 +15,7 @@ from vispeg.api.fit import fit
 from vispeg.api.pictures import diagnose
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import not_excited
 from vispeg.diagnosis.pictures.halves import Halves
@@ -25,8 +26,7 @@ from vispeg.diagnosis.pictures.verdict import decide
 from vispeg.identify.fit import Fit
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.nuisance import Whitener
-from vispeg.identify.pictures.posture import LOOSE
-from vispeg.identify.pictures.scatter import ROBOT
+from vispeg.identify.pictures.scatter import robots
 from vispeg.identify.space import Space
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
@@ -183,7 +183,7 @@ def test_what_the_joints_are_taken_to_be_off_by_is_said_beside_their_noise():
         "1 mrad off in each frame (1 sigma), by the pictures alone: 50 times the encoders' stated noise"
     )
     assert "stated" not in _joints_said(1.0e-3, [replace(rec, noise={})]) and _joints_said(0.0, [rec]) == ""
-    assert max(ROBOT) == LOOSE  # no more than an arm errs that nobody calibrated
+    assert max(robots()) == RULES.posture_frame  # no more than an arm errs that nobody calibrated
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from vispeg.api.recording.look import cameras_of, scene_of
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.identify.channels import shows
 from vispeg.identify.motions.look_motion import look_motion
-from vispeg.identify.pictures.depth_figures import ERROR, TABLE, DepthFigures
+from vispeg.identify.pictures.depth_figures import ERROR, DepthFigures, table
 from vispeg.identify.pictures.sensor import sensor_evidence
 from vispeg.identify.pictures.shots import Shot, shots_of
 from vispeg.identify.pictures.sight import Sight
@@ -52,7 +52,7 @@ def test_a_sensor_without_errors_has_no_odd_figure():
 
 def in_metres(off: dict[str, float]) -> list[tuple[float, float]]:
     """Far end of each range of distance, and by how much depth is off there, m."""
-    some = {f.name: f.ordinary for f in TABLE}
+    some = {f.name: f.ordinary for f in table()}
     ends = [(float(k.split(" to ")[1].split()[0]), v * some[k]) for k, v in off.items() if k.startswith(ERROR)]
     return sorted(ends)
 

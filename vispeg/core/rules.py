@@ -26,7 +26,7 @@ class Rule:
     Attributes:
         name: under which `RULES` has it.
         value: of the number.
-        channel: that it decides something in.
+        channel: that it decides something in; `all` for more than one.
         decides: what it decides, in one sentence.
         commit: that set the value.
         reason: why it has this value; empty where none is known.
@@ -136,6 +136,81 @@ class Compared:
     half_least: float = _rule(2.4, "joints", "c0359c29",
         "Seconds that half a recording must last to judge the other half.",
         reason="twice `settle_observed`")
+    frames_least: int = _rule(6, "pictures", "367f443f",
+        "Frames of a camera that a recording must have.",
+        reason="fewer say nothing about views that were not fitted")
+    frames_sensor: int = _rule(4, "pictures", "fbb7d3b1",
+        "Frames that must show a figure of depth or light.")
+    frame_still: float = _rule(2e-4, "pictures", "7a1c05b5",
+        "Angle (rad) by which joints may move between frames that count as repeats of one view.",
+        reason="0.1 px of a picture 320 px wide at 0.3 m")
+    edge_step: float = _rule(6.0, "pictures", "cb619a46",
+        "Grey levels over which an edge must go to be found.")
+    edge_times: float = _rule(4.0, "pictures", "cb619a46",
+        "Times what noise alone gives, that it must go over, too.",
+        reason="four standard deviations")
+    edge_faint: float = _rule(15.0, "pictures", "367f443f",
+        "Grey levels up to which texture and shadows may make an edge as well.")
+    edge_rival: float = _rule(0.7, "pictures", "367f443f",
+        "Share of an edge's strength from which another one near it makes it doubtful.")
+    edge_beside: float = _rule(2.0, "pictures", "367f443f",
+        "Distance (px) from a border at which both its sides must be what the model has there.")
+    edge_tukey: float = _rule(4.685, "pictures", "367f443f",
+        "Scatters beyond which an edge belongs to something else.",
+        reason="Tukey's weights, 95 % efficient for normal errors")
+    edge_shift: float = _rule(0.1, "pictures", "fbb7d3b1",
+        "Shift (px) that light and shadow make of all edges that face one way, lie between two parts or at one place.",
+        case="measured on rendered pictures in looks of S against the borders of the model")
+    edge_shift_here: float = _rule(0.05, "pictures", "fbb7d3b1",
+        "The same of two parts in one picture.",
+        case="the same")
+    edge_place: float = _rule(0.02, "pictures", "4b61a492",
+        "Length (m) of a part that has one shading.")
+    thing_known: tuple[float, float] = _rule((1e-3, 5e-3), "pictures", "367f443f",
+        "Accuracy (m, rad) to which fixture and grip are known.")
+    board_known: tuple[float, float] = _rule((1e-2, 3e-2), "pictures", "ca4dbcdc",
+        "The same of a board that was laid down.")
+    posture_frame: float = _rule(1.25e-3, "pictures", "7a1c05b5",
+        "Angle (rad) that a joint may be off by in a frame.",
+        reason="1 mm at 0.8 m, of an arm that nobody calibrated (Slamani, Nubiola and Bonev, Industrial Robot 39(1))")
+    robot_half: float = _rule(0.5, "pictures", "36f8b40b",
+        "Share to which a free read-out time must bring the arm's errors to be taken instead.",
+        reason="three quarters of their variance are then no arm's",
+        case="a read-out time that was taken for the arm's errors")
+    field_gain: float = _rule(2.7, "pictures", "6ff9609c",
+        "Log likelihood that a field of shifts over the image must gain.",
+        reason="1 %, half of chi squared (Self and Liang 1987)", case="a smear on the lens beside errors of the joints")
+    astray: float = _rule(0.25, "pictures", "367f443f",
+        "Share of borders without an edge within half a pixel from which the camera is looked for far off.")
+    figure_depth: tuple[float, float] = _rule((1e-3, 4e-3), "pictures", "7a1c05b5",
+        "Error of depth as a share of distance: what a calibration repeats to, and what good cameras differ by.",
+        reason="a D400's 2 % is a limit for all of them")
+    figure_lean: tuple[float, float] = _rule((3e-4, 1e-3), "pictures", "fbb7d3b1",
+        "The same two of the lean of depth across or down the image.")
+    figure_scatter: tuple[float, float] = _rule((0.05, 0.35), "pictures", "fbb7d3b1",
+        "The same two of the scatter of depth, on a logarithmic scale.")
+    figure_missing: tuple[float, float] = _rule((5e-3, 0.015), "pictures", "943fe8b5",
+        "The same two of the share of missing readings.")
+    figure_near: tuple[float, float] = _rule((0.03, 0.15), "pictures", "fbb7d3b1",
+        "The same two of the share of a near thing's depth beside its border.")
+    figure_light: tuple[float, float] = _rule((0.1, 0.3), "pictures", "fbb7d3b1",
+        "The same two of the level of light, in octaves.")
+    figure_colour: tuple[float, float] = _rule((0.05, 0.15), "pictures", "fbb7d3b1",
+        "The same two of red and blue, in octaves.")
+    figure_falloff: tuple[float, float] = _rule((0.05, 0.25), "pictures", "fbb7d3b1",
+        "The same two of the fall-off of light to the corners.")
+    figure_softness: tuple[float, float] = _rule((0.1, 0.35), "pictures", "fbb7d3b1",
+        "The same two of the softness of borders, in px^2.")
+    figure_smear: tuple[float, float] = _rule((5.0, 20.0), "pictures", "4b61a492",
+        "The same two of softness over squared speed, in ms^2.")
+    figure_noise: tuple[float, float] = _rule((0.1, 0.6), "pictures", "fbb7d3b1",
+        "The same two of noise by brightness, on a logarithmic scale.")
+    flights_least: int = _rule(20, "tosses", "1eb50084",
+        "Windows of free flight from which the noise floor is taken.")
+    toss_near: float = _rule(3e-3, "tosses", "1eb50084",
+        "Distance (m) to the table within which an object may touch it.")
+    toss_far: float = _rule(8.0, "tosses", "1eb50084",
+        "Noise floors from which an error counts linearly.")
     block: float = _rule(0.25, "all", "2fcabec5",
         "Seconds of a block, the unit of the tests over held-out recordings.")
     folds: int = _rule(4, "joints", "b805ac3c",
@@ -192,6 +267,14 @@ class Proposed:
         "Share of the best candidate's promise under which the others are not fitted.")
     same_start: float = _rule(0.2, "joints", "abbb5d6f",
         "Share of a value within which two starts of a pair of effects are one.")
+    figure_odd: float = _rule(0.8, "pictures", "fbb7d3b1",
+        "Times what good cameras differ by, from which a figure of depth or light asks for an effect.")
+    figure_changed: float = _rule(0.2, "pictures", "fbb7d3b1",
+        "The same by which a typical size of an effect must change a figure to be tried, or to be excited.")
+    tosses_fitted: int = _rule(2, "tosses", "1eb50084",
+        "Candidates that are fitted at a step.")
+    tosses_trace: float = _rule(2e-3, "tosses", "1eb50084",
+        "Share of the squared error that some size of an effect must move for the effect to be excited.")
     edge: float = _rule(0.005, "all", "45b9c56e",
         "Share of a range from its bound within which a value stands at the bound.")
     several_least: float = _rule(0.02, "joints", "9e47cadb",
@@ -234,25 +317,40 @@ class Accepted:
         "The same of contact, and of borders in pictures.")
     effects_fewest: int = _rule(4, "all", "1eb50084",
         "The same of tosses, and of a sensor's figures.")
-    later: float = _rule(0.001, "joints", "f15b2aa2",
+    later: float = _rule(0.001, "all", "f15b2aa2",
         "Share of what the effects so far typically removed that a later one must remove.",
         reason="no model is exact")
-    discoveries: float = _rule(0.01, "joints", "b805ac3c",
+    later_pictures: float = _rule(0.01, "pictures", "367f443f",
+        "The same of a sensor's effects.",
+        reason="what the form of an effect leaves is not another effect")
+    discoveries: float = _rule(0.01, "all", "b805ac3c",
         "Rate of false discoveries over all places that were screened.",
         reason="Benjamini and Hochberg, 1 %")
-    large: float = _rule(0.4, "joints", "e3f41922",
+    large: float = _rule(0.4, "all", "e3f41922",
         "Share of the held-out squared error from which blocks need less significance.",
         reason="a fit of other recordings hardly removes as much by chance",
         case="a torque limit, which acts at times (0.5 in 3fbb93d7)")
-    large_level: float = _rule(0.05, "joints", "3fbb93d7",
+    large_level: float = _rule(0.05, "all", "3fbb93d7",
         "Level of the test over blocks where so much goes.",
         reason="5 %, one-sided")
     held_out: float = _rule(1.645, "all", "b805ac3c",
         "Standard errors that a gain needs in the held-out recordings alone.",
         reason="5 %, one-sided")
-    held_out_large: float = _rule(1.0, "joints", "e3f41922",
+    held_out_large: float = _rule(1.0, "all", "e3f41922",
         "The same where `large` goes.",
         reason="a recording of 5 s has twenty blocks, and such a gain may lie in few")
+    tosses_level: float = _rule(0.01, "tosses", "1eb50084",
+        "Chance that an effect passes where there is none, over all that were tried.",
+        reason="1 %, Bonferroni")
+    shift_px: float = _rule(0.2, "pictures", "6cd6d11d",
+        "Shift of the borders (px) that an effect must make.",
+        reason="looks, and what is not modelled of edges, do not make it")
+    moving_px: float = _rule(0.12, "pictures", "6cd6d11d",
+        "The same of a delay or a rolling shutter.",
+        reason="what only motion makes is not made by a look")
+    views_apart: float = _rule(0.5, "pictures", "6cd6d11d",
+        "Share of an effect's shift by which the held-out recording, fitted alone, may differ on it.",
+        reason="cross-validation, as in mrcal")
     refinement: float = _rule(0.03, "joints", "54ffd752",
         "Share of what an effect removed that one of the same kind beside it must remove.",
         reason="no model of friction is exact")
@@ -261,7 +359,7 @@ class Accepted:
     clear_of_angle: float = _rule(0.2, "joints", "82e9c37c",
         "The same of a torque that depends on the angle alone.",
         reason="no form of friction leaves one")
-    alone: float = _rule(0.8, "joints", "954b27c7",
+    alone: float = _rule(0.8, "all", "954b27c7",
         "Share of the held-out error from which one effect is taken before several.",
         case="the demo's arm: several at a time named what was not there")
     tie: float = _rule(0.03, "all", "2fcabec5",
@@ -282,10 +380,10 @@ class Exchanged:
     """What takes the place of an effect, and which rivals are asked."""
 
     # fmt: off
-    exchange: float = _rule(0.01, "joints", "c6d6e56d",
+    exchange: float = _rule(0.01, "all", "c6d6e56d",
         "Share of the held-out error that an exchange of effects must remove.",
         case="effects at a bound in the place of others")
-    exchanges: int = _rule(3, "joints", "fbd72ba7",
+    exchanges: int = _rule(3, "all", "fbd72ba7",
         "Exchanges of an effect with its rival at most.")
     on_steps: int = _rule(3, "joints", "7abebd9a",
         "Steps that a search without a doubtful effect may take to become better.",
@@ -296,7 +394,7 @@ class Exchanged:
     decisive: float = _rule(0.5, "joints", "3fbb93d7",
         "Share of what is left that a richer effect in the place of a simple one must remove.",
         case="gear play that was taken for a rotor's inertia")
-    richer_sigma: float = _rule(3.0, "joints", "ea475dcf",
+    richer_sigma: float = _rule(3.0, "all", "ea475dcf",
         "Standard errors by which a richer effect must be better to be a rival.",
         reason="0.1 %: it contains the chosen one, so it is never worse")
     law_scales: tuple[float, ...] = _rule((1.0, 3.0), "joints", "64d409e6",
@@ -326,7 +424,7 @@ class Dropped:
     drop_member: float = _rule(2.0, "joints", "b805ac3c",
         "Standard errors by which a member of a group must lower the error to stay.",
         reason="2.3 %, one-sided: it has had no test of its own")
-    drop_single: float = _rule(1.645, "joints", "b805ac3c",
+    drop_single: float = _rule(1.645, "all", "b805ac3c",
         "The same for an effect that passed a test of its own.",
         reason="5 %, one-sided")
     drop_local: float = _rule(0.01, "joints", "b805ac3c",
@@ -346,6 +444,9 @@ class Named:
     """Which effects of a model may be named, and which are tentative."""
 
     # fmt: off
+    part_level: float = _rule(0.05, "pictures", "7a1c05b5",
+        "Level of the test that parts of an effect (scale, offset, lean of depth) are absent.",
+        reason="Wald, 5 %")
     name_costs: float = _rule(0.3, "joints", "9e47cadb",
         "Share of the error left by which the error must rise without a named effect, beside any other candidate.",
         case="biases that stood in for a tilted base")
@@ -392,6 +493,35 @@ class Concluded:
     inertial: float = _rule(1.25, "joints", "f121f501",
         "Times what least squares of all inertial parameters leaves, up to which a model is identified.",
         reason="a remainder no greater is none that a rigid arm with plain friction could mend")
+    visible_px: float = _rule(0.2, "pictures", "367f443f",
+        "Shift (px) that place, part or distance must predict for the verdict to be unexplained.")
+    moved_share: float = _rule(0.03, "pictures", "2f00f054",
+        "Share of the remainder that does as well, where the shift is `moved_px`.",
+        case="a moved part, most of whose edges are no longer near it")
+    moved_px: float = _rule(1.0, "pictures", "2f00f054",
+        "Shift (px) that nothing else makes.",
+        reason="several times what pictures without such a fault leave")
+    left_points: int = _rule(30, "pictures", "367f443f",
+        "Fitted points of a place, part or distance from which its shift is told.")
+    left_points_held: int = _rule(15, "pictures", "367f443f",
+        "The same of held-out points.")
+    moved_sigma: float = _rule(3.0, "pictures", "97667a06",
+        "Times `thing_known` by which a thing may stand elsewhere in the held-out recordings.",
+        reason="three standard deviations", case="a fixture that was moved between the recordings")
+    moved_points: int = _rule(30, "pictures", "99421fcc",
+        "Points that the place of a thing needs.")
+    halves_sigma: float = _rule(2.0, "pictures", "367f443f",
+        "Standard errors by which fits to two halves of the views may differ.",
+        reason="2.3 %, by Student's t of few views")
+    halves_px: float = _rule(0.25, "pictures", "367f443f",
+        "Difference (px) of the halves up to which nothing is said.")
+    lost: float = _rule(0.5, "pictures", "367f443f",
+        "Share of predicted borders without an edge from which the pictures show something else.")
+    flat_corners: int = _rule(8, "pictures", "ca4dbcdc",
+        "Corners of a board in a view from which its flatness is told.",
+        reason="six numbers are the view's own pose")
+    flat_bend: float = _rule(5.0, "pictures", "ca4dbcdc",
+        "Height (mm) that the corners of a board may stand out by.")
     depends: float = _rule(0.15, "all", "2fcabec5",
         "Share of the missing torque, or shift, that an input must predict to be told.")
     channel_rounds: int = _rule(3, "all", "e38b9f33",
@@ -410,6 +540,10 @@ class Told:
     next_sigma: float = _rule(3.0, "all", "0df63f4c",
         "Sigma between two predictions below which no next motion is proposed.",
         reason="three standard deviations")
+    profile_wide: float = _rule(4.0, "tosses", "1eb50084",
+        "Ratio of an interval's ends from which a window's length does not determine a parameter.")
+    profile_flat: float = _rule(0.02, "tosses", "1eb50084",
+        "Share by which the error must vary over a parameter's profile for it to be determined.")
     changed: float = _rule(0.05, "joints", "d4fa7c72",
         "Level, over all values and recordings, of a robot's change.",
         reason="Holm, 5 %")

@@ -12,6 +12,7 @@ from scipy import stats
 
 from vispeg.core.effect import REGISTRY, EffectInstance, effect
 from vispeg.core.params import Param, Value
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.least_sizes import Trace, least_alone
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
@@ -32,9 +33,6 @@ from vispeg.worlds.model_file import model_text, without_origin
 from vispeg.worlds.world import World
 
 WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # s
-BEST = 2  # candidates fitted at each step
-LEVEL = 0.01  # of the test that an effect lowers the held-out error, over all candidates
-INVISIBLE = 2e-3  # share of the squared error that a size must move to leave a trace
 TOSS = "Let the object go by hand, 20 times or more, each time turned otherwise, and record its pose, a toss an episode"
 WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass into the model"
 # What an effect needs (`Effect.needs`) that no toss has. A soft contact may follow blows better, whose law is not the
@@ -96,9 +94,9 @@ class ObjectSearch(Loop[Tossed, Tried]):
     def offers(self, state: Tossed, n_fixed: int) -> list[Tried]:
         """Give the best sizes of the screening, fitted and judged; those that pass come first."""
         starts = self.screened(state.world)
-        fits = self.fits([state.world.add(p) for p in starts[:BEST]], n_fixed)
-        level = stats.norm.isf(LEVEL / max(len(starts), 1))
-        out = [self._tried(f, p, state.loss, level) for f, p in zip(fits, starts[:BEST], strict=True)]
+        fits = self.fits([state.world.add(p) for p in starts[: RULES.tosses_fitted]], n_fixed)
+        level = stats.norm.isf(RULES.tosses_level / max(len(starts), 1))
+        out = [self._tried(f, p, state.loss, level) for f, p in zip(fits, starts[: RULES.tosses_fitted], strict=True)]
         return sorted(out, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
 
     def take(self, state: Tossed, trial: Tried, trials: list[Tried], n_fixed: int) -> None:
@@ -120,7 +118,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
             moved[key] = max(moved[key], float(np.sum((r - before) ** 2)) / total)
             if gain > best.get(key, (0.0, p))[0]:
                 best[key] = gain, p
-        for name, _ in (k for k, share in moved.items() if share < INVISIBLE):
+        for name, _ in (k for k, share in moved.items() if share < RULES.tosses_trace):
             self.silent.setdefault(name, "no size of it moves the object otherwise")
         return [p for _, p in sorted(best.values(), key=lambda b: -b[0])]
 
@@ -146,7 +144,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         for e in world.effects[n_fixed:]:
             without = world.without(e.effect, e.where)
             before = self.judge.losses([without])[0]
-            others = [p for p in self.screened(without) if p.effect != e.effect][:BEST]
+            others = [p for p in self.screened(without) if p.effect != e.effect][: RULES.tosses_fitted]
             fits = self.fits([without.add(p) for p in others], n_fixed)
             same = [
                 p
@@ -172,7 +170,7 @@ def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
         worlds = [world.add(EffectInstance.of(n, w, **{p: v})) for n, w, p, v in rows]
         before, *after = judge.evidence.residuals([world, *worlds])
         share, total = search.evidence.least_gain, float(before @ before)
-        level, none = float(stats.norm.isf(LEVEL / max(len(places), 1))), np.zeros((len(before), 0))
+        level, none = float(stats.norm.isf(RULES.tosses_level / max(len(places), 1))), np.zeros((len(before), 0))
         least = [
             least_alone(Trace.of(before - r, none, before, judge.blocks), share / (1.0 - share) * total, level)
             for r in after

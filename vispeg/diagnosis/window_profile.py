@@ -8,13 +8,12 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Param
+from vispeg.core.rules import RULES
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import DRAWS, cost, lowest
 from vispeg.worlds.world import World
 
 SPAN, POINTS = 6.0, 13  # factor that a profile reaches to either side, and its points
-WIDE = 4.0  # ratio of an interval's ends from which a parameter counts as not told
-FLAT = 0.02  # share by which the error must vary over the profile
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,6 @@ def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str,
     ends = np.quantile(bests, [0.025, 0.975])
     low, best, high = (float(back(v)) for v in (ends[0], lowest(axis, error), ends[1]))
     inside = low > values[0] * (1 + 1e-9) and high < values[-1] * (1 - 1e-9)
-    narrow = param.null <= 0 or high / max(low, 1e-12) < WIDE
-    determined = bool(inside and narrow and error.max() > (1 + FLAT) * error.min())
+    narrow = param.null <= 0 or high / max(low, 1e-12) < RULES.profile_wide
+    determined = bool(inside and narrow and error.max() > (1 + RULES.profile_flat) * error.min())
     return Profile(f"{placed.label}.{name}", values, error, best, low, high, determined)

@@ -32,9 +32,6 @@ from vispeg.worlds.world import World
 SUBSTEPS = 6  # physics steps a sample, more where samples are over 7 ms apart
 LONGEST_STEP = 1.2e-3  # s
 ROWS = 8192  # rollouts at a time
-LEAST_FLIGHT = 20  # windows in free flight from which a floor can be taken
-NEAR = 3e-3  # m: an object whose lowest point comes this near to the table may touch it
-HUBER = 8.0  # floors from which a residual counts linearly
 LOST = 1e3  # whitened residual of a rollout that diverged
 MOST = 1500  # windows of one evidence: evenly spread over the tosses where there are more
 
@@ -137,7 +134,10 @@ class Restarts(Evidence):
         lowest = _gaps(model, data, windows.recording.pose[windows.first[0] : windows.last[-1] + 1])
         start = windows.first[0]
         return np.array(
-            [lowest[a - start : b - start + 1].min() < NEAR for a, b in zip(windows.first, windows.last, strict=True)]
+            [
+                lowest[a - start : b - start + 1].min() < RULES.toss_near
+                for a, b in zip(windows.first, windows.last, strict=True)
+            ]
         )
 
     def _spread(self, windows: list[Windows]) -> list[Windows]:
@@ -149,11 +149,11 @@ class Restarts(Evidence):
     def _floor(self) -> np.ndarray:
         """(6,) robust standard deviation of windows in free flight: position and turn, each the same along all axes."""
         count = sum(len(w.first) for w in self.flight)
-        if count < LEAST_FLIGHT:
+        if count < RULES.flights_least:
             raise UserError(
                 f"only {count} windows in free flight",
                 file=self.recordings[0].path,
-                expected=f"{LEAST_FLIGHT} or more, to tell the measurement's own error",
+                expected=f"{RULES.flights_least} or more, to tell the measurement's own error",
             )
         error = np.concatenate(
             [w.measured - y[0] for w, y in zip(self.flight, self._predicted([World()], self.flight), strict=True)]
@@ -182,11 +182,15 @@ class Restarts(Evidence):
 
     @staticmethod
     def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
-        """Whitened residual (n, 6), its square Huber's loss: linear beyond HUBER floors."""
+        """Whitened residual (n, 6), its square Huber's loss: linear beyond `toss_far` floors."""
         r = (item.measured - predicted) / item.sigma
         r = np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST)
         size = np.abs(r)
-        return np.where(size <= HUBER, r, np.sign(r) * np.sqrt(np.maximum(2 * HUBER * size - HUBER**2, 0.0)))
+        return np.where(
+            size <= RULES.toss_far,
+            r,
+            np.sign(r) * np.sqrt(np.maximum(2 * RULES.toss_far * size - RULES.toss_far**2, 0.0)),
+        )
 
     @property
     def least_gain(self) -> float:
@@ -261,17 +265,17 @@ def _some(w: Windows, mask: np.ndarray, contact: bool) -> Windows:
 
 
 def _gaps(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
-    """Distance (n,) in m of the free body's shapes to the others, for each pose; at most 10 times NEAR."""
+    """Distance (n,) in m of the free body's shapes to the others, for each pose; at most 10 times `toss_near`."""
     free = int(model.jnt_bodyid[0])
     mine = np.flatnonzero((model.geom_bodyid == free) & ((model.geom_contype | model.geom_conaffinity) != 0))
     others = np.flatnonzero((model.geom_bodyid != free) & ((model.geom_contype | model.geom_conaffinity) != 0))
-    out = np.full(len(pose), 10 * NEAR)
+    out = np.full(len(pose), 10 * RULES.toss_near)
     for i, p in enumerate(pose):
         data.qpos[:] = p
         mujoco.mj_kinematics(model, data)
         for a in mine:
             for b in others:
-                out[i] = min(out[i], mujoco.mj_geomDistance(model, data, int(a), int(b), 10 * NEAR, None))
+                out[i] = min(out[i], mujoco.mj_geomDistance(model, data, int(a), int(b), 10 * RULES.toss_near, None))
     return out
 
 

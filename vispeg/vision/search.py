@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.effects.common.light import to_linear
 from vispeg.vision.borders import Borders
 
@@ -13,8 +14,6 @@ TO_LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # light of each 8
 STEP = 0.25  # px between samples of a profile
 BESIDE = (-1.0, 0.0, 1.0)  # px along the border that are averaged
 SMOOTH = 1.0  # px, sigma of the derivative of a Gaussian that steps are looked for with
-LEAST = 6.0  # grey levels over which a step has to go
-TIMES = 4.0  # ... and times what noise alone gives
 SHARE = 0.6  # of the way to the next predicted border that is searched
 FLOOR = 0.05  # px, what pixels themselves leave of a step's place
 
@@ -65,7 +64,7 @@ def search(picture: np.ndarray, borders: Borders, window: float = 8.0, noise: fl
     grain = (
         noise * np.linalg.norm(_kernel(SMOOTH)) * np.sqrt(STEP * 3 / len(BESIDE))
     )  # samples closer than a pixel are not apart
-    good = strength > max(LEAST, TIMES * grain)
+    good = strength > max(RULES.edge_step, RULES.edge_times * grain)
     along = np.where(good, s[best] + _finer(picture, borders, s[best]), np.nan)
     sigma = np.hypot(FLOOR, SMOOTH * grain / np.maximum(strength, 1e-9))
     return Displacements(along, strength, np.where(good, sigma, np.nan), np.where(good, second, np.nan))

@@ -70,8 +70,12 @@ class Searched(Protocol):
 
     evidence: Any
     judge: Judge
-    least_share: float
     progress: Progress
+
+    @property
+    def least_share(self) -> float:
+        """Share of what the effects so far removed that a later one must remove."""
+        ...
 
     def tested(self, state: State) -> int:
         """How many places share the level of the test."""

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
-
-ALIKE = 0.5  # of an effect's size, by which two recordings may differ on what it does
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Agreement:
         """Why it is no name, "" where it is one; `least` px is what looks do."""
         if self.size < least:
             return f"others do all but {self.size:.2f} px of what it does, under {least:.2f}"
-        if self.apart > ALIKE * self.size:
+        if self.apart > RULES.views_apart * self.size:
             return f"two recordings differ by {self.apart:.2f} px on the {self.size:.2f} px that it does"
         return ""
 

@@ -13,22 +13,22 @@ from vispeg.diagnosis.selection.judge import parameters, present
 from vispeg.diagnosis.selection.state import State, Trial
 from vispeg.worlds.world import World
 
-ROUNDS = 3  # of exchanges at most
-BETTER = 0.01  # of the held-out error that an exchange must remove
 OF_TIME = ("camera_delay", "rolling_shutter")
-MOVING = 0.12  # px that an effect of time has to move the borders by
 
 
 class BorderSearch(PictureSearch):
     """A search whose names do what no other effects can do, alike in both recordings."""
 
-    least_share = RULES.later  # projections are nearly exact: pixels count (`Agreement`)
+    @property
+    def least_share(self) -> float:
+        """As `PictureSearch`: projections are nearly exact, and pixels count (`Agreement`)."""
+        return RULES.later
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
         """Add effects until none earns its place; then let what does as well with less take the place of others."""
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = super().run(world, n_fixed)
-        for _ in range(ROUNDS):
+        for _ in range(RULES.exchanges):
             better = self._simpler(state, n_fixed) or self._exchange(state, n_fixed)
             if better is None:
                 break
@@ -44,7 +44,7 @@ class BorderSearch(PictureSearch):
 
     def least_of(self, placed: EffectInstance) -> float:
         """As `PictureSearch`: what only motion makes is not made by a look."""
-        return MOVING if placed.effect in OF_TIME else self.least
+        return RULES.moving_px if placed.effect in OF_TIME else self.least
 
     def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
         """One effect alone that does as well as all that were taken."""
@@ -58,7 +58,7 @@ class BorderSearch(PictureSearch):
 
     def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
         """Give an effect in whose place another one does better, all else fitted anew."""
-        best, chosen = (1.0 - BETTER) * float(state.loss.sum()), state.world.effects[n_fixed:]
+        best, chosen = (1.0 - RULES.exchange) * float(state.loss.sum()), state.world.effects[n_fixed:]
         replacement = None
         for placed in chosen if len(chosen) > 1 else ():
             reduced = self._without(state, placed, n_fixed)

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.identify.pictures.corners import looks_of
 from vispeg.identify.pictures.robust import noise_of, trust
@@ -21,9 +22,7 @@ from vispeg.vision.eye import Eye
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-MANY = 8  # corners of a view: six numbers are its own pose's
 SMALL = 1e-4  # m, rad: steps of derivatives
-BENT = 5.0  # mm that corners may stand out by
 ROUNDS = 3  # of a pose, and of robust weights
 
 
@@ -45,7 +44,7 @@ def unflat(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slo
     noise, rest = max(noise_of(away), 0.05), away
     for scale in (3 * noise, *[noise] * ROUNDS):
         weight = trust(rest, scale)[:, None] / scale**2
-        normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / BENT**2
+        normal = slopes.T @ (weight * slopes) + np.eye(slopes.shape[1]) / RULES.flat_bend**2
         heights = np.linalg.solve(normal, slopes.T @ (weight[:, 0] * away))
         rest = away - slopes @ heights
     predicted = held_slopes @ heights
@@ -68,8 +67,8 @@ def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> tuple
 
 
 def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> tuple[np.ndarray, np.ndarray] | None:
-    """(n,) px and (n, corners) px a mm of all views with `MANY` corners or more, as `unflat` takes them; or None."""
-    parts = [part for look in looks if len(look.view.ids) >= MANY for part in _of_view(eye, board, look)]
+    """(n,) px and (n, corners) px a mm of all views with `flat_corners` or more, as `unflat` takes them; or None."""
+    parts = [part for look in looks if len(look.view.ids) >= RULES.flat_corners for part in _of_view(eye, board, look)]
     if not parts:
         return None
     away, slopes = (np.concatenate(x) for x in zip(*parts, strict=True))

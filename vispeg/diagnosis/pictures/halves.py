@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.identify.fit import Fit
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
 
 Borders = tuple[BorderEvidence, BorderEvidence]  # to fit, and to judge on
-WRONG = 2.0  # standard errors that the halves may differ by, of many views; by Student's t of few
-LEAST = 0.25  # px: no less counts as a difference, whatever the halves promise
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,8 @@ class Halves:
     @property
     def disagree(self) -> bool:
         """Whether no world of this form fits both halves."""
-        times = float(stats.t.ppf(stats.norm.cdf(WRONG), max(1, self.views - 1)))
-        return self.difference > max(times * self.uncertainty, LEAST)
+        times = float(stats.t.ppf(stats.norm.cdf(RULES.halves_sigma), max(1, self.views - 1)))
+        return self.difference > max(times * self.uncertainty, RULES.halves_px)
 
 
 def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.selection.state import State
@@ -24,7 +25,6 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.pictures.sensor import SensorEvidence
 from vispeg.worlds.world import World
 
-LEVEL = 0.05  # of the test that parts are absent
 Parts = tuple[tuple[str, ...], ...]
 
 
@@ -111,6 +111,6 @@ def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
 
     for count in range(1, len(parts) + 1):
         passed = [(absent(kept), kept) for kept in combinations(parts, count)]
-        if good := sorted((p, kept) for p, kept in passed if p < 1 - LEVEL):
+        if good := sorted((p, kept) for p, kept in passed if p < 1 - RULES.part_level):
             return [kept for _, kept in good]
     return [parts]

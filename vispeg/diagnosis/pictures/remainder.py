@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.robust import noise_of, trust
@@ -18,8 +19,6 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 CELLS = (6, 5)  # of the image, across and down
-VISIBLE = 0.2  # px RMS that a dependence must explain in the part of the views that it concerns
-FEW = 30  # points that the place of a fixture needs
 SMALL, FAR = 1e-4, 0.02  # m: step of a derivative, and how far a fixture may have been moved
 PENALTY = 3.0  # ridge in points: a cell with few points says nothing
 
@@ -61,7 +60,7 @@ def left_over(
         gain = total = square = weight = 0.0
         for value in np.unique(design[0]):
             rows, held = design[0] == value, design[1] == value
-            if rows.sum() < 30 or held.sum() < 15:
+            if rows.sum() < RULES.left_points or held.sum() < RULES.left_points_held:
                 continue
             shift = _robust(a["normal"][rows], a["away"][rows], noise)
             predicted = b["normal"][held] @ shift
@@ -119,7 +118,7 @@ def _standing(
     slope, rest = np.concatenate(columns or [np.zeros((0, 3))]), np.concatenate(away or [np.zeros(0)])
     good = np.isfinite(slope).all(axis=1) & np.isfinite(rest)
     slope, rest = slope[good], rest[good]
-    if len(rest) < FEW:
+    if len(rest) < RULES.moved_points:
         return None
     shift = np.zeros(3)
     for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from all of the window to the edges that belong

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import border_excitations, motion_between, not_excited
@@ -18,7 +19,7 @@ from vispeg.diagnosis.pictures.remainder import left_over, moved_most
 from vispeg.diagnosis.pictures.sensors import sensor_search
 from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
-from vispeg.diagnosis.pictures.verdict import LOST, decide, with_sensor
+from vispeg.diagnosis.pictures.verdict import decide, with_sensor
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
 from vispeg.diagnosis.run import Diagnosis
@@ -228,6 +229,6 @@ def _notes(evidence, lost: float) -> list[str]:
         out.append(
             f"{100 * lost:.0f} % of the predicted borders have no clear edge in the pictures: too alike in colour"
         )
-    if lost > LOST and any(i.sight.depth(0) is None for i in evidence.items):
+    if lost > RULES.lost and any(i.sight.depth(0) is None for i in evidence.items):
         out.append("frames with depth are brought onto the cell from farther off, and more surely, than colour alone")
     return out

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import OPTICAL, REGISTRY, EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
 from vispeg.diagnosis.evidence.screen import Score
@@ -31,7 +32,6 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 Pictured = BorderEvidence | SensorEvidence
-LEAST_SHARE = 0.01  # of the squared error that an effect so far removed: what its form leaves is not another effect
 
 
 class PictureSearch(Loop[State, Trial], Shown):
@@ -42,8 +42,6 @@ class PictureSearch(Loop[State, Trial], Shown):
         say: is told what is being done.
         progress: remembers where each fit ended.
     """
-
-    least_share = LEAST_SHARE
 
     def __init__(
         self,
@@ -56,6 +54,11 @@ class PictureSearch(Loop[State, Trial], Shown):
         self.progress = Progress() if progress is None else progress
         self.judge = Judge(judged)
         self.least = evidence.least_change
+
+    @property
+    def least_share(self) -> float:
+        """Share of what effects so far removed that a later one must: what a form leaves is not another effect."""
+        return RULES.later_pictures
 
     def places(self, world: World) -> list[tuple[str, str]]:
         """Every effect that the pictures can show, at every place that the world has it not at yet."""
@@ -240,7 +243,7 @@ class PictureSearch(Loop[State, Trial], Shown):
                 i
                 for i, ((e, r), g) in enumerate(zip(rests, gains, strict=True))
                 if g.relative < self.evidence.least_gain
-                or g.z < 1.645
+                or g.z < RULES.drop_single
                 or self.shift(state.world, e) < self.least_of(e)
                 or self.doubt(e, state.world, r.world, n_fixed)
             ]

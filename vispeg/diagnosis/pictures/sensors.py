@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.pictures.parts import in_parts
@@ -26,8 +27,6 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 KINDS: tuple[Kind, ...] = ("depth", "light")
-ODD = 0.8  # times the ordinary, from which on a figure asks for an effect
-CHANGED = 0.2  # ... and by which an effect of a typical size has to change it
 FINER = 3  # rays a pixel in each direction: a rendered border is as soft as a pixel makes it
 
 
@@ -38,11 +37,11 @@ class SensorSearch(PictureSearch):
         """Every such effect, at every place that the world has it not at yet."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
-        odd = {name for name, size in evidence.off(world).items() if abs(size) > ODD}
+        odd = {name for name, size in evidence.off(world).items() if abs(size) > RULES.figure_odd}
         out = []
         for at in super().places(world) if odd else ():
             changed = [evidence.moves(world.add(e), world) for e in self._secants(*at).values()]
-            if any(abs(c.get(figure, 0.0)) > CHANGED for c in changed for figure in odd):
+            if any(abs(c.get(figure, 0.0)) > RULES.figure_changed for c in changed for figure in odd):
                 out.append(at)
         return out
 
@@ -51,7 +50,7 @@ class SensorSearch(PictureSearch):
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         off, moves = evidence.off(without), evidence.moves(world, without)
-        odd = [(ODD + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
+        odd = [(RULES.figure_odd + abs(off.get(k, 0.0))) / abs(v) for k, v in moves.items() if v]
         return max(super().least_times(placed, world, without), min(odd, default=np.inf))
 
     def excitations(self, world: World) -> list[Excitation]:
@@ -62,8 +61,8 @@ class SensorSearch(PictureSearch):
         judged = self.judged
         assert isinstance(judged, SensorEvidence)
         sizes = {k: judged.change(world.add(e), world) for k, e in self._secants(name, where).items()}
-        silent = tuple(k for k, size in sizes.items() if size < CHANGED)
-        return Excitation(name, where, judged.kind, max(sizes.values(), default=0.0), CHANGED, silent)
+        silent = tuple(k for k, size in sizes.items() if size < RULES.figure_changed)
+        return Excitation(name, where, judged.kind, max(sizes.values(), default=0.0), RULES.figure_changed, silent)
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,9 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.conclusion.verdict import Verdict, unexplained
 from vispeg.diagnosis.pictures.halves import Halves
-from vispeg.diagnosis.pictures.remainder import VISIBLE, Left
+from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.diagnosis.pictures.sensors import Sensed
 from vispeg.identify.pictures.coarse import SHIFTS, TURNS
-from vispeg.identify.pictures.unknowns import FIXED
-
-MARKED, LARGE = 0.03, 1.0  # share, and px: of several times what pictures without such a fault leave
-MOVED = 3e3 * float(FIXED[0])  # mm, three standard deviations of where a thing is known to stand
-LOST = 0.5  # share of the predicted borders without an edge near, from which on the pictures show something else
 
 
 def decide(
@@ -47,7 +42,7 @@ def decide(
         field: RMS px that edges are shifted by their place in the image, in all frames alike, beside the freest model.
     """
     convincing = [x for x in remainder if _convinces(x)]
-    if field >= VISIBLE:
+    if field >= RULES.visible_px:
         text = f"edges are shifted by {field:.1f} px (RMS) that follow the place in the image, in all frames alike, "
         text += "and not the joints: a smear or streak on the lens, or a lens of another form"
         return _left(text, convincing)
@@ -59,11 +54,11 @@ def decide(
             f"two halves of the views differ by {halves.difference:.2f} px where {halves.uncertainty:.2f} px are their "
             "uncertainty: no model of this form fits both"
         )
-    if lost > LOST:
+    if lost > RULES.lost:
         far = f"{100 * SHIFTS.max():.0f} cm and {np.degrees(TURNS.max()):.0f} degrees"
         text = f"{100 * lost:.0f} % of the predicted borders have no edge near them in the pictures: they show another "
         return _left(text + f"cell, or a camera that is farther off than the {far} within which it is looked for")
-    if moved is not None and moved[1] > MOVED:
+    if moved is not None and moved[1] > 1e3 * RULES.moved_sigma * RULES.thing_known[0]:
         text = f"the {moved[0]} stands {moved[1]:.1f} mm elsewhere in the held-out recordings than in the fitted ones"
         return _left(f"{text}: what stands in the cell was moved in between")
     if unexplained((before / floor) ** 2, (after / floor) ** 2, n_added):
@@ -92,7 +87,9 @@ def _convinces(x: Left) -> bool:
     """Give a share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near
     it.
     """
-    return (x.share >= RULES.depends and x.size >= VISIBLE) or (x.share >= MARKED and x.size >= LARGE)
+    return (x.share >= RULES.depends and x.size >= RULES.visible_px) or (
+        x.share >= RULES.moved_share and x.size >= RULES.moved_px
+    )
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:

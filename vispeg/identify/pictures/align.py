@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.coarse import brought_near
 from vispeg.identify.pictures.gather import gather
 from vispeg.identify.pictures.points import Points, misplacement
@@ -27,7 +28,6 @@ FREED, ROLLING = (*CAMERA, "encoder_offset"), ("rolling_shutter",)
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
 LOOSE = 6.0  # typical sizes that the weak prior allows
 STEPS = 4
-ASTRAY = 0.25  # share of borders without an edge within half a pixel, from which on the coarse stage is asked
 SPARSE = 12  # frames of the coarse stage
 
 
@@ -91,7 +91,7 @@ def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tup
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
     best = _settled(predictor, few, start, free, WINDOWS[:2])
-    if best[1] > ASTRAY:
+    if best[1] > RULES.astray:
         near = [_settled(predictor, few, w, free, WINDOWS[:2]) for w in brought_near(predictor, few, start)]
         best = min([best, *near], key=lambda t: t[1])
     return _settled(predictor, sights, best[0], free, WINDOWS[2:])[0].effects

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.align import ROLLING, WINDOWS, Recall, align, rolled, unremembered
 from vispeg.identify.pictures.depth_figures import FEW, NEARER
 from vispeg.identify.pictures.evidence import BorderEvidence, Item
 from vispeg.identify.pictures.gather import SPACING, gather
 from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.posture import steadied
-from vispeg.identify.pictures.read import LEAST
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.scatter import Scatter
 from vispeg.identify.pictures.sight import Sight
@@ -22,7 +22,6 @@ from vispeg.vision.eye import delay_of
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
-HALF = 0.5  # of the robot's errors: three quarters of their variance are then no robot's
 Groups = tuple[Sequence[Sight], ...]
 
 
@@ -30,7 +29,7 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
     """Leave out the cameras that see nothing of the cell from where a world has them.
 
     A camera sees something in a frame that shows a border, or a part as near as depth is compared with a reading there.
-    One that does so in fewer than `LEAST` frames of a group is left out of all groups.
+    One that does so in fewer than `frames_least` frames of a group is left out of all groups.
 
     Args:
         scene: the cell.
@@ -48,8 +47,8 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
         predictor.see(world)
         for camera in cameras:
             mine = [[s for s in some if s.camera.name == camera.name] for some in groups if some]
-            shown = [sum(min(_shown(predictor, s, world), LEAST) for s in some) for some in mine]
-            if min(shown) < LEAST:
+            shown = [sum(min(_shown(predictor, s, world), RULES.frames_least) for s in some) for some in mine]
+            if min(shown) < RULES.frames_least:
                 blind.add(camera.name)
                 often = f"only {min(shown)}" if min(shown) else "none"
                 said = f"a border or a near surface of the cell shows in {often} of its frames"
@@ -58,10 +57,10 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
 
 
 def _shown(predictor: Predictor, sight: Sight, world: World) -> int:
-    """In how many frames, up to `LEAST`, a sight shows something of the cell."""
+    """In how many frames, up to `frames_least`, a sight shows something of the cell."""
     frames, count = np.arange(len(sight)), 0
     for i, q in zip(frames, sight.at(frames, -delay_of(world, sight.camera.name)), strict=True):
-        if count >= LEAST or not np.isfinite(q).all():
+        if count >= RULES.frames_least or not np.isfinite(q).all():
             continue
         picture, depth = predictor.draw(sight.camera.name, q), sight.depth(int(i))
         near = 0 if depth is None else int(((picture.depth > 0) & (picture.depth < NEARER[-1]) & (depth > 0)).sum())
@@ -93,7 +92,7 @@ def border_evidence(
         if robot is None and out[0].robot > 0:
             settled, points = rolled(predictor, fitted, settled, recall)
             other = _looked(predictor, (fitted, held_out), settled, points, None, ROLLING)
-            out = other if other[0].robot < HALF * out[0].robot else out
+            out = other if other[0].robot < RULES.robot_half * out[0].robot else out
     return out
 
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vispeg.core.effect import Effect
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.identify.pictures.figure import NEVER, Figure
 from vispeg.identify.pictures.shots import Shot
@@ -26,19 +27,22 @@ FEW = 60  # pixels that a figure needs
 APART = 6  # px between pixels that share no matching window: half of the widest, 9 px, and a low-pass of 1.5
 ORDINARY = (3e-4, 1e-3)  # m and 1/m: scatter s0 + s1 z^2 of a camera of which nothing is stated, of no effect
 ERROR = "error at"  # how the names of errors begin; they are in m
-# of the distance: what a calibration repeats to, and what good cameras differ by (a D400's 2 % is a limit for all)
-KNOWN, DIFFER = 1e-3, 4e-3
 
 RANGES = tuple(f"{near:g} to {far:g} m" for near, far in pairwise(NEARER))
-TABLE = (
-    *(Figure(f"{ERROR} {at}", KNOWN * far, DIFFER * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
-    *(Figure(f"lean {way}", 3e-4, 1e-3) for way in ("across", "down")),
-    *(Figure(f"scatter at {at}", 0.05, 0.35) for at in RANGES),
-    Figure("missing", 5e-3, 0.015),
-    Figure("run of missing", 0.5, NEVER),
-    *(Figure(f"near part at {k + 1} px", 0.03, 0.15) for k in range(REACH)),
-    *(Figure(f"missing at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
-)
+
+
+def table() -> tuple[Figure, ...]:
+    """Give the figures of depth: of errors the share of the distance that they may be."""
+    repeats, differs = RULES.figure_depth
+    return (
+        *(Figure(f"{ERROR} {at}", repeats * far, differs * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
+        *(Figure(f"lean {way}", *RULES.figure_lean) for way in ("across", "down")),
+        *(Figure(f"scatter at {at}", *RULES.figure_scatter) for at in RANGES),
+        Figure("missing", *RULES.figure_missing),
+        Figure("run of missing", 0.5, NEVER),
+        *(Figure(f"near part at {k + 1} px", *RULES.figure_near) for k in range(REACH)),
+        *(Figure(f"missing at {k + 1} px", 0.1, NEVER) for k in range(REACH)),
+    )
 
 
 class DepthFigures:
@@ -49,9 +53,8 @@ class DepthFigures:
         ordinary: (2,) m and 1/m, scatter s0 + s1 z^2 that is of no effect.
     """
 
-    table = TABLE
-
     def __init__(self, shots: Sequence[Shot], ordinary: tuple[float, float] = ORDINARY):
+        self.table = table()
         self.shots, self.ordinary = [s for s in shots if s.depth is not None], ordinary
         self.measured = np.array([self._figures(s.depth, s.again, s) for s in self.shots if s.depth is not None])
 
@@ -75,7 +78,7 @@ def of_depth(kind: Effect) -> bool:
 def depth_figures(
     picture: np.ndarray, shot: Shot, again: np.ndarray | None = None, ordinary: tuple[float, float] = ORDINARY
 ) -> np.ndarray:
-    """Figures (as in `TABLE`) of one depth picture (H, W) m, measured or modelled.
+    """Figures (as in `table`) of one depth picture (H, W) m, measured or modelled.
 
     Args:
         picture: the depth.

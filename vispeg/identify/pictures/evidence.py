@@ -22,12 +22,11 @@ from vispeg.identify.pictures.points import Points, misplacement
 from vispeg.identify.pictures.posture import Postures
 from vispeg.identify.pictures.scatter import Scatter, columns_of
 from vispeg.identify.pictures.sight import Sight
-from vispeg.identify.pictures.unknowns import EDGE_BIAS, nuisances
+from vispeg.identify.pictures.unknowns import nuisances
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-LEAST_PX = 0.2  # that looks, and what is not modelled of edges, do not make
 PENALTY = 1e3  # noise units of a point that a world puts behind the camera
 
 
@@ -111,7 +110,7 @@ class BorderEvidence(Evidence):
     @property
     def least_change(self) -> float:
         """How many px an effect has to move the borders by: more than looks shift them."""
-        return LEAST_PX
+        return RULES.shift_px
 
     def sees(self, kind: Effect) -> bool:
         """Whether an effect moves borders."""
@@ -228,7 +227,7 @@ class BorderEvidence(Evidence):
     @property
     def floor(self) -> float:
         """RMS in px of what a right model leaves: its edges' scatter, and what a look shifts all that face one way."""
-        return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items]) + EDGE_BIAS**2))
+        return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items]) + RULES.edge_shift**2))
 
     @property
     def floors(self) -> np.ndarray:

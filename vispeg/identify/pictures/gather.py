@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.corners import corners_of
 from vispeg.identify.pictures.points import Points, pixels
 from vispeg.identify.pictures.sight import Sight
@@ -17,19 +18,24 @@ from vispeg.vision.search import search
 from vispeg.worlds.world import World
 
 SPACING = 3.0  # px between points along a border
-RIVAL = 0.7  # of an edge's strength, from which on another one in the window makes it doubtful
-BESIDE = 2.0  # px from a border at which both its sides must be what they are there
-FAINT = 15.0  # grey levels, the step of an edge that texture and shadows may make as well
 
 
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
     """Give the points that a world predicts, of borders and a board's corners, each sought within `window` px."""
     name, geometry, parts = sight.camera.name, predictor.geometry, []
     for i, rgb, b in _drawn(predictor, sight, world):
-        ahead, behind = (geometry.cast(name, b.pixel + side * b.normal)[2] for side in (BESIDE, -BESIDE))
+        ahead, behind = (
+            geometry.cast(name, b.pixel + side * b.normal)[2] for side in (RULES.edge_beside, -RULES.edge_beside)
+        )
         b = b.some((ahead == b.parts[:, 1]) & (behind == b.parts[:, 0]))
         edges = search(rgb, b, window)
-        parts.append(_points(i, b, np.where((edges.rival < RIVAL) & (edges.strength > FAINT), edges.along, np.nan)))
+        parts.append(
+            _points(
+                i,
+                b,
+                np.where((edges.rival < RULES.edge_rival) & (edges.strength > RULES.edge_faint), edges.along, np.nan),
+            )
+        )
     points = _joined([*parts, *corners_of(geometry, sight, world, window)])
     if not len(points.frame) or not values_of(world, "rolling_shutter", name):
         return points

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.core.effect import Effect
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.identify.pictures.figure import Figure
 from vispeg.identify.pictures.links import Links, links_of
@@ -33,15 +34,18 @@ GRAIN = 2.5  # code values, 1 sigma, of an ordinary camera's noise
 WINDOW = 3.0  # px
 NOISE, MOTION = "rgb_noise", "motion_blur"
 
-TABLE = (
-    Figure("light", 0.1, 0.3),  # octaves
-    Figure("red", 0.05, 0.15),
-    Figure("blue", 0.05, 0.15),
-    Figure("fall-off", 0.05, 0.25),
-    Figure("softness", 0.1, 0.35),  # px^2
-    Figure("smear", 5.0, 20.0),  # ms^2: the squared softness in px^2 over the squared speed in (px/ms)^2
-    *(Figure(f"noise, bin {k}", 0.1, 0.6) for k in range(len(LEVELS) - 1)),
-)
+
+def table() -> tuple[Figure, ...]:
+    """Give the figures of light."""
+    return (
+        Figure("light", *RULES.figure_light),
+        Figure("red", *RULES.figure_colour),
+        Figure("blue", *RULES.figure_colour),
+        Figure("fall-off", *RULES.figure_falloff),
+        Figure("softness", *RULES.figure_softness),
+        Figure("smear", *RULES.figure_smear),
+        *(Figure(f"noise, bin {k}", *RULES.figure_noise) for k in range(len(LEVELS) - 1)),
+    )
 
 
 class LightFigures:
@@ -52,10 +56,8 @@ class LightFigures:
         lit: whether the predicted look is that of the room: only then does the level of light say anything.
     """
 
-    table = TABLE
-
     def __init__(self, shots: Sequence[Shot], lit: bool):
-        self.lit = lit
+        self.table, self.lit = table(), lit
         self.shots = [s for s in shots if s.rgb is not None]
         pictures = [s.rgb for s in self.shots if s.rgb is not None]
         self.links: Links = links_of(self.shots)

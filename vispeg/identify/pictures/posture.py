@@ -11,23 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, misplacement, pixels
 from vispeg.identify.pictures.robust import trust
 from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-# rad that a joint may be off by in a frame, 1 sigma: 1 mm at 0.8 m, from one pose to another, of an arm that nobody
-# calibrated (0.65 mm and 2.8 mrad in an ABB IRB 1600 that repeats to 0.04 mm: Slamani, Nubiola and Bonev, Industrial
-# Robot 39(1), 2012)
-LOOSE = 1.25e-3
 SMALL = 1e-4  # rad: step of a derivative
 SCALES = (1.0, 0.5, 0.3, 0.3)  # px that edges may scatter by, from one robust step to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The joints of each frame, free within `LOOSE` of what was measured.
+    """The joints of each frame, free within `posture_frame` of what was measured.
 
     Attributes:
         frame: (n,) that each border point belongs to.
@@ -59,7 +56,7 @@ class Postures:
 
 def _posture(slopes: np.ndarray, away: np.ndarray) -> np.ndarray:
     """(nj,) rad that make `away` (n,) of slopes (n, nj), both weighted, most likely."""
-    return np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]) / LOOSE**2, slopes.T @ away)
+    return np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]) / RULES.posture_frame**2, slopes.T @ away)
 
 
 def steadied(geometry: Geometry, sight: Sight, world: World, points: Points) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.sight import Sight
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.frames.joints import GAP, joints_at
@@ -17,8 +18,6 @@ from vispeg.render.calibration.detect import View
 from vispeg.vision.board import board_of, view_of_board
 from vispeg.vision.eye import camera_of
 
-LEAST = 6  # frames of a camera, fewer say nothing about views that were not fitted
-STILL = 2e-4  # rad that a joint may move by in between: 0.1 px of a 320 px picture, at 0.3 m
 MOST = 40  # frames of a camera that are looked at in one recording: evenly spread ones of more
 
 
@@ -44,7 +43,7 @@ def comparable(rec: Recording) -> bool:
     frames = rec.frames
     if frames is None or not len(frames) or any(frames.cameras[name].pose is None for name in frames.names):
         return False
-    return all(len(_standing(rec, frames.of(name))) >= LEAST for name in frames.names)
+    return all(len(_standing(rec, frames.of(name))) >= RULES.frames_least for name in frames.names)
 
 
 def _standing(rec: Recording, frames: Frames) -> np.ndarray:
@@ -63,9 +62,9 @@ def _curve(rec: Recording, episode: int) -> CubicSpline | None:
 def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
     episodes = frames.episodes
     every, rows = joints_at(rec, frames.times, episodes), _standing(rec, frames)
-    if len(rows) < LEAST:
+    if len(rows) < RULES.frames_least:
         what = f"camera '{name}' has too few frames at measured joint angles"
-        raise UserError(what, file=rec.path, expected=f"{LEAST} or more", got=len(rows))
+        raise UserError(what, file=rec.path, expected=f"{RULES.frames_least} or more", got=len(rows))
     if len(rows) > MOST:
         rows = rows[np.linspace(0, len(rows) - 1, MOST).round().astype(int)]
     some, times, numbers = [frames[int(i)] for i in rows], frames.times[rows], episodes[rows]
@@ -102,7 +101,7 @@ def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:
         episodes: (n,) of each frame.
         row: number of the one.
     """
-    still = (np.abs(q - q[row]).max(axis=1) < STILL) & (episodes == episodes[row])
+    still = (np.abs(q - q[row]).max(axis=1) < RULES.frame_still) & (episodes == episodes[row])
     moved = np.flatnonzero(~still)
     last = int(moved[moved > row].min(initial=len(q))) - 1
     first = int(moved[moved < row].max(initial=-1)) + 1

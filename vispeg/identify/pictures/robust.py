@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-TUKEY = 4.685  # of the noise, beyond which an edge belongs to something else
+from vispeg.core.rules import RULES
 
 
 def noise_of(away: np.ndarray) -> float:
@@ -15,5 +15,5 @@ def noise_of(away: np.ndarray) -> float:
 
 def trust(away: np.ndarray, noise: float) -> np.ndarray:
     """Tukey's weights (n,) in [0, 1]; 0 where there is no edge."""
-    u = np.nan_to_num(away / (TUKEY * noise), nan=2.0)
+    u = np.nan_to_num(away / (RULES.edge_tukey * noise), nan=2.0)
     return np.where(np.abs(u) < 1, (1 - u * u) ** 2, 0.0)

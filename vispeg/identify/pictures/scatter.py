@@ -13,20 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.align import LOOSE as PRIOR
 from vispeg.identify.pictures.fixed import slopes
-from vispeg.identify.pictures.posture import LOOSE
 
 if TYPE_CHECKING:
     from vispeg.identify.pictures.evidence import BorderEvidence, Item
 
-ROBOT = (0.0, *np.geomspace(3e-5, LOOSE, 12).tolist())  # rad, each joint in each frame: sizes that are tried
 FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px, RMS over the image: less no edge shows, more no window holds
-SIZES = [(robot, field) for field in FIELD for robot in ROBOT]
 CELLS = (6, 5)  # of the image, across and down, over which a smear lasts: finer than a lens bends, wider than a border
-# log likelihood that a field which is not there gains once in a hundred: half of chi squared of one degree of freedom,
-# for a variance is not below 0 (Self and Liang, Journal of the American Statistical Association 82(398), 1987)
-GAIN = 2.7
 
 
 @dataclass(frozen=True)
@@ -48,10 +43,11 @@ class Scatter:
         Source of the criterion: Patterson and Thompson, Biometrika 58(3), 1971, the fixed effects being those that the
         alignment freed.
         """
-        fits = dict(zip(SIZES, likelihoods(parts, SIZES), strict=True))
+        sizes = [(robot, field) for field in FIELD for robot in robots()]
+        fits = dict(zip(sizes, likelihoods(parts, sizes), strict=True))
         best = max(fits, key=lambda sizes: fits[sizes])
-        alone = max(ROBOT, key=lambda robot: fits[robot, 0.0])
-        return cls(*best) if fits[best] > fits[alone, 0.0] + GAIN else cls(alone, 0.0)
+        alone = max(robots(), key=lambda robot: fits[robot, 0.0])
+        return cls(*best) if fits[best] > fits[alone, 0.0] + RULES.field_gain else cls(alone, 0.0)
 
 
 @dataclass(frozen=True)
@@ -71,6 +67,11 @@ class Columns:
     field: np.ndarray
     fixed: np.ndarray
     readings: np.ndarray
+
+
+def robots() -> tuple[float, ...]:
+    """Give the sizes that are tried of an error of each joint in each frame, rad."""
+    return 0.0, *np.geomspace(3e-5, RULES.posture_frame, 12).tolist()
 
 
 def columns_of(evidence: BorderEvidence, known: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Columns]:

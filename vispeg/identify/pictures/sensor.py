@@ -25,7 +25,6 @@ from vispeg.worlds.sensor import noise_of
 from vispeg.worlds.world import World
 
 Kind = Literal["depth", "light"]
-LEAST = 4  # frames
 WILD = 50.0  # of its scatter, beyond which a figure counts no more
 
 
@@ -220,7 +219,7 @@ def sensor_evidence(
     items = []
     for sight, some in shots:
         has = [s for s in some if (s.depth if kind == "depth" else s.rgb) is not None]
-        if len(has) < LEAST:
+        if len(has) < RULES.frames_sensor:
             continue
         figures = DepthFigures(has, _ordinary(sight)) if kind == "depth" else LightFigures(has, lit)
         items.append(FigureItem(sight, figures, _scatter(figures, world), kind))

@@ -7,21 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.identify.pictures.points import Points, misplacement, pixels
-from vispeg.identify.pictures.posture import LOOSE, Postures
+from vispeg.identify.pictures.posture import Postures
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
     from vispeg.identify.pictures.evidence import Item
 
-FIXED = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad: how well fixture and grip are known
-LAID = np.array([1e-2, 1e-2, 1e-2, 3e-2, 3e-2, 3e-2])  # m, rad: ... and a board, by pictures of this camera alone
-# px by which light and shadow shift edges: all that face one way, those between two parts, those of both, those at one
-# place of a part, and those of two parts in one picture; measured between Filament's pictures in looks of S and the
-# borders of the model
-EDGE_BIAS, EDGE_BIAS_HERE = 0.1, 0.05
-PLACE = 0.02  # m of a part that have one shading
 SMALL = 1e-4  # m, rad: steps of derivatives
 
 
@@ -33,12 +27,12 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
-    place = np.column_stack([p.body, facing, np.floor(p.local / PLACE).astype(int)])
+    place = np.column_stack([p.body, facing, np.floor(p.local / RULES.edge_place).astype(int)])
     for labels in (facing[:, None], p.parts, one_way, place):
         for rows in _alike(labels):
             remainder = abs(scale[rows] @ away[rows]) / max(scale[rows] @ scale[rows], 1e-9)
-            out.append(rows * max(EDGE_BIAS, remainder) * scale)
-    return out + [rows * EDGE_BIAS_HERE * scale for rows in _alike(np.column_stack([one_way, p.frame]))]
+            out.append(rows * max(RULES.edge_shift, remainder) * scale)
+    return out + [rows * RULES.edge_shift_here * scale for rows in _alike(np.column_stack([one_way, p.frame]))]
 
 
 def _alike(labels: np.ndarray) -> list[np.ndarray]:
@@ -52,8 +46,8 @@ def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray,
     scene, model = geometry.scene, geometry.model
     board = p.parts[:, 0] > len(scene.parts)
     middle = p.local[board].mean(axis=0) if board.any() else np.zeros(3)
-    fixed = [(p.body == model.body(name).id, np.zeros(3), FIXED) for name in scene.things]
-    return [thing for thing in (*fixed, (board, middle, LAID)) if thing[0].any()]
+    fixed = [(p.body == model.body(name).id, np.zeros(3), np.repeat(RULES.thing_known, 3)) for name in scene.things]
+    return [thing for thing in (*fixed, (board, middle, np.repeat(RULES.board_known, 3))) if thing[0].any()]
 
 
 def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
@@ -78,6 +72,6 @@ def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tu
     for j in range(nj):
         joints[np.arange(len(at)), at * nj + j] = arm.slopes[:, j] * scale
     away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
-    posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / LOOSE**2, joints.T @ away)
+    posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / RULES.posture_frame**2, joints.T @ away)
     common += _edges(p, scale, away - joints @ posture)
     return np.stack(common, 1) if common else np.zeros((len(p.frame), 0)), joints
