@@ -230,7 +230,7 @@ def explain(
 
                 more = bridging.play(left, remainder, played_too, record["notes"])
                 home = more[2][0].world if more[2] else ""
-        tuning = _command("finetune", str(policy), world=str(file.path.resolve()), out="tuned")
+        tuning = _command("finetune", str(policy), world=_called(file), dataset="demonstrations", out="tuned")
         bridged(
             record,
             more,
@@ -297,7 +297,7 @@ def _applied(
         model: whose effects were tried.
         trials: their folder.
     """
-    base = world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
+    base = _called(world)
     if record["verdict"] == "policy":
         why = "it fails in simulation from these starts too: demonstrations from there teach it"
         return {"why": why, "command": _command("finetune", policy, world=base, starts=trials, out="tuned")}
@@ -309,6 +309,11 @@ def _applied(
     load_world(place / CORRECTED)  # what cannot be trained in is said now
     why = f"{CORRECTED} has what {Path(model).name} names, each value within its interval, besides all of {world.name}"
     return {"why": why, "command": _command("finetune", policy, world=out / CORRECTED, out="tuned")}
+
+
+def _called(world: WorldFile) -> str:
+    """Give what names a world on the command line, from any folder."""
+    return world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
 
 
 def _command(verb: str, policy: str, **options: str | Path) -> str:
