@@ -9,8 +9,8 @@ import pytest
 from pressed import recorded
 
 from vispeg.contact.drive import Driven
-from vispeg.contact.errors.floors import FORM
 from vispeg.contact.items import predicted
+from vispeg.contact.phases import NAMES
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.profile import outward, probed, strongest, tries
 from vispeg.contact.selection.search import ContactSearch
@@ -18,6 +18,7 @@ from vispeg.contact.selection.spare import doubted, includes_none, spared
 from vispeg.contact.sensor import stands_for
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
@@ -58,7 +59,9 @@ def test_the_floor_in_free_air_is_what_a_block_of_readings_leaves_of_their_noise
     item = evidence_of([rec]).items[0]
     free = item.phase.of("free") & item.phase.valid & ~item.phase.resting
     white = rec.noise["ft"] / np.sqrt(item.phase.size * item.path.step * rec.rate_hz)
-    assert np.median(item.floor[free][:, :3]) == pytest.approx(np.hypot(white, FORM["free"]), rel=0.2)
+    assert np.median(item.floor[free][:, :3]) == pytest.approx(
+        np.hypot(white, RULES.floor_form[NAMES.index("free")]), rel=0.2
+    )
 
 
 class Straight:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.run import evidence_of
-from vispeg.contact.selection.likely import QUANTILE
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
@@ -28,7 +27,7 @@ MODEL = World("iiwa14", CELL, cell=CellBelief("nominal"))
 FOUND = believed(MODEL.cell)
 SCENE, PLACE = FOUND.scene, Place(FOUND.scene, stream(1, "gives way"))
 ARM = EffectInstance.of("arm_compliance", "all", compliance=7e-5)
-CHANCE = ContactEvidence.correlated * QUANTILE  # of the squared residual, which a wrong model may gain
+CHANCE = RULES.contact_correlated * RULES.interval  # of the squared residual, which a wrong model may gain
 
 
 def pressed(hidden, x, z, near=None, watch=lambda true: None):

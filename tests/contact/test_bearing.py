@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pressed import recorded
 
-from vispeg.contact.errors.bearing import ASIDE, bearing
+from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.run import evidence_of
+from vispeg.core.rules import RULES
 
 
 def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
@@ -21,7 +22,7 @@ def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
         column = np.sum(columns[axis::2], axis=0)  # of all presses
         force, torque = column[:, :3], column[:, 3:]
         couple = torque + np.cross(-lever, force)
-        expected = ASIDE * radius * np.abs(item.phase.contact[:, 2])
+        expected = RULES.bears_aside * radius * np.abs(item.phase.contact[:, 2])
         np.testing.assert_allclose(couple[pressed][:, axis], expected[pressed], rtol=1e-9)
         np.testing.assert_allclose(np.delete(couple, axis, axis=1), 0.0, atol=1e-12)
         moved = force / stiffness[:3] + np.cross(torque / stiffness[3:], lever)

@@ -12,7 +12,7 @@ from pressed import SCENE, recorded
 
 from vispeg.contact.drive import hands
 from vispeg.contact.errors.noise import louder
-from vispeg.contact.errors.nuisance import PLACE, Nuisance
+from vispeg.contact.errors.nuisance import Nuisance
 from vispeg.contact.hand import AXES, grasp, hand
 from vispeg.contact.inputs import touching
 from vispeg.contact.path import jacobian
@@ -170,7 +170,10 @@ def test_a_height_within_the_kinematics_trust_is_no_evidence_and_one_beyond_it_i
     """Higher by half of what kinematics are good to, a cell stays at the floor; ten times that costs ten times more."""
     rec = recorded()
     evidence = evidence_of([rec])
-    heights = [World().add(EffectInstance.of("hole_offset", "fixture", z=z)) for z in (0.0, PLACE / 2, 10 * PLACE)]
+    heights = [
+        World().add(EffectInstance.of("hole_offset", "fixture", z=z))
+        for z in (0.0, RULES.kinematics_place / 2, 10 * RULES.kinematics_place)
+    ]
     level, within, beyond = (float(r @ r) for r in evidence.residuals(heights))
     assert within < 0.5 * evidence.count and beyond - level > max(10 * SURE, 10 * (within - level))
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from vispeg.contact.law import LAW, unsure, within
+from vispeg.contact.law import unsure, within
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
 
 
@@ -24,5 +25,5 @@ def test_a_stiffness_within_a_factor_of_two_is_tentative_and_a_friction_never(in
 
 
 def test_an_interval_reaches_the_law_where_any_of_its_values_does():
-    assert within(0.1, 1 / LAW) and within(LAW, 9.0) and within(0.9, 1.1)
-    assert not within(0.1, 0.99 / LAW) and not within(1.01 * LAW, 9.0)
+    assert within(0.1, 1 / RULES.law) and within(RULES.law, 9.0) and within(0.9, 1.1)
+    assert not within(0.1, 0.99 / RULES.law) and not within(1.01 * RULES.law, 9.0)

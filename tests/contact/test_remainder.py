@@ -11,7 +11,7 @@ import pytest
 from vispeg.api.recording.cell import cell_motion
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.remainder import Rest, judged
-from vispeg.contact.selection.repeats import REPEATS, allowing, repeated, uncertainty
+from vispeg.contact.selection.repeats import allowing, repeated, repeats, uncertainty
 from vispeg.contact.selection.screen import Probe
 from vispeg.contact.selection.shows_from import further, least_sizes, shown_from, surely
 from vispeg.contact.selection.spare import includes_none
@@ -80,7 +80,7 @@ def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it(monkeypatch)
     assert least["hole_offset", "fixture"]["x"] > 1.01 * shows
     assert least["contact_friction", "peg"]["scale"] == pytest.approx(np.sqrt(surely(Judged(), 100.0) / 100.0))
     rng, size, told = np.random.default_rng(0), least["hole_offset", "fixture"]["x"], 0.5e-4
-    for x in size + np.hypot(told, REPEATS["m"]) * rng.standard_normal(400):
+    for x in size + np.hypot(told, repeats()["m"]) * rng.standard_normal(400):
         out.append(not includes_none(offset(x, x - 1.96 * told, x + 1.96 * told)))
     assert np.mean(out) > RULES.power - 0.03, "as said: an offset of this size is hardly ever taken out again"
 
@@ -98,12 +98,12 @@ def test_only_fitted_poses_have_intervals_that_allow_for_the_arm():
     friction = replace(friction, params={"scale": Value(1.7, 1.6, 1.8)})
     first, second, third = repeated(World(effects=(given, fitted, friction)), 1).effects
     assert first == given and third == friction
-    half = np.hypot(3e-4, 1.96 * REPEATS["m"])
+    half = np.hypot(3e-4, 1.96 * repeats()["m"])
     assert (second.params["x"].low, second.params["x"].high) == pytest.approx((2e-3 - half, 2e-3 + half))
     assert second.params["y"] == fitted.params["y"], "was not fitted"
     end = REGISTRY["hole_offset"].params["x"].high
     assert allowing(offset(end, end - 1e-5, end)).params["x"].high == end
-    assert uncertainty("hole_offset", "x") == REPEATS["m"] and uncertainty("contact_friction", "scale") == 0.0
+    assert uncertainty("hole_offset", "x") == repeats()["m"] and uncertainty("contact_friction", "scale") == 0.0
 
 
 def test_a_phase_beyond_its_bar_leaves_a_verdict_unexplained():

@@ -12,17 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.inputs import Touching
 from vispeg.contact.path import Path, along
-from vispeg.contact.phases import SHORTEST, Phases, phases, tool_mass
+from vispeg.contact.phases import Phases, phases, tool_mass
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
-BLOCK = 0.04  # s: of a solver's chatter a mean over it leaves little
 H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
-# a tool may weigh otherwise and a sensor have a zero, but not turn a weight round (sign, frame), nor scale it (unit):
-FELT, TOWARDS, SCALE = 2.0, 0.5, 4.0  # N of weight that tells; least cosine of the angle between; most of the ratio
-ZEROED = 8.0  # N at most where the sensor was zeroed there
 MILLI = 1e3  # what millinewtons are too large by: no arm presses with so many times the weight of its tool
 
 
@@ -73,7 +70,7 @@ def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
     number = episode_numbers(t.recording)
     rows = [np.flatnonzero(number == n) for n in np.unique(number)]
     paths = [along(t.scene, t.recording, t.wrench, some, H_MAX, t.believed) for some in rows]
-    return [(path, phases(felt, path, t.scene, BLOCK)) for path in paths]
+    return [(path, phases(felt, path, t.scene, RULES.contact_block)) for path in paths]
 
 
 def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) -> None:
@@ -85,17 +82,21 @@ def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) ->
     if t.torques is not None:
         return
     begun = next(((path, phase.rest) for path, phase in paths if phase is not None), None)
-    path, rest = begun or (paths[0][0], slice(0, max(1, round(SHORTEST / paths[0][0].step))))
+    path, rest = begun or (paths[0][0], slice(0, max(1, round(RULES.rest_least / paths[0][0].step))))
     reads, weight = path.wrench[rest, :3].mean(axis=0), _weight(t.scene, path, rest)
     size, wanted = np.linalg.norm(reads), np.linalg.norm(weight)
     says = f"about the tool's weight, {_newtons(weight)} N (flange x, y, z)"
     if tared(t.recording):
-        foreign, says = begun is not None and size > ZEROED, "nothing"
+        foreign, says = begun is not None and size > RULES.weight_zeroed, "nothing"
     elif begun is not None:
-        towards = float(reads @ weight) >= TOWARDS * size * wanted
-        foreign = wanted > FELT and not (towards and wanted / SCALE < size < SCALE * wanted)
+        towards = float(reads @ weight) >= RULES.weight_towards * size * wanted
+        foreign = wanted > RULES.weight_felt and not (
+            towards and wanted / RULES.weight_times < size < RULES.weight_times * wanted
+        )
     else:
-        foreign = wanted > FELT and wanted / SCALE < size / MILLI < SCALE * wanted
+        foreign = (
+            wanted > RULES.weight_felt and wanted / RULES.weight_times < size / MILLI < RULES.weight_times * wanted
+        )
     if foreign:
         raise UserError(
             "`ft` at rest in free air is not what the tool weighs",

@@ -1,7 +1,7 @@
 """Recordings with a wrench as evidence on contact, with the face of `vispeg.identify.Evidence`.
 
 The compared value is the wrench that the flange puts on the tool: measured, against what keeps each world's hand on the
-measured path; both as means over blocks of `BLOCK` s. Source of the idea, with both signals in error: total least
+measured path; both as means over blocks of 40 ms. Source of the idea, with both signals in error: total least
 squares, Golub and Van Loan 1980, An analysis of the total least squares problem.
 """
 
@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from vispeg.contact.beginning import BLOCK
 from vispeg.contact.drive import built_alike
 from vispeg.contact.errors.nuisance import nuisance
 from vispeg.contact.hand import grasp, hand
@@ -27,8 +26,6 @@ from vispeg.recordings.checks import missing
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
-FAR = 4.0  # whitened residuals beyond this count less
-TIE = 0.02  # of the greatest difference between two worlds in a block of time, up to which the others are ties
 SECONDS = 15.0  # of contact that is driven, over all recordings
 ROWS = 64  # worlds that are driven at once
 
@@ -40,13 +37,6 @@ class ContactEvidence(Evidence):
         touching: recordings, each with its cell.
         nthread: of the batch.
     """
-
-    decisive = 60.0
-    alike = 0.03  # laws of contact are off by as much of a force, see `floors.SHARE`
-    rough = 5.0  # where contacts come and go, worlds 1e-3 of an effect apart differ by 5 to 15
-    correlated = 6.0  # blocks: form errors last as long as a contact does
-    lasting = 14.0  # blocks that a visit to a phase takes: as long, an error of form acts on a parameter one way
-    tied = correlated * 5.41  # of chi squared with one degree of freedom: one in 50
 
     def __init__(self, touching: Sequence[Touching], *, nthread: int = 1):
         self.recordings, self.nthread = [t.recording for t in touching], nthread
@@ -78,10 +68,40 @@ class ContactEvidence(Evidence):
         """Effects that a search may add."""
         return RULES.effects_few
 
+    @property
+    def decisive(self) -> float:
+        """Drop of the squared whitened residual that no chance makes, where errors that hang together count."""
+        return RULES.contact_decisive
+
+    @property
+    def alike(self) -> float:
+        """Share of what an effect removes that does not tell it from a rival."""
+        return RULES.contact_alike
+
+    @property
+    def rough(self) -> float:
+        """Change of the squared residual that a solver's chatter makes."""
+        return RULES.contact_rough
+
+    @property
+    def correlated(self) -> float:
+        """Blocks in a row over which an error of form lasts, as a contact does."""
+        return RULES.contact_correlated
+
+    @property
+    def lasting(self) -> float:
+        """Blocks that a visit to a phase takes: as long, an error of form acts on a parameter one way."""
+        return RULES.contact_lasting
+
+    @property
+    def tied(self) -> float:
+        """Drop of the held-out squared residual that chance makes, which does not either."""
+        return RULES.contact_correlated * RULES.contact_tied
+
     def tells(self, difference: np.ndarray) -> np.ndarray:
         """Ties left out: an effect of contact shows in few blocks, and hardly in most."""
         size = np.abs(difference)
-        return size >= max(1.0, TIE * float(size.max(initial=0.0)))
+        return size >= max(1.0, RULES.contact_tie * float(size.max(initial=0.0)))
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
         """(nblock,) the visit to a phase of contact that a block of time begins in: an error of form lasts through it,
@@ -122,7 +142,7 @@ class ContactEvidence(Evidence):
         return float(size.min())
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Whitened residuals, one world after another; a square grows as its amount beyond `FAR` (Huber's loss)."""
+        """Whitened residuals, world after world; a square grows as its amount beyond `contact_far` (Huber's loss)."""
         per_item = self.simulated(worlds)
         for w in range(len(worlds)):
             yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
@@ -211,11 +231,15 @@ class ContactEvidence(Evidence):
         out: dict[str, float] = {}
         for item in self.items:
             for name in item.phase.names:
-                out[name] = out.get(name, 0.0) + BLOCK * float(np.sum(item.phase.of(name)))
+                out[name] = out.get(name, 0.0) + RULES.contact_block * float(np.sum(item.phase.of(name)))
         return out
 
 
 def _huber(residual: np.ndarray) -> np.ndarray:
-    """Whitened residuals whose squares grow as their amount beyond `FAR`."""
+    """Whitened residuals whose squares grow as their amount beyond `contact_far`."""
     size = np.abs(residual)
-    return np.where(size > FAR, np.sign(residual) * np.sqrt(FAR * np.maximum(2 * size - FAR, 0.0)), residual)
+    return np.where(
+        size > RULES.contact_far,
+        np.sign(residual) * np.sqrt(RULES.contact_far * np.maximum(2 * size - RULES.contact_far, 0.0)),
+        residual,
+    )

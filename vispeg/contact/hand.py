@@ -18,7 +18,7 @@ from vispeg.robots.scene import Scene
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FRAME = "hand"  # the body that stands for the flange
-RULES = 2  # priority of the goal's pieces over what is held, see `vispeg.contact.pieces`
+PRIORITY = 2  # priority of the goal's pieces over what is held, see `vispeg.contact.pieces`
 MARK = "attached-"  # MuJoCo wants a prefix for what is taken over from another spec
 
 
@@ -77,7 +77,7 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     if all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
         for geom in spec.geoms:  # no other part has a contact of its own with them
             if geom.name == scene.top or scene.config.shape == "round" and geom.name.startswith(scene.wall):
-                geom.priority = RULES
+                geom.priority = PRIORITY
     for kind in ("stiffness", "damping"):
         for i, axis in enumerate(AXES):
             _spring(spec, axis, kind, float(getattr(hold, kind)[i]))

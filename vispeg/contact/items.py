@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vispeg.contact.beginning import BLOCK, beginnings, episode_numbers, no_free_air, tared
+from vispeg.contact.beginning import beginnings, episode_numbers, no_free_air, tared
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
 from vispeg.contact.hand import Grasp
 from vispeg.contact.inputs import Touching
-from vispeg.contact.path import PLACE, TURN, Path
+from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases
 from vispeg.contact.sensor import hand_world, readings, stands_for
 from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
 from vispeg.contact.yielding import given_way
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import Channel, Item
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control
@@ -56,7 +57,7 @@ class ContactItem(Item):
     @property
     def period(self) -> float:
         """Time between blocks, s."""
-        return BLOCK
+        return RULES.contact_block
 
 
 def driven(
@@ -78,11 +79,11 @@ def _stands(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
 
 
 def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """(6, m, 6) how the wrench as read answers where the hand is off its path by `PLACE` or `TURN`, an axis each.
+    """(6, m, 6) how the wrench as read answers where the hand is off its path by what kinematics may be, an axis each.
 
     Along the tool's axis it is deeper by that. `nominal` is how the believed model went along the path itself.
     """
-    off = np.diag(np.repeat([PLACE, TURN], 3))
+    off = np.diag(np.repeat([RULES.kinematics_place, RULES.kinematics_turn], 3))
     world = hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
     phase, scenes = item.phase, (item.hand, item.source.scene)
@@ -154,7 +155,14 @@ def _item(
     time = phase.time
     blank = np.zeros((len(time), len(rec.joints)))
     segment = Segment(
-        Control("unknown", rec.rate_hz), BLOCK, {}, blank, blank, blank, time, rows[phase.rows(path.clock)]
+        Control("unknown", rec.rate_hz),
+        RULES.contact_block,
+        {},
+        blank,
+        blank,
+        blank,
+        time,
+        rows[phase.rows(path.clock)],
     )
     measured = phase.means(path.wrench[None])[0]
     sigma = np.ones_like(measured)

@@ -7,15 +7,15 @@ vibroimpact, J. Appl. Mech. 42) restitution falls between 20 and 70 mm/s as it d
 
 from __future__ import annotations
 
+from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
 
-LAW = 2.0  # times the nominal stiffness or damping, up to which another law of contact explains it
 STIFFNESS = "contact_stiffness"
 
 
 def within(low: float, high: float) -> bool:
     """Whether an interval of a factor reaches what another law of contact may be off by."""
-    return low <= LAW and high >= 1 / LAW
+    return low <= RULES.law and high >= 1 / RULES.law
 
 
 def unsure(world: World, n_fixed: int) -> set[str]:

@@ -14,9 +14,6 @@ from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.world import World
 
 PATH_HZ = 40.0  # bandwidth of the flange's path: an impact's is lost above it
-# m, rad: by how much a robot's forward kinematics may be off within a cell: twice what an arm repeats a pose to, see
-# `vispeg.contact.selection.repeats`, for no calibration makes an arm as true as it is repeatable
-PLACE, TURN = 2e-4, 4e-4
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vispeg.contact.path import PLACE, Path
+from vispeg.contact.path import Path
+from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import IMPACT, REGIMES
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
 NAMES = REGIMES
-SHORTEST, LONGEST = 0.3, 1.0  # s at the start in free air: what is needed, what is used for the sensor's zero
-STILL, LEVER = 0.01, 0.2  # m/s of tip or flange; m, of its turning
-STUCK = 0.005  # m/s, of a tip below which it sticks
-# N/m: what a tool presses on is stiffer (rubber has 10 N/mm and more), so that its reading changes by more
-# than this times its way; of the readings' scatter, standard deviations that are no such change
-SOFTEST, SIGMAS = 2e3, 3.0
+LEVER = 0.2  # m, of the flange's turning
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class Phases:
     @property
     def sticks(self) -> np.ndarray:
         """(m,) bool: presses in which the tip does not slide."""
-        return self.of("press") & (self.speed < STUCK)
+        return self.of("press") & (self.speed < RULES.stuck_speed)
 
     def of(self, name: str) -> np.ndarray:
         """(m,) bool."""
@@ -107,7 +103,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
     moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
     touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
-    moving = np.maximum(speed, moves) > STILL
+    moving = np.maximum(speed, moves) > RULES.rest_speed
     rest = _rest(touching, moving, block)
     if rest is None or not _leaves(path, slice(rest.start * size, rest.stop * size), contact, touch.touching[at]):
         return None
@@ -127,8 +123,8 @@ def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | Non
     first = int(np.argmax(touching)) if touching.any() else len(touching)
     for a, b in runs(~(touching | moving)[:first]):
         # a block aside of what moves: a block is of one kind by most of its samples
-        begin, end = a + (a > 0), min(b - 1, a + (a > 0) + round(LONGEST / block))
-        if (end - begin) * block >= SHORTEST:
+        begin, end = a + (a > 0), min(b - 1, a + (a > 0) + round(RULES.rest_most / block))
+        if (end - begin) * block >= RULES.rest_least:
             return slice(begin, end)
     return None
 
@@ -138,7 +134,7 @@ def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) 
 
     `contact` (n, 6) and `touching` (n,) by samples. Pressed on a surface of stiffness k, it would read another force by
     k times its way until it is lifted; in free air it reads the same, however heavy it is. Of the way, what kinematics
-    may be off by (`PLACE`) is no way.
+    may be off by is no way.
     """
     if not touching.any():
         return True
@@ -147,7 +143,7 @@ def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) 
     gone = np.hypot(np.linalg.norm(gone[:, :3], axis=1), LEVER * np.linalg.norm(gone[:, 3:], axis=1))
     change = np.linalg.norm(contact[way, :3] - still.mean(axis=0), axis=1)
     scatter = float(np.sqrt(still.var(axis=0).sum()))
-    return bool(np.any(change + SIGMAS * scatter < SOFTEST * (gone - PLACE)))
+    return bool(np.any(change + RULES.rest_sigmas * scatter < RULES.rest_softest * (gone - RULES.kinematics_place)))
 
 
 def tool_mass(scene: Scene) -> float:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from vispeg.contact.hand import RULES
+from vispeg.contact.hand import PRIORITY
 from vispeg.contact.path import Path, tips
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
@@ -40,7 +40,7 @@ class Pieces:
         names = [model.geom(g).name for g in range(model.ngeom)]
         self.top = [g for g, name in enumerate(names) if name == scene.top]
         self.parts = [g for g, name in enumerate(names) if name.startswith((scene.wall, scene.plate))]
-        self.ruling = [g for g in range(model.ngeom) if model.geom_priority[g] == RULES]
+        self.ruling = [g for g in range(model.ngeom) if model.geom_priority[g] == PRIORITY]
         held, width = shapes(model, scene.held)[:1], scene.config.diameter  # effects write all of its shapes alike
         self.touched = batch.expand("geom_contype")
         friction, solref, solimp = (batch.expand(f"geom_{name}") for name in ("friction", "solref", "solimp"))

@@ -11,9 +11,9 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.path import PLACE, TURN
 from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.least_sizes import between
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
@@ -26,7 +26,9 @@ LEAST_SHARE = 0.02
 MOST = 0.5  # of what is left as read, from which on it is more an allowance's than anything else's
 ALLOWANCES: dict[str, str] = {
     "sensor": "what a force sensor may be off by (drift, crosstalk, delay)",
-    "path": f"what kinematics may be off by ({1e3 * PLACE:.1g} mm, {1e3 * TURN:.1g} mrad)",
+    "path": (
+        f"what kinematics may be off by ({1e3 * RULES.kinematics_place:.1g} mm, {1e3 * RULES.kinematics_turn:.1g} mrad)"
+    ),
     "form": "what no law of contact says (where it sticks, chatters, bears)",
 }
 

@@ -13,12 +13,11 @@ import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.scale import floors
 from vispeg.worlds.world import World
 
-FORM = 1.0  # variances of the floor, which counts what the form of the right model leaves, that it may leave in a phase
-SPREAD = 2.6  # standard deviations by which a mean square over few blocks may lie above
 CHANNELS = 6
 
 
@@ -49,7 +48,7 @@ def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -
         if parts:
             rows = np.concatenate(parts)
             independent = max(1.0, CHANNELS * len(rows) / evidence.correlated)
-            bar = FORM * (1 + SPREAD * np.sqrt(2 / independent))
+            bar = RULES.phase_bar * (1 + RULES.phase_spread * np.sqrt(2 / independent))
             out.append(Rest(name, held_out, float(np.mean(rows**2)), float(bar), len(rows)))
     return sorted(out, key=lambda rest: -rest.beyond)
 

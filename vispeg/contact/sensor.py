@@ -9,6 +9,7 @@ import numpy as np
 
 from vispeg.contact.path import Path
 from vispeg.core.effect import effect
+from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.recordings.cell import reaction
 from vispeg.recordings.noise import noise_of
@@ -16,7 +17,6 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
-LEAST_FORCE, LEAST_PLACE = 0.1, 5e-5  # N, m: no sensor and no kinematics is better
 REACH = 0.8  # m, from joint angles to the flange's place
 
 
@@ -47,6 +47,6 @@ def stands_for(path: Path, scene: Scene, world: World) -> float:
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
     """Give what forces (N) and places (m) are trusted to; a force that was not `read` by a sensor is as soft a hold."""
     by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
-    force = max([LEAST_FORCE, *(float(r.noise.get("ft", 0.0)) for r in by)])
-    place = max([LEAST_PLACE, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
+    force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in by)])
+    place = max([RULES.place_least, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])
     return force, place

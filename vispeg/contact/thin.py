@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.phases import Phases
+from vispeg.core.rules import RULES
 from vispeg.recordings.regimes import IMPACT
 
 CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
 NEAR = 3  # blocks of free air before and after a contact that show when it begins
-READABLE = 0.5  # share of a block's samples whose mean stands for all of them
 FREE = 2.0  # s of free air that are driven
 PART, PIECE = 3, 12  # one in so many pieces of so many blocks is driven where many worlds are screened
 
@@ -45,7 +45,7 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
     There a line between readings is put on the hand, which takes `LEAD` blocks to be forgotten.
     """
     m = len(phase.time)
-    lost = read[: m * phase.size].reshape(m, phase.size).mean(axis=1) < READABLE
+    lost = read[: m * phase.size].reshape(m, phase.size).mean(axis=1) < RULES.block_read
     if not lost.any():
         return phase
     after = np.convolve(lost, np.ones(LEAD + 1), "full")[:m] > 0

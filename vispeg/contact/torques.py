@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.resolve import refuse_numb
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Recording
@@ -22,7 +23,6 @@ from vispeg.sim.external import STILL, External, external
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-HOLDS = 1.0  # s over which friction and hysteresis keep their sign
 AXES = ("x", "y", "z")
 
 
@@ -63,8 +63,8 @@ def unsure(item: ContactItem) -> list[np.ndarray]:
     out = []
     for j, size in enumerate(estimate.steady):
         push = size * gain[:, :, j]
-        for middle in np.arange(0.0, time[-1] + HOLDS, HOLDS):
-            hat = np.maximum(0.0, 1 - np.abs(time - middle) / HOLDS)
+        for middle in np.arange(0.0, time[-1] + RULES.torque_holds, RULES.torque_holds):
+            hat = np.maximum(0.0, 1 - np.abs(time - middle) / RULES.torque_holds)
             out.append(push * hat[:, None])
     for b, along in enumerate(estimate.blind[rows]):
         for column in along.T[np.abs(along).max(axis=0) > 0]:

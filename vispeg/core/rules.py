@@ -136,6 +136,120 @@ class Compared:
     half_least: float = _rule(2.4, "joints", "c0359c29",
         "Seconds that half a recording must last to judge the other half.",
         reason="twice `settle_observed`")
+    tip_near: float = _rule(3e-3, "contact", "a91c3c0d",
+        "Height (m) over a surface under which a tip may touch it, so that contact is a channel.")
+    tip_round: float = _rule(0.05, "contact", "a91c3c0d",
+        "Margin (m) about the fixture that counts as over it.")
+    contact_block: float = _rule(0.04, "contact", "65a197ce",
+        "Seconds of a block, over which forces of contact are means.",
+        reason="such a mean has little of a solver's chatter")
+    block_read: float = _rule(0.5, "contact", "b4c55ada",
+        "Share of a block's samples that must be read for it to count.",
+        case="wrench samples that a force sensor lost")
+    rest_least: float = _rule(0.3, "contact", "65a197ce",
+        "Seconds at rest in free air that an episode must begin with.")
+    rest_most: float = _rule(1.0, "contact", "65a197ce",
+        "Seconds of that rest that tell the sensor's zero.")
+    rest_speed: float = _rule(0.01, "contact", "0319eca4",
+        "Speed (m/s) of tip or flange under which the hand rests.")
+    rest_softest: float = _rule(2e3, "contact", "5af1f35e",
+        "Stiffness (N/m) that a force must change by along the way from its rest for the hand to have been pressed.",
+        reason="rubber has 10 N/mm and more")
+    rest_sigmas: float = _rule(3.0, "contact", "5af1f35e",
+        "Standard deviations of the reading that are no such change.",
+        reason="three standard deviations")
+    weight_felt: float = _rule(2.0, "contact", "bce7ef5c",
+        "Weight (N) of a tool from which a wrench that is not it is refused.")
+    weight_towards: float = _rule(0.5, "contact", "bce7ef5c",
+        "Cosine of the angle to the weight under which the wrench is refused.",
+        reason="a tool may weigh otherwise, not turn its weight round")
+    weight_times: float = _rule(4.0, "contact", "bce7ef5c",
+        "Ratio to the weight from which the wrench is refused.",
+        reason="a wrong unit is off by more")
+    weight_zeroed: float = _rule(8.0, "contact", "bce7ef5c",
+        "Force (N) at rest from which a wrench is refused that is said to be zeroed there.")
+    stuck_speed: float = _rule(0.005, "contact", "cb9cd3d1",
+        "Speed (m/s) of a tip under which its contact sticks.")
+    sensor_least: float = _rule(0.1, "contact", "65a197ce",
+        "Force (N) that no sensor is better than.")
+    place_least: float = _rule(5e-5, "contact", "65a197ce",
+        "Place (m) that no kinematics are better than.")
+    contact_far: float = _rule(4.0, "contact", "0319eca4",
+        "Noise floors from which an error of contact counts linearly (25 before).")
+    contact_correlated: float = _rule(6.0, "contact", "65a197ce",
+        "Blocks in a row over which an error of form is one and the same.",
+        reason="it lasts as long as a contact does")
+    contact_lasting: float = _rule(14.0, "contact", "e9949f56",
+        "Blocks over which an error of form acts on a parameter one way.",
+        reason="a visit to a phase takes as long")
+    contact_rough: float = _rule(5.0, "contact", "4cfd3ec2",
+        "Change of the squared residual that a solver's chatter makes.",
+        case="worlds 1e-3 of an effect apart differed by 5 to 15")
+    chatter: float = _rule(3, "contact", "98b720e7",
+        "Times `contact_rough` that an effect must gain at least.",
+        reason="from the least to the most of 5 to 15")
+    floor_form: tuple[float, ...] = _rule((0.02, 0.01, 0.04, 0.05, 2.0), "contact", "cb0b46b3",
+        "Force (N) that another law of contact leaves of the right model: free, press, slide, hole, impact.",
+        case="what the truth left on development cases")
+    floor_share: tuple[float, ...] = _rule((0.002, 0.003, 0.007, 0.01, 0.03), "contact", "ef8d5bde",
+        "The same as a share of the force of contact.",
+        case="at 0.1 % of a press a stiff arm's give was named where nothing was hidden")
+    floor_wedged: float = _rule(0.1, "contact", "8e245e45",
+        "More of it in a hole where a part wedges.",
+        reason="0.1 mm of its roundness turns the hand by mrad")
+    floor_rocked: float = _rule(0.15, "contact", "0319eca4",
+        "Angle (rad) to the hole's axis at which a part surely wedges.")
+    floor_loose: int = _rule(2, "contact", "cb9cd3d1",
+        "Blocks before and after a slide that have its floor.",
+        reason="no model says when exactly a contact breaks loose")
+    zero_between: float = _rule(0.3, "contact", "65a197ce",
+        "Force (N) by which a sensor's zero may differ from one start to another.")
+    zero_drift: float = _rule(0.15, "contact", "d95395ee",
+        "Force (N) by which a sensor's zero drifts over a recording.",
+        reason="of a sensor that warms up")
+    cross_talk: float = _rule(0.01, "contact", "d95395ee",
+        "Share of each channel that shows in each other one.",
+        reason="what calibration leaves")
+    read_late: float = _rule(5e-4, "contact", "0319eca4",
+        "Seconds by which readings are older than their time says.")
+    kinematics_place: float = _rule(2e-4, "contact", "9a0e906e",
+        "Distance (m) by which forward kinematics may be off within a cell.",
+        reason="twice what an arm repeats a pose to, for no calibration makes it as true",
+        case="at half of it a soft grip was named where nothing was hidden")
+    kinematics_turn: float = _rule(4e-4, "contact", "9a0e906e",
+        "The same of turns (rad).",
+        case="the same")
+    kinematics_far: float = _rule(0.02, "contact", "d95395ee",
+        "Way (m) over which that error changes.")
+    kinematics_twist: float = _rule(0.5, "contact", "8e245e45",
+        "Turn (rad) over which that error changes.")
+    bears_aside: float = _rule(0.15, "contact", "4a08f3e6",
+        "Radii of its end by which a pressed part may bear aside of its axis.",
+        reason="half of what four points of a rim leave open")
+    slide_blows: float = _rule(0.1, "contact", "0319eca4",
+        "Share of a slide's scatter by which it may drag otherwise.")
+    slide_across: float = _rule(0.1, "contact", "5f5e4870",
+        "Share of its drag by which a slide may drag across.",
+        reason="in the model every slide hops, and a tool whose mass is off its axis swings aside")
+    stick_blocks: int = _rule(5, "contact", "cb9cd3d1",
+        "Blocks before a tip sticks whose blows say where it came to stick.")
+    grip_nearly: float = _rule(0.75, "contact", "bf23067b",
+        "Share of what a grip holds from which a blow moves the part in it (0.5 before).",
+        reason="slips follow hard blows alone")
+    grip_slip: float = _rule(1.5e-4, "contact", "bf23067b",
+        "Length (m) of such a slip (0.3 mm before).")
+    wedge_surely: float = _rule(1.1, "contact", "b6c3c184",
+        "Times the net force that two forces across a part must sum to for it to wedge.")
+    wedge_depth: float = _rule(4e-3, "contact", "b6c3c184",
+        "Depth (m) under which a part leans on an edge and does not wedge.")
+    torque_holds: float = _rule(1.0, "contact", "a91c3c0d",
+        "Seconds over which friction in joint torques keeps its sign, where no force sensor is.")
+    noise_louder: float = _rule(1.15, "contact", "d95395ee",
+        "Ratio to the stated noise of a sensor from which it is louder.",
+        reason="stated figures are rounded")
+    noise_sigmas: float = _rule(3.0, "contact", "d95395ee",
+        "Standard errors by which it must be.",
+        reason="three standard deviations")
     frames_least: int = _rule(6, "pictures", "367f443f",
         "Frames of a camera that a recording must have.",
         reason="fewer say nothing about views that were not fitted")
@@ -275,6 +389,28 @@ class Proposed:
         "Candidates that are fitted at a step.")
     tosses_trace: float = _rule(2e-3, "tosses", "1eb50084",
         "Share of the squared error that some size of an effect must move for the effect to be excited.")
+    felt: float = _rule(5.0, "contact", "65a197ce",
+        "Standard deviations by which some size must move the residual for an effect to be excited.")
+    screen_flat: float = _rule(0.03, "contact", "4a08f3e6",
+        "Share of the longest direction under which changes of accepted effects are one and the same.")
+    size_share: float = _rule(0.03, "contact", "d95395ee",
+        "Share of the best parameter's gain under which another parameter of an effect is not fitted.")
+    size_promise: float = _rule(0.4, "contact", "f3200763",
+        "Share of the needed gain that a straight line must promise for a size to be asked again (0.5 before).")
+    size_hope: float = _rule(0.25, "contact", "8e245e45",
+        "Share of that which the screen by a part of the recordings must see.")
+    size_faint: float = _rule(0.03, "contact", "e39a6576",
+        "Share of the best promise under which no greater size is tried.")
+    size_close: float = _rule(0.1, "contact", "e39a6576",
+        "Share of a promise within which a size has come to it.")
+    contact_promise: float = _rule(0.6, "contact", "8e245e45",
+        "Share of the needed gain that the best size must promise for an effect to be fitted.")
+    contact_worth: float = _rule(0.2, "contact", "65a197ce",
+        "Share of the best effect's promise under which another one is not fitted.")
+    contact_fitted: int = _rule(5, "contact", "65a197ce",
+        "Effects that are fitted at a step.")
+    contact_paired: int = _rule(3, "contact", "65a197ce",
+        "Of these, those whose pairs are fitted, too; and rivals of an effect at most.")
     edge: float = _rule(0.005, "all", "45b9c56e",
         "Share of a range from its bound within which a value stands at the bound.")
     several_least: float = _rule(0.02, "joints", "9e47cadb",
@@ -351,6 +487,22 @@ class Accepted:
     views_apart: float = _rule(0.5, "pictures", "6cd6d11d",
         "Share of an effect's shift by which the held-out recording, fitted alone, may differ on it.",
         reason="cross-validation, as in mrcal")
+    contact_level: float = _rule(0.01, "contact", "8e245e45",
+        "Chance that any effect of the library passes where there is none.",
+        reason="1 %, Bonferroni over the library; twice that one-sided on the held-out recordings")
+    contact_tie: float = _rule(0.02, "contact", "65a197ce",
+        "Share of the greatest difference up to which blocks do not tell two models apart.")
+    contact_decisive: float = _rule(60.0, "contact", "d95395ee",
+        "Drop of the held-out squared residual that tells two models apart in however few blocks.")
+    contact_alike: float = _rule(0.03, "contact", "d1d3f51c",
+        "Share of what an effect removes that does not tell it from a rival.",
+        reason="laws of contact are off by as much of a force")
+    contact_tied: float = _rule(5.41, "contact", "35ea2f18",
+        "Quantile of chi squared up to which a rival is as good.",
+        reason="2 %, one degree of freedom", case="a held object's mass that came out where the tool was heavier")
+    form_beside: float = _rule(0.1, "contact", "e39a6576",
+        "Share of what is left of form that an effect beside others must remove.",
+        reason="no law of contact is exact")
     refinement: float = _rule(0.03, "joints", "54ffd752",
         "Share of what an effect removed that one of the same kind beside it must remove.",
         reason="no model of friction is exact")
@@ -409,6 +561,8 @@ class Exchanged:
         "Rivals of an effect that the screen proposes at most.")
     rivals_linear: int = _rule(3, "joints", "9e47cadb",
         "Rivals that the linear model proposes at most.")
+    contact_rival: float = _rule(0.3, "contact", "e39a6576",
+        "Share of what an effect removes that a rival of it must promise.")
     rival_far: float = _rule(3.0, "joints", "7757c625",
         "Times what the chosen effect leaves over the noise from which the fit of a rival gives up.")
     rival_room: float = _rule(0.1, "joints", "7757c625",
@@ -434,6 +588,9 @@ class Dropped:
         case="deletions after which the held-out error rose, since no straight line led there")
     drop_chance: float = _rule(1.0, "joints", "b04a4732",
         "Standard errors by which it may rise when only the fitted recordings call an effect useless.")
+    sparse_level: float = _rule(0.05, "contact", "99c33128",
+        "Chance that a parameter that is there is taken for absent.",
+        reason="5 %")
     drop_nothing: float = _rule(0.1, "joints", "e76c6eab",
         "Share of `gain` under which an effect goes out that may be absent, however sure its gain.")
     # fmt: on
@@ -463,6 +620,23 @@ class Named:
     name_class: int = _rule(3, "joints", "9e47cadb",
         "Proven rivals beyond which an effect is tentative.",
         reason="a class of effects says nothing")
+    law: float = _rule(2.0, "contact", "5f5e4870",
+        "Times the nominal stiffness or damping of a contact up to which another law of contact explains it.")
+    combined_part: float = _rule(0.3, "contact", "0385cc02",
+        "Share of a direction that recordings do not determine, from which an effect has a part in it.")
+    repeats: float = _rule(0.5, "contact", "4a08f3e6",
+        "Share of `kinematics_place` to which an arm repeats a pose, and no pose is named that is smaller.",
+        reason="0.1 mm, a KUKA iiwa's data sheet")
+    interval: float = _rule(3.84, "contact", "cb9cd3d1",
+        "Rise of the squared residual at the ends of an interval.",
+        reason="95 % of chi squared, one degree of freedom")
+    interval_faint: float = _rule(0.03, "contact", "88a17a00",
+        "Share of a derivative's length under which a recording says nothing of a value.")
+    interval_less: float = _rule(0.5, "contact", "0bbdbdd4",
+        "Share of that rise that counts at least where much less of the residual was met on the way.",
+        case="intervals without a width")
+    interval_bent: float = _rule(1.2, "contact", "4cfd3ec2",
+        "Ratio of variances up to which the other values hardly move along.")
     left_least: float = _rule(0.01, "joints", "81a0e25b",
         "Noise variances that count as left at a place where nothing shows.")
     parts: int = _rule(4, "joints", "858007e9",
@@ -493,6 +667,38 @@ class Concluded:
     inertial: float = _rule(1.25, "joints", "f121f501",
         "Times what least squares of all inertial parameters leaves, up to which a model is identified.",
         reason="a remainder no greater is none that a rigid arm with plain friction could mend")
+    phase_bar: float = _rule(1.0, "contact", "8ed68c9f",
+        "Variances of the floor that a model may leave in each phase of contact (1.7 before).",
+        reason="the floor counts what the right model leaves")
+    phase_spread: float = _rule(2.6, "contact", "8e245e45",
+        "Standard deviations by which a mean over few blocks may lie above.",
+        reason="0.5 %, one-sided")
+    blow_parted: float = _rule(0.08, "contact", "5f5e4870",
+        "Share of a blow's peak under which the tool flies.")
+    blow_brush: float = _rule(5.0, "contact", "5f5e4870",
+        "Times the threshold of a touch up to which a peak is no blow.")
+    blow_noise: float = _rule(6.0, "contact", "d1d3f51c",
+        "Standard deviations of the sensor that this threshold is at least.")
+    blow_impulse: float = _rule(0.15, "contact", "5f5e4870",
+        "Share of a blow's impulse that the right model leaves.")
+    blow_impulse_least: float = _rule(0.01, "contact", "5f5e4870",
+        "Impulse (N s) that it leaves at least.")
+    blow_flight: float = _rule(0.25, "contact", "5f5e4870",
+        "Share of a blow's flight that the right model leaves.")
+    blow_flight_least: float = _rule(4e-3, "contact", "5f5e4870",
+        "Flight (s) that it leaves at least.",
+        reason="its ends are read to a sample or two")
+    blow_hang: float = _rule(2.0, "contact", "d1d3f51c",
+        "Readings of a blow whose errors are one.")
+    blows_explained: float = _rule(2.0, "contact", "d1d3f51c",
+        "Mean squared error up to which a damping explains blows.")
+    peak_share: float = _rule(0.25, "contact", "6446e633",
+        "Share of the measured peak force that an insertion run again may be off by.",
+        reason="paths part where contacts come and go")
+    peak_least: float = _rule(1.0, "contact", "6446e633",
+        "The same of a faint one, in N.")
+    arm_free: float = _rule(1e-4, "contact", "6446e633",
+        "RMS (m) of the tip in free air up to which the arm by itself goes as it was measured.")
     visible_px: float = _rule(0.2, "pictures", "367f443f",
         "Shift (px) that place, part or distance must predict for the verdict to be unexplained.")
     moved_share: float = _rule(0.03, "pictures", "2f00f054",

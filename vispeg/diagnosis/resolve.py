@@ -13,6 +13,7 @@ import numpy as np
 
 from vispeg.core.effect import ARM, OPTICAL, Effect, effect
 from vispeg.core.errors import UserError
+from vispeg.core.rules import RULES
 from vispeg.recordings.recording import Recording
 from vispeg.robots.bench import shows
 from vispeg.robots.objects import is_object
@@ -22,8 +23,6 @@ from vispeg.task.belief import bench_of, cell_of, recorded_cell
 from vispeg.worlds.world import World
 
 ChannelName = Literal["joints", "contact", "pictures", "tosses"]
-NEAR = 3e-3  # m over a surface below which a tip may touch it
-ROUND = 0.05  # m about the fixture that counts as over it
 SENSORS = ("joint", "motor")
 
 
@@ -143,5 +142,5 @@ def touches(rec: Recording, scene: Scene) -> bool:
     w, x, y, z = pose[:, 3:].T
     out = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
     tip = pose[:, :3] + scene.tip * out - scene.target
-    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + ROUND
-    return bool(np.any(np.where(over, tip[:, 2], tip[:, 2] + scene.target[2]) < NEAR))
+    over = np.abs(tip[:, :2]).max(axis=1) < scene.config.block + RULES.tip_round
+    return bool(np.any(np.where(over, tip[:, 2], tip[:, 2] + scene.target[2]) < RULES.tip_near))

@@ -91,13 +91,30 @@ class Evidence(Freedom):
         """Whether an effect leaves a trace in some channel of this evidence."""
         return any(shows(kind, channel) for channel in {c.kind for i in self.items for c in i.channels})
 
-    decisive = (
-        np.inf
-    )  # drop of the squared whitened residual that no chance makes, where errors that hang together count
-    alike = 0.0  # share of what an effect removes that does not tell it from a rival
-    tied = 0.0  # drop of the held-out squared residual that chance makes, which does not either
-    rough = 0.0  # change of the squared residual that a solver's chatter makes
-    correlated = 1.0  # readings in a row whose floor is one and the same error
+    @property
+    def decisive(self) -> float:
+        """Drop of the squared whitened residual that no chance makes, where errors that hang together count."""
+        return np.inf
+
+    @property
+    def alike(self) -> float:
+        """Share of what an effect removes that does not tell it from a rival."""
+        return 0.0
+
+    @property
+    def tied(self) -> float:
+        """Drop of the held-out squared residual that chance makes, which does not either."""
+        return 0.0
+
+    @property
+    def rough(self) -> float:
+        """Change of the squared residual that a solver's chatter makes."""
+        return 0.0
+
+    @property
+    def correlated(self) -> float:
+        """Readings in a row whose floor is one and the same error."""
+        return 1.0
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
         """(n,) bool: whether a block of time whose losses differ so much tells two worlds apart."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.contact.torques import sensed
+from vispeg.core.rules import RULES
 from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.regimes import FREE, IMPACT
@@ -28,10 +29,6 @@ from vispeg.worlds.world import World
 BEFORE, AFTER = 0.012, 0.065  # s that are run before the measured touch, and after it
 CALM = 0.05  # s before the touch in free air from which place and speed are taken
 HIT = 0.016  # s from the touch, in which the peak and the impulse are, or until a tool parts later than that
-PARTED = 0.08  # of the peak force, under which the tool flies
-BRUSH = 5.0  # times the threshold of a touch, up to which the peak is that of no blow
-IMPULSE, LEAST = 0.15, 0.01  # and N s: what the right model leaves of an impulse,
-FLIGHT, SAMPLE = 0.25, 0.004  # and s: of a flight, whose ends are read to a sample or two
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,10 @@ class Blow:
     @property
     def sigma(self) -> np.ndarray:
         """(2,) N s and s, what the right model leaves."""
-        return np.hypot([LEAST, max(SAMPLE, 2 / self.recording.rate_hz)], np.array([IMPULSE, FLIGHT]) * self.felt)
+        return np.hypot(
+            [RULES.blow_impulse_least, max(RULES.blow_flight_least, 2 / self.recording.rate_hz)],
+            np.array([RULES.blow_impulse, RULES.blow_flight]) * self.felt,
+        )
 
 
 def restarts(rec: Recording) -> bool:
@@ -93,7 +93,7 @@ def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
         push = felt.wrench[first : first + after, :3] - felt.wrench[first - before : first, :3].mean(axis=0)
         axis = push.sum(axis=0) / max(np.linalg.norm(push.sum(axis=0)), 1e-9)
         speed = float(np.linalg.norm(felt.velocity[first - before]))
-        least = max(felt.threshold, 0.0 if noise is None else 6.0 * float(noise[0]))
+        least = max(felt.threshold, 0.0 if noise is None else RULES.blow_noise * float(noise[0]))
         blow = _felt(felt.wrench[rows, :3] @ axis, rec.rate_hz, before, least)
         if np.isfinite(blow).all():
             begin = _started(rec, first - calm, first, first - before)
@@ -120,9 +120,9 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
     above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)
     peak = above[touched[0] : touched[0] + hit].max() if len(touched) else 0.0
-    if peak < BRUSH * threshold or touched[0] + hit > len(above):
+    if peak < RULES.blow_brush * threshold or touched[0] + hit > len(above):
         return np.full(2, np.nan)
-    on = above > max(threshold, PARTED * peak)
+    on = above > max(threshold, RULES.blow_parted * peak)
     first = int(np.argmax(on))
     part = first + int(np.argmin(np.r_[on[first:], False]))
     flight = int(np.argmax(np.r_[on[part:], True]))

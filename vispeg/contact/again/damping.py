@@ -13,10 +13,10 @@ import numpy as np
 
 from vispeg.contact.again.blows import Blow, blows, predicted, restarts
 from vispeg.contact.law import within
-from vispeg.contact.selection.likely import QUANTILE
 from vispeg.contact.selection.profile import looked_for, place_of, tries
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.schema import NotExcited
 from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.restitution import rebound
@@ -30,8 +30,6 @@ from vispeg.worlds.world import World
 NAME, TWIN = "contact_damping", "restitution"
 SCALES = np.geomspace(0.05, 10.0, 15)
 FINER = 4  # between two of them about the best, once more
-HANG = 2.0  # readings of a blow whose errors are one
-EXPLAINED = 2.0  # mean squared residual up to which a world explains the blows
 BESIDE = ("compliance", "friction", "free air")  # stages of the effects that blows may come from, too
 
 
@@ -71,16 +69,16 @@ def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recordi
     count = f"{len(fit)} blows and {len(judge)} held-out ones, run again from just before each"
     flight = f"the flight after the held-out ones is off by {1e3 * before.rms:.2g} ms RMS"
     rise = _rise(least, fit)
-    if none - least <= rise or within(low, high) or before.square - after.square <= QUANTILE * HANG:
+    if none - least <= rise or within(low, high) or before.square - after.square <= RULES.interval * RULES.blow_hang:
         e = " to ".join(f"{_restitution(scene, where, s):.2g}" for s in (high, low))
         text = f"{low:.2g} to {high:.2g} times the nominal damping ({TWIN} {e}) fit them"
-        if min(before.square, after.square) > EXPLAINED * before.count:
+        if min(before.square, after.square) > RULES.blows_explained * before.count:
             text = "no damping explains them"
         elif not low <= 1.0 <= high:
             text += ", which another law of contact explains, too: not named"
         return Struck(notes=(f"{count}: {flight}; {text}",))
     rivals = _rivals(world, scene, fit, least + rise, nthread)
-    if after.square > EXPLAINED * after.count or rivals:
+    if after.square > RULES.blows_explained * after.count or rivals:
         why = f"{' or '.join(rivals)} explain them as well" if rivals else "no damping explains them"
         return Struck(
             notes=(f"{count}: {flight}, {1e3 * after.rms:.2g} ms with {best.label} at {scale:.2g}; {why}: not named",)
@@ -116,7 +114,7 @@ def _squares(some: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.
 
 def _rise(least: float, some: Sequence[Blow]) -> float:
     """By how much the squared residual may rise within an interval."""
-    return QUANTILE * HANG * max(1.0, least / sum(len(b.felt) for b in some))
+    return RULES.interval * RULES.blow_hang * max(1.0, least / sum(len(b.felt) for b in some))
 
 
 def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:

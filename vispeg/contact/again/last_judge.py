@@ -13,14 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.again.closed_loop import closed_loop
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import Replayed, Trial
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
-
-NEAR = 0.25  # of the measured peak force, that the right model's may be off where laws of contact differ
-LEAST = 1.0  # N, the same of a faint one
-ARM = 1e-4  # m, RMS, that the tip of the right arm is off in free air
 
 
 def judged(
@@ -46,7 +43,7 @@ def judged(
         return verdict
     for row in replayed:
         measured, (name, last) = row["trials"]["measured"], list(row["trials"].items())[-1]
-        if last.get("free_off", np.inf) > ARM or alike(measured, [last]):
+        if last.get("free_off", np.inf) > RULES.arm_free or alike(measured, [last]):
             continue
         of = [r for r in held_out if r.name == row["recording"]]
         ends, _ = closed_loop(of, {str(k): w for k, w in enumerate(at_ends(world, n_fixed))}, threads)
@@ -64,7 +61,7 @@ def judged(
 def alike(measured: Trial, runs: Sequence[Trial]) -> bool:
     """Whether one of the runs succeeds or fails as the measured one did, and its peak force lies among theirs."""
     peaks = [run["peak_force"] for run in runs]
-    off = max(NEAR * measured["peak_force"], LEAST)
+    off = max(RULES.peak_share * measured["peak_force"], RULES.peak_least)
     ended = any((run["outcome"] == "success") == (measured["outcome"] == "success") for run in runs)
     return ended and min(peaks) - off <= measured["peak_force"] <= max(peaks) + off
 

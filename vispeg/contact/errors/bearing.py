@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
 
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
-
-ASIDE = 0.15  # radii of the end: half of what four points of its rim leave open
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:
@@ -25,7 +24,7 @@ def bearing(item: ContactItem) -> list[np.ndarray]:
     """
     scene, phase, hold = item.source.scene, item.phase, item.grasp
     radius, tip = scene.config.diameter / 2, scene.tip
-    couple = ASIDE * radius * np.abs(phase.contact[:, 2])  # N m
+    couple = RULES.bears_aside * radius * np.abs(phase.contact[:, 2])  # N m
     turn = couple / (hold.stiffness[3] + hold.stiffness[0] * tip**2)  # rad, about the tip
     force, torque = hold.stiffness[0] * tip, hold.stiffness[3]  # per rad; the tip lies along the flange's z
     along_x = np.array([0.0, force, 0.0, torque, 0.0, 0.0])

@@ -1,7 +1,7 @@
 """The floor of the comparison, phase by phase: what the right model leaves, from simulated repeats.
 
 A drive of the nominal hand leaves a path and a wrench that agree exactly. With the recording's noise put on both they
-are driven again: what then is corrected is noise, not the model. To it comes `FORM`, what another integrator and
+are driven again: what then is corrected is noise, not the model. To it comes `floor_form`, what another integrator and
 another law of contact leave of the right model, and a share of how a contact chatters: blows that a path does not show
 push one way on the average. What sensors leave open beyond that is in `vispeg.contact.errors.nuisance`.
 """
@@ -19,6 +19,7 @@ from vispeg.contact.errors.noise import noise
 from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
 from vispeg.contact.sensor import REACH, hand_world, readings
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
@@ -27,15 +28,7 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-FORM: dict[str, float] = dict(zip(NAMES, (0.02, 0.01, 0.04, 0.05, 2.0), strict=True))  # N
-SHARE: dict[str, float] = dict(
-    zip(NAMES, (0.002, 0.003, 0.007, 0.01, 0.03), strict=True)
-)  # and of the force of contact
-# more of it inside the goal, where a rocked part wedges: 0.1 mm of its roundness turns the hand by mrad
-WEDGED: dict[str, float] = dict(zip(NAMES, (0.0, 0.0, 0.0, 0.1, 0.0), strict=True))
-ROCKED = 0.15  # rad at which it surely does
-LOOSE = 2  # blocks before and after a slide: when exactly a contact breaks loose no model says
-LEVER, DRIFT = 0.1, 0.3  # m, of a torque against a force; N, by how much a sensor's zero may wander between starts
+LEVER = 0.1  # m, of a torque against a force
 
 
 def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
@@ -53,20 +46,23 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
         drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
     )[0]
     out = np.empty_like(residual)
-    ends = np.convolve(phase.of("slide"), np.ones(2 * LOOSE + 1), "same") > 0
+    ends = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0
     unit = np.repeat([1.0, LEVER], 3)
+    forms: dict[str, float] = dict(zip(NAMES, RULES.floor_form, strict=True))
+    shares: dict[str, float] = dict(zip(NAMES, RULES.floor_share, strict=True))
     for name in NAMES:
         rows, used = phase.of(name), phase.of(name) & phase.valid & ~phase.resting
         if rows.any():
             rms = np.sqrt(np.mean(residual[used] ** 2, axis=0)) if used.any() else 0.0
             breaks = rows & ends
             for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
-                share = SHARE[law] + WEDGED[law] * wedged(item)[some]
-                form = np.hypot(FORM[law], share * phase.force[some])
+                wedge = RULES.floor_wedged if law == "hole" else 0.0
+                share = shares[law] + wedge * wedged(item)[some]
+                form = np.hypot(forms[law], share * phase.force[some])
                 out[some] = np.hypot(rms, form[:, None] * unit)
     chatter = np.sqrt(np.maximum(phase.scatter(path.wrench) ** 2 - sigma**2, 0.0))
     out = np.hypot(out, chatter / np.sqrt(phase.size))
-    out[phase.resting] = np.repeat([DRIFT, DRIFT * LEVER], 3)
+    out[phase.resting] = np.repeat([RULES.zero_between, RULES.zero_between * LEVER], 3)
     return out
 
 
@@ -75,7 +71,7 @@ def wedged(item: ContactItem) -> np.ndarray:
     path = item.path
     turn = Rotation.from_quat(path.frame, scalar_first=True)
     axis = (turn * Rotation.from_euler("XYZ", path.place[item.phase.rows(path.time), 3:])).apply([0.0, 0.0, 1.0])
-    return np.minimum(1.0, (axis[:, 0] ** 2 + axis[:, 1] ** 2) / ROCKED**2)
+    return np.minimum(1.0, (axis[:, 0] ** 2 + axis[:, 1] ** 2) / RULES.floor_rocked**2)
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:

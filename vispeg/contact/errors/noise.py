@@ -10,6 +10,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.worlds.world import World
@@ -17,7 +18,6 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-LOUDER = 1.15  # of what is stated, below which noise is taken to be that: stated figures are rounded
 SPREAD = 1.6  # of a standard deviation from the median of fourth differences, over one from as many readings themselves
 PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
 
@@ -57,15 +57,15 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
 
 
 def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Which channels' halves are (6,) louder than stated by more than `LOUDER` and chance; heard, its error, stated."""
+    """Which channels' halves are (6,) louder than stated by more than rounding and chance; heard, its error, stated."""
     values = [heard(i) for i in items]
     level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
     error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)
     stated = np.sqrt(np.mean([np.square(_stated(i)) for i in items], axis=0))
     more = np.zeros(6, bool)
     for part in PARTS.values():
-        low = level[part].mean() - 3.0 * error[part].mean() / np.sqrt(3)
-        more[part] = low > LOUDER * stated[part].mean()
+        low = level[part].mean() - RULES.noise_sigmas * error[part].mean() / np.sqrt(3)
+        more[part] = low > RULES.noise_louder * stated[part].mean()
     return more, level, error, stated
 
 

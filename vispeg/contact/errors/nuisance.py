@@ -20,9 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
-from vispeg.contact.path import PLACE, TURN
-from vispeg.contact.phases import NAMES, STUCK
+from vispeg.contact.phases import NAMES
 from vispeg.contact.torques import unsure
+from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
@@ -33,15 +33,8 @@ if TYPE_CHECKING:
 
 KINDS = ("sensor", "path", "form")
 READING, PATH, FORM = range(len(KINDS))
-# N over a recording, of a sensor that warms up; share of another channel, crosstalk that calibration leaves; m, of a
-# torque against a force
-DRIFT, CROSS, LEVER = 0.15, 0.01, 0.1
+LEVER = 0.1  # m, of a torque against a force
 TOUCH = Thresholds().touch  # N, of contact that a place binds
-LATE = 5e-4  # s
-BLOWS, BEFORE = 0.1, 5  # share of a slide's scatter by which it drags otherwise; blocks before a tip sticks
-ACROSS = 0.1  # of a slide's drag, by which a tool that hops in the model and whose mass is off its axis drags sideways
-FAR, TWIST = 0.02, 0.5  # m, rad over which that changes
-NEARLY, SLIPPED = 0.75, 1.5e-4  # of what a grip holds, from which a blow moves the part in it; m
 LEAST = 0.05  # score below which a direction is no nuisance
 
 
@@ -131,7 +124,7 @@ def _drifts(item: ContactItem) -> list[np.ndarray]:
     """Of each channel: a zero that moves on steadily from rest, and one that comes to an end."""
     along = np.maximum(item.phase.time - item.phase.time[item.phase.resting].mean(), 0.0)
     along /= along[-1]
-    size = DRIFT * _units()
+    size = RULES.zero_drift * _units()
     return [shape[:, None] * np.eye(6)[c] * size[c] for shape in (along, along * (1 - along)) for c in range(6)]
 
 
@@ -140,7 +133,7 @@ def _mixtures(item: ContactItem) -> list[np.ndarray]:
     read = item.measured - item.measured[item.phase.resting].mean(axis=0)
     unit = _units()
     return [
-        CROSS * np.outer(read[:, source] / unit[source], np.eye(6)[into] * unit[into])
+        RULES.cross_talk * np.outer(read[:, source] / unit[source], np.eye(6)[into] * unit[into])
         for source in range(6)
         for into in range(6)
     ]
@@ -168,7 +161,9 @@ def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
     """(m, k) of each item: errors of size 1 that change slowly over the poses, the same function for all items."""
-    every = np.concatenate([np.concatenate([p / FAR, r / TWIST], axis=1) for p, r in places])
+    every = np.concatenate(
+        [np.concatenate([p / RULES.kinematics_far, r / RULES.kinematics_twist], axis=1) for p, r in places]
+    )
     square = (every**2).sum(axis=1)
     alike = np.exp(-0.5 * np.maximum(square[:, None] + square[None] - 2 * every @ every.T, 0.0))
     value, vector = np.linalg.eigh(alike)
@@ -184,13 +179,13 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
     w, held = _bound(item)
     start = Rotation.from_quat(item.path.frame, scalar_first=True).as_matrix()
     model = np.einsum("aj,jmc->amc", start, item.answer[:3])
-    measured = held[None] * (PLACE * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
+    measured = held[None] * (RULES.kinematics_place * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
     some = _larger(model, measured)
     bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: it is no free motion
     mass, centre = _tool(item)
     out = []
     for a in range(3):
-        force = mass * PLACE * axes[:, :, a]
+        force = mass * RULES.kinematics_place * axes[:, :, a]
         free = np.concatenate([force, np.cross(centre, force)], axis=1)
         out += [some[a] * s[:, None] - free * b[:, None] for s, b in zip(smooth.T, bent.T, strict=True)]
     return out
@@ -199,7 +194,7 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
 def _turned(item: ContactItem) -> list[np.ndarray]:
     """Give the same of the hand's turning, one error over the recording."""
     w, held = _bound(item)
-    measured = held[None] * (TURN * w[:, 3:]).T[:, :, None]
+    measured = held[None] * (RULES.kinematics_turn * w[:, 3:]).T[:, :, None]
     return list(_larger(item.answer[3:], measured))
 
 
@@ -219,7 +214,7 @@ def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _late(item: ContactItem) -> np.ndarray:
     """Give readings that are older than their time says."""
-    return LATE * np.gradient(item.measured, item.period, axis=0)
+    return RULES.read_late * np.gradient(item.measured, item.period, axis=0)
 
 
 def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
@@ -241,7 +236,10 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
     out = []
     for a, b in runs(phase.sticks):
-        size = np.hypot(PLACE * item.grasp.stiffness[0], BLOWS * blows[max(a - BEFORE, 0) : a].max(initial=0.0))
+        size = np.hypot(
+            RULES.kinematics_place * item.grasp.stiffness[0],
+            RULES.slide_blows * blows[max(a - RULES.stick_blocks, 0) : a].max(initial=0.0),
+        )
         for along in np.eye(3)[:2]:
             push = np.zeros((len(phase.time), 3))
             push[a:b] = turn[a:b].inv().apply(size * along)
@@ -256,14 +254,14 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
     Computation, Contact), and a tool whose mass is off its axis then swings aside with every hop: it drags across, too.
     """
     phase, turn = item.phase, _turn(item)
-    slides = (phase.code != NAMES.index("free")) & (phase.speed >= STUCK)
+    slides = (phase.code != NAMES.index("free")) & (phase.speed >= RULES.stuck_speed)
     size = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1) * slides
     force = turn.apply(phase.contact[:, :3])
     up = np.array([0.0, 0.0, 1.0])
     drag = force * (1 - up)
     drag /= np.maximum(np.linalg.norm(drag, axis=1), TOUCH)[:, None]
-    pushes = [BLOWS * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
-    across = ACROSS * np.cross(up, force)
+    pushes = [RULES.slide_blows * size[:, None] * way for way in (drag, np.tile(up, (len(size), 1)))]
+    across = RULES.slide_across * np.cross(up, force)
     for a, b in runs(slides):
         pushes.append(np.where((np.arange(len(size)) >= a) & (np.arange(len(size)) < b), across.T, 0.0).T)
     return [_at_tip(item, turn.inv().apply(push)) for push in pushes]
@@ -273,10 +271,10 @@ def _slipped(item: ContactItem) -> list[np.ndarray]:
     """From each blow on, or each press that comes near what the grip holds: by how much the part slipped in it."""
     phase, block = item.phase, item.phase.size
     along = np.abs(item.path.wrench[: len(phase.time) * block, 2].reshape(-1, block)).max(axis=1)
-    hard = along > NEARLY * _grip(item.hand)
+    hard = along > RULES.grip_nearly * _grip(item.hand)
     w, held = _bound(item)
     starts = np.flatnonzero(hard & ~np.r_[False, hard[:-1]])
-    return [held * (SLIPPED * w[:, 2] * (np.arange(len(w)) >= a))[:, None] for a in starts]
+    return [held * (RULES.grip_slip * w[:, 2] * (np.arange(len(w)) >= a))[:, None] for a in starts]
 
 
 def _grip(scene: Scene) -> float:

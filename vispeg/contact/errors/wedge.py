@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.contact.path import tips
+from vispeg.core.rules import RULES
 from vispeg.effects.common.parts import shapes
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
 
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
-
-SURELY = 1.1  # times the net force, that the sum of two forces is over that of one
-SHALLOW = 0.004  # m of depth, under which a part leans on an edge but does not wedge
 
 
 def softness(scene: Scene) -> float:
@@ -44,6 +42,6 @@ def wedging(item: ContactItem) -> np.ndarray:
     middle = scene.tip - 0.5 * depth  # of the two forces, along the part's axis
     couple = contact[:, 3:5] - middle[:, None] * np.stack([-contact[:, 1], contact[:, 0]], axis=1)
     across = np.linalg.norm(contact[:, :2], axis=1)
-    both = 2 * np.linalg.norm(couple, axis=1) / np.maximum(depth, SHALLOW)
-    wedged = over & (depth > SHALLOW) & (both > SURELY * across)
+    both = 2 * np.linalg.norm(couple, axis=1) / np.maximum(depth, RULES.wedge_depth)
+    wedged = over & (depth > RULES.wedge_depth) & (both > RULES.wedge_surely * across)
     return np.where(wedged, np.sqrt(0.5 * (both**2 + across**2)), 0.0)

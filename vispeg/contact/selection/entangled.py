@@ -19,7 +19,6 @@ from vispeg.identify.fit import Fit
 
 Together = tuple[EffectInstance, ...]
 FLAT = 1e-12
-PART = 0.3  # of an eigenvector of length 1, from which a parameter has a part in it
 
 
 def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
@@ -30,7 +29,7 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
     value, vector = np.linalg.eigh(columns.T @ columns)
     out: list[Together] = []
     for way in vector.T[value < 1 - RULES.correlated]:
-        some = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > PART)})
+        some = sorted({fit.space.axes[i].index for i in np.flatnonzero(np.abs(way) > RULES.combined_part)})
         together = tuple(fit.world.effects[i] for i in some)
         if len(some) > 1 and some[0] >= n_fixed and together not in out:
             out.append(together)

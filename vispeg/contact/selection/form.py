@@ -8,8 +8,7 @@ import numpy as np
 
 from vispeg.contact.items import ContactItem
 from vispeg.contact.phases import Phases
-
-BESIDE = 0.1  # of the form's part of what is left, that an effect beside others must remove
+from vispeg.core.rules import RULES
 
 
 def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
@@ -28,7 +27,7 @@ def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
     white = sum(
         _white(r.reshape(i.measured.shape), i.phase) for i, r in zip(items, np.split(residual, ends), strict=True)
     )
-    return BESIDE * max(float(residual @ residual) - white, 0.0)
+    return RULES.form_beside * max(float(residual @ residual) - white, 0.0)
 
 
 def _white(residual: np.ndarray, phase: Phases) -> float:

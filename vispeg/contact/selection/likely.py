@@ -18,16 +18,13 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
-QUANTILE = 3.84  # of chi squared with one degree of freedom: 95 %
-FAINT = 0.03  # of the length of a derivative, below which a recording tells nothing of a coordinate
 ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
 CLOSER = 2  # times that the end is then looked at from nearer, for what begins to slip rises at once
-LEAST = 0.5  # of the rise, counted from the fit, where much less of the residual was met on the way: the end is not 0
 FLAT = 1e-12
-BENT = 1.2  # times the variance that a coordinate would have alone, up to which the others hardly move along
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
         ends = [fit.u[i]]
         for ray, points in zip(ways.rays, ways.points, strict=True):
             if ray.axis == i:
-                level = ray.rise * max(1.0 + ways.least / ray.rise, LEAST)
+                level = ray.rise * max(1.0 + ways.least / ray.rise, RULES.interval_less)
                 ends.append(fit.u[i] + _end(points, level) * ray.direction[i])
         values = [fit.space.backward(float(np.clip(e, low[i], high[i])), axis) for e in ends]
         placed = effects[axis.index]
@@ -135,10 +132,10 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
     out = []
     for i in range(n):
         scale = max(least, float(apart[i]))
-        half = min(np.sqrt(QUANTILE * scale * inverse[i, i]), steps[i])
+        half = min(np.sqrt(RULES.interval * scale * inverse[i, i]), steps[i])
         follow, stay = half * inverse[:, i] / inverse[i, i], half * np.eye(n)[i]
-        ways = (follow, stay) if inverse[i, i] * info[i, i] > BENT else (follow,)
-        out += [Ray(i, sign * way, QUANTILE * scale) for way in ways for sign in (-1.0, 1.0)]
+        ways = (follow, stay) if inverse[i, i] * info[i, i] > RULES.interval_bent else (follow,)
+        out += [Ray(i, sign * way, RULES.interval * scale) for way in ways for sign in (-1.0, 1.0)]
     return out
 
 
@@ -152,7 +149,7 @@ def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
     out = np.zeros(len(fit.u))
     for i, column in enumerate(unit.T):
         each = column[:, None] * of
-        each = each[:, np.linalg.norm(each, axis=0) > FAINT]
+        each = each[:, np.linalg.norm(each, axis=0) > RULES.interval_faint]
         if each.shape[1] > 1:
             apart = _left(np.column_stack([np.delete(unit, i, axis=1), each]), fit.residual)
             out[i] = (_left(unit, fit.residual) - apart) / (each.shape[1] - 1)

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.selection.screen import FELT, Probe, Screen
+from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.robots.scene import Scene
 from vispeg.worlds.places import ALL
@@ -78,13 +79,17 @@ def probed(
         rough += tried
         for t, p in zip(tried, promised, strict=True):
             promise[t.key] = max(p, promise.get(t.key, 0.0))
-        bar = max(HOPE * least, FAINT * max(promised, default=0.0))
+        bar = max(RULES.size_hope * least, RULES.size_faint * max(promised, default=0.0))
         ways = [
             w
             for w, t, p in zip(ways, tried, promised, strict=True)
-            if t.moved <= max(least, FELT**2) or (p >= bar and p > t.gain + CLOSE * abs(p)) or _goes_on(t)
+            if t.moved <= max(least, RULES.felt**2)
+            or (p >= bar and p > t.gain + RULES.size_close * abs(p))
+            or _goes_on(t)
         ]
-    hopeful = {s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > HALF * least}
+    hopeful = {
+        s.key: s.gain for s in strongest(rough) if s.gain > -np.inf and promise[s.key] > RULES.size_promise * least
+    }
     again = [k for k, p in enumerate(rough) if p.key in hopeful and _hopeful(p.gain, hopeful[p.key])]
     if not again:
         return rough
@@ -126,7 +131,7 @@ def _goes_on(t: Probe) -> bool:
 
 def _hopeful(gain: float, best: float) -> bool:
     """Whether a size may turn out to be the best one of its effect."""
-    return gain >= (HOPE * best if best > 0 else best)
+    return gain >= (RULES.size_hope * best if best > 0 else best)
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:
@@ -148,18 +153,11 @@ def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
 
 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
-    """(effect, parameter) that no size of gains a `SHARE` of what the effect's best parameter does."""
+    """(effect, parameter) that no size of gains a `size_share` of what the effect's best parameter does."""
     top: dict[str, float] = {}
     best: dict[tuple[str, str], float] = {}
     for p in probes:
         key = p.placed.effect, p.name
         top[p.placed.effect] = max(top.get(p.placed.effect, -np.inf), p.gain)
         best[key] = max(best.get(key, -np.inf), p.gain)
-    return {key for key, gain in best.items() if gain < max(SHARE * top[key[0]], 0.0) and gain < top[key[0]]}
-
-
-SHARE = 0.03
-HALF = 0.4  # of what an effect must gain, that a straight line through a size must promise in the screen
-HOPE = 0.25  # of what a size must promise, that the screen must see in it
-FAINT = 0.03  # of what the best size promises, below which no greater one is tried
-CLOSE = 0.1  # of what a way promises, within which a size comes to it
+    return {key for key, gain in best.items() if gain < max(RULES.size_share * top[key[0]], 0.0) and gain < top[key[0]]}

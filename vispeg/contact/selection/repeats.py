@@ -10,13 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from vispeg.contact.errors.nuisance import PLACE, TURN
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.worlds.world import World
 
-# 0.1 mm is the repeatability of a KUKA LBR iiwa (data sheet), and half of what kinematics may be off by; taken as
-# standard uncertainties
-REPEATS = {"m": 0.5 * PLACE, "rad": 0.5 * TURN}
+
+def repeats() -> dict[str, float]:
+    """By unit how closely an arm repeats a pose, m and rad."""
+    return {"m": RULES.repeats * RULES.kinematics_place, "rad": RULES.repeats * RULES.kinematics_turn}
 
 
 def repeated(world: World, n_fixed: int) -> World:
@@ -42,4 +43,4 @@ def allowing(placed: EffectInstance) -> EffectInstance:
 def uncertainty(name: str, parameter: str) -> float:
     """Give the standard uncertainty with which an arm repeats a parameter of an effect that is a pose; 0 of others."""
     kind = effect(name)
-    return REPEATS.get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0
+    return repeats().get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0

@@ -15,11 +15,9 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import RULES
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
-
-FELT = 5.0  # standard deviations by which some size must move the residual for an effect to be excited
-FLAT = 0.03  # of the longest direction, below which changes of the world's own parameters are one and the same
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ class Screen:
 
     def _begin(self, part: int) -> tuple[np.ndarray, np.ndarray]:
         base, *near = self.asked[part]([self.world, *self.near])
-        basis = _basis([r - base for r in near], len(base), FELT**2 / part)
+        basis = _basis([r - base for r in near], len(base), RULES.felt**2 / part)
         return base - basis @ (basis.T @ base), basis
 
 
@@ -98,7 +96,7 @@ def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray
     if not felt:
         return np.zeros((size, 0))
     u, length, _ = np.linalg.svd(np.stack([c / np.linalg.norm(c) for c in felt], axis=1), full_matrices=False)
-    return u[:, length > FLAT * length[0]]
+    return u[:, length > RULES.screen_flat * length[0]]
 
 
 def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
@@ -110,4 +108,4 @@ def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
 
 def _probe(name: str, placed: EffectInstance, base: np.ndarray, r: np.ndarray, times: float) -> Probe:
     moved = times * float(np.sum((r - base) ** 2))
-    return Probe(placed, name, times * float(base @ base - r @ r) if moved > FELT**2 else -np.inf, moved)
+    return Probe(placed, name, times * float(base @ base - r @ r) if moved > RULES.felt**2 else -np.inf, moved)

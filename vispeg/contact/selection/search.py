@@ -36,15 +36,9 @@ from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
 
-SINGLES, PAIRED = 5, 3  # effects that are fitted at a step, and those of them whose pairs are
 SHORT = 4  # iterations of what races beside other effects
 NONE = -1e300  # the gain of what changes nothing, as JSON can say it
-LEVEL = 0.01  # chance that any effect of the library passes where there is none
-CHATTER = 3  # times the least that contacts which come and go make of a squared residual: the most
-NEAR = 0.6  # of the drop that an effect needs, which a size that is tried must promise for the effect to be fitted
 SCENE = ("contact", "task")  # families of what stands in the cell
-WORTH = 0.2  # of what the best one promises, that another must promise in the profile to be fitted
-AS_MUCH = 0.3  # the same of a rival, of what the effect in whose place it stands removes
 
 
 class ContactSearch(Search):
@@ -69,14 +63,17 @@ class ContactSearch(Search):
         """No torque of a joint is looked at."""
         return []
 
-    def need(self, state_cost: float = 1.0, count: int = 1, level: float = LEVEL) -> float:
+    def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
         """Drop of the squared residual that `count` parameters of an effect which is not there hardly ever reach.
 
         Errors hang together over some blocks, a worse model leaves more of them, and the best of the library is taken
         (Bonferroni). Source: the likelihood ratio's law, Wilks 1938, Annals of Mathematical Statistics 9(1).
         """
         library = max(1, len(places(self.evidence, World())))
-        return self.beyond(state_cost, float(stats.chi2.isf(level / library, max(count, 1))))
+        return self.beyond(
+            state_cost,
+            float(stats.chi2.isf((RULES.contact_level if level is None else level) / library, max(count, 1))),
+        )
 
     def needed_beside(self, world: World) -> float:
         """Give what one parameter of an effect must gain beside a world: less where that leaves less than floors allow
@@ -92,7 +89,9 @@ class ContactSearch(Search):
 
         Never less than contacts that come and go make.
         """
-        return max(self.evidence.correlated * self.evidence.variance(cost) * quantile, CHATTER * self.evidence.rough)
+        return max(
+            self.evidence.correlated * self.evidence.variance(cost) * quantile, RULES.chatter * self.evidence.rough
+        )
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Up to so many effects: floors count errors that a good sensor does not have, so what is within them may
@@ -169,8 +168,12 @@ class ContactSearch(Search):
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
-        scores = [s for s in scores if promise[s.key] >= NEAR * self.needed_beside(state.world)]
-        short = [s for i, s in enumerate(scores[:SINGLES]) if i < 2 or promise[s.key] > WORTH * promise[scores[0].key]]
+        scores = [s for s in scores if promise[s.key] >= RULES.contact_promise * self.needed_beside(state.world)]
+        short = [
+            s
+            for i, s in enumerate(scores[: RULES.contact_fitted])
+            if i < 2 or promise[s.key] > RULES.contact_worth * promise[scores[0].key]
+        ]
         if not short:
             return []
         trials = self.try_all(state, short, n_fixed, tested)
@@ -241,7 +244,7 @@ class ContactSearch(Search):
 
     def confirms(self, cost: float = 1.0) -> float:
         """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""
-        return self.beyond(cost, float(stats.chi2.isf(2 * LEVEL, 1)))
+        return self.beyond(cost, float(stats.chi2.isf(2 * RULES.contact_level, 1)))
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Two likelihood ratios: contact acts in few blocks, of which ranks and shares of all say little. And what is
@@ -262,7 +265,7 @@ class ContactSearch(Search):
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
         """Give the pairs of the best effects, each at the value that it had alone."""
-        order = sorted(trials, key=lambda t: float(t.loss.sum()))[:PAIRED]
+        order = sorted(trials, key=lambda t: float(t.loss.sum()))[: RULES.contact_paired]
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 
     def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
@@ -295,8 +298,8 @@ class ContactSearch(Search):
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
-        least = AS_MUCH * self._gain_of(state.world, placed)
-        best = [s for s in strongest(self.probed(state.world, near))[:PAIRED] if s.gain > least]
+        least = RULES.contact_rival * self._gain_of(state.world, placed)
+        best = [s for s in strongest(self.probed(state.world, near))[: RULES.contact_paired] if s.gain > least]
         for s in best:
             freed(self, placed, s.placed)
         return best, len(where)

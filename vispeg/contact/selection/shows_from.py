@@ -11,7 +11,7 @@ from scipy import stats
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.profile import places, size_of
 from vispeg.contact.selection.repeats import uncertainty
-from vispeg.contact.selection.screen import FELT, Probe
+from vispeg.contact.selection.screen import Probe
 from vispeg.contact.thin import PART
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
@@ -72,7 +72,7 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
     for (key, name, _), sizes in ways.items():
         unseen, from_ = 0.0, np.inf
         for size, moved in sorted(sizes):
-            if moved > FELT**2:
+            if moved > RULES.felt**2:
                 from_ = max(unseen, size * np.sqrt(need / moved))
             if moved >= need:
                 break

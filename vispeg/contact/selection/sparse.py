@@ -12,10 +12,9 @@ from scipy import stats
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.likely import absent
 from vispeg.core.effect import effect
+from vispeg.core.rules import RULES
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
-
-LEVEL = 0.05  # chance that what is there is taken for absent
 
 
 def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[World], Fit]) -> Fit:
@@ -30,7 +29,7 @@ def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[W
         before = evidence.absent
         smaller = refit(_without(evidence, fit, some))
         more = float(smaller.residual @ smaller.residual - fit.residual @ fit.residual)
-        if more <= evidence.lasting * evidence.variance(fit.cost) * stats.chi2.isf(LEVEL, len(some)):
+        if more <= evidence.lasting * evidence.variance(fit.cost) * stats.chi2.isf(RULES.sparse_level, len(some)):
             return sparse(evidence, smaller, n_fixed, refit)
         evidence.absent = before
     return fit
