@@ -48,7 +48,7 @@ def option_names(kind) -> list[str]:
 @pytest.mark.parametrize("name", LEAVES)
 def test_what_is_read_from_the_source_is_what_python_has(name):
     command = LEAVES[name]
-    for place in filter(None, (command.place, command.function)):
+    for place in (command.place, *command.functions):
         real = inspect.signature(called(place)).parameters
         read = parameters(place)
         assert [*read] == [*real]
@@ -66,7 +66,12 @@ def test_what_is_read_from_the_source_is_what_python_has(name):
 def test_every_option_is_one_parameter_with_its_default(name):
     command = LEAVES[name]
     own = {k: v for k, v in inspect.signature(called(command.place)).parameters.items() if k != "call"}
-    theirs = inspect.signature(called(command.function)).parameters if command.function else {}
+    theirs: dict[str, inspect.Parameter] = {}
+    for function in command.functions:
+        there = inspect.signature(called(function)).parameters
+        options = [k for k in theirs.keys() & there.keys() if k in command.taken()]
+        assert all(theirs[k].default == there[k].default for k in options), "one option, two defaults"
+        theirs = {**there, **theirs}
     assert not own.keys() & theirs.keys(), "declared twice"
     assert command.special.keys() <= {*own, *theirs}, "an option of no parameter"
     there = {**own, **theirs}

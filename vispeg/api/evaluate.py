@@ -61,20 +61,23 @@ def evaluate(
 ) -> EvaluationResult:
     """Plays policies in one world; success with 95 % intervals.
 
+    A policy may also be a function of the observation, an object with `act(obs)`, or one of a mapping of names to
+    these; see `vispeg.evaluation.own`. Films need `out`; without it there are no files.
+
     Args:
-        policies: one or several of: folders, names of bundled policies, `NAME=FOLDER`, `expert` (the scripted one),
-            `MODULE:NAME`, an .onnx by `vispeg export`, a .zip by Stable-Baselines3, a function of the observation, an
-            object with `act(obs)`; or a mapping of names to these. See `vispeg.evaluation.own`.
+        policies: policies: folders, bundled policies' names, NAME=FOLDER, `expert`, MODULE:CLASS, lerobot:FOLDER, .onnx
+            or .zip files.
         world: a built-in world's name or a world file.
-        episodes: of every policy.
-        controls: as in `vispeg.evaluation.controls`: the same policies with images that carry no information.
+        episodes: episodes of every policy.
+        controls: play also with images shuffled or frozen, or with a goal that never moves (GOAL_fixed).
         task: settings in place of the world's, such as `steps`.
-        videos: failures of each policy to film; needs `out`.
-        seed: of the episodes.
+        videos: failures of each policy to film; 0 for none.
+        seed: seed of the episodes. The same seed gives the same starts and draws of the world.
         workers: processes.
-        engine: where they are: on this machine, or on the Ray cluster at RAY_ADDRESS, whose nodes see `out`.
-        out: a folder for episodes, as they end, and the result; a stopped evaluation goes on there. None: no files.
-        trials: a folder in which each episode that is played becomes a trial, see docs/formats.md.
+        engine: where they are: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
+        out: folder for the results; a stopped run goes on there.
+        trials: keep each episode that is played as a trial in this folder: joints, wrench, pictures, what the policy
+            did.
         overwrite: replace the result in `out`.
         playing: progress display.
 

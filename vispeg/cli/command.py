@@ -67,13 +67,13 @@ class Command:
 
     Attributes:
         place: MODULE:FUNCTION of the command itself.
-        function: of what it calls; "" where it calls nothing of that kind.
+        functions: of what it calls; the parameters of all are its options.
         positional: the parameters that are positional arguments, in order.
         special: parameter -> its option, where it differs; None where there is none.
     """
 
     place: str
-    function: str
+    functions: Sequence[str]
     positional: Sequence[str]
     special: Mapping[str, Option | None]
 
@@ -90,7 +90,9 @@ class Command:
     def taken(self) -> dict[str, tuple[Parameter, Option, Any]]:
         """Give parameter -> itself, its option, and the type of the values, of all that are options."""
         own = {k: v for k, v in parameters(self.place).items() if k != "call"}
-        called = parameters(self.function) if self.function else {}
+        called: dict[str, Parameter] = {}
+        for place in self.functions:
+            called = {**called, **{k: v for k, v in parameters(place).items() if k not in called}}
         assert not own.keys() & called.keys(), f"{self.place} declares again {own.keys() & called.keys()}"
         found = {}
         for name, parameter in {**called, **own}.items():
@@ -130,7 +132,7 @@ class Command:
                 given[name] = paired(given[name], self.word(name), number)
         own = {k: v for k, v in given.items() if k in parameters(self.place)}
         module, _, function = self.place.partition(":")
-        call = Call(self.function, {k: v for k, v in given.items() if k not in own}, values["output"], changed)
+        call = Call(self.functions, {k: v for k, v in given.items() if k not in own}, values["output"], changed)
         return int(getattr(importlib.import_module(module), function)(call, **own) or 0)
 
 
@@ -143,13 +145,18 @@ class Call:
         changed: the arguments that are not the default, as they stand on the command line.
     """
 
-    def __init__(self, function: str, given: Mapping[str, Any], output: Output, changed: Sequence[str] = ()):
-        self._function, self.given, self.output, self.changed = function, given, output, changed
+    def __init__(self, functions: Sequence[str], given: Mapping[str, Any], output: Output, changed: Sequence[str]):
+        self._functions, self.given, self.output, self.changed = functions, given, output, changed
 
     def __call__(self, **more: Any) -> Any:
         """Call it, with more or other arguments than were typed."""
-        module, _, function = self._function.partition(":")
-        return getattr(importlib.import_module(module), function)(**{**self.given, **more})
+        place = self._functions[0]
+        module, _, function = place.partition(":")
+        return getattr(importlib.import_module(module), function)(**{**self.given_to(place), **more})
+
+    def given_to(self, place: str) -> dict[str, Any]:
+        """Give the arguments that were typed for one of several functions, MODULE:FUNCTION."""
+        return {key: value for key, value in self.given.items() if key in parameters(place)}
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -171,17 +178,22 @@ class Call:
         self.output.give(result.record, [*result.summary, *lines])
 
 
-def command(function: str = "", /, *positional: str, **special: Option | None) -> Callable[[Callable[..., Any]], Any]:
+def command(
+    function: str = "", /, *positional: str, also: Any = (), **special: Option | None
+) -> Callable[[Callable[..., Any]], Any]:
     """Make a command of the function that shows its result, whose own parameters are options too.
 
     Args:
         function: MODULE:FUNCTION of `vispeg.api`, whose parameters are its options.
         positional: the parameters that are positional arguments.
+        also: MODULE:NAME of other functions or dataclasses whose parameters are options.
         special: parameters whose option is another one, or None for those that are none.
     """
 
+    functions = [*filter(None, [function]), *also]
+
     def made(show: Callable[..., Any]) -> Callable[..., Any]:
-        show.command = Command(f"{show.__module__}:{show.__name__}", function, positional, special)  # type: ignore
+        show.command = Command(f"{show.__module__}:{show.__name__}", functions, positional, special)  # type: ignore
         return show
 
     return made

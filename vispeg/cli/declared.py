@@ -44,20 +44,31 @@ class Parameter:
 
 @cache
 def parameters(place: str) -> dict[str, Parameter]:
-    """Give name -> parameter of a function at a place, MODULE:FUNCTION."""
+    """Give name -> parameter of a function or of a dataclass at a place, MODULE:NAME."""
     module, _, name = place.partition(":")
-    node = next(n for n in _tree(module).body if isinstance(n, ast.FunctionDef) and n.name == name)
+    body = _tree(module).body
+    node = next(n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name)
     names, said = _Names(module), _said(ast.get_docstring(node) or "")
+    found = {}
+    for key, annotation, default in _stated(node):
+        value = MISSING if default is None else names.evaluated(default)
+        hint = Unknown if annotation is None else names.evaluated(annotation)
+        found[key] = Parameter(key, hint, value, said.get(key, ""))
+    return found
+
+
+def _stated(node: ast.FunctionDef | ast.ClassDef) -> Iterator[tuple[str, ast.expr | None, ast.expr | None]]:
+    """Yield name, annotation and default of each parameter."""
+    if isinstance(node, ast.ClassDef):
+        for each in node.body:
+            if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name):
+                yield each.target.id, each.annotation, each.value
+        return
     positional = [*node.args.posonlyargs, *node.args.args]
     absent = [None] * (len(positional) - len(node.args.defaults))
-    pairs = [*zip(positional, [*absent, *node.args.defaults], strict=True)]
-    pairs += zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)
-    found = {}
-    for arg, default in pairs:
-        value = MISSING if default is None else names.evaluated(default)
-        hint = Unknown if arg.annotation is None else names.evaluated(arg.annotation)
-        found[arg.arg] = Parameter(arg.arg, hint, value, said.get(arg.arg, ""))
-    return found
+    defaults = [*absent, *node.args.defaults, *node.args.kw_defaults]
+    for arg, default in zip([*positional, *node.args.kwonlyargs], defaults, strict=True):
+        yield arg.arg, arg.annotation, default
 
 
 @cache

@@ -29,7 +29,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "effects": "vispeg.cli.models:effects",
         "robots": "vispeg.cli.models:robots",
         "add": "vispeg.cli.models:add",
-        "measure": "vispeg.cli.measuring.measure",
+        "measure": "vispeg.cli.measure",
         "report": "vispeg.cli.models:report",
     },
     "cameras and datasets": {
@@ -49,13 +49,13 @@ SECTIONS: dict[str, dict[str, str]] = {
     },
     "evaluation of policies": {
         "plan": "vispeg.cli.evaluation.plan",
-        "evaluate": "vispeg.cli.evaluation.evaluate",
+        "evaluate": "vispeg.cli.judging:evaluate",
         "gap": "vispeg.cli.evaluation.gap",
-        "suite": "vispeg.cli.evaluation.suite",
-        "sensitivity": "vispeg.cli.evaluation.sensitivity",
-        "exploit": "vispeg.cli.evaluation.exploit",
+        "suite": "vispeg.cli.suite",
+        "sensitivity": "vispeg.cli.judging:sensitivity",
+        "exploit": "vispeg.cli.judging:exploit",
         "explain": "vispeg.cli.evaluation.explain",
-        "perturb": "vispeg.cli.evaluation.perturb",
+        "perturb": "vispeg.cli.judging:perturb",
     },
     "other": {
         "completion": "vispeg.cli.machine.completion",

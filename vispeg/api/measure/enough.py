@@ -70,10 +70,10 @@ def enough(
 
     Args:
         result: a measurement, whose file gets the rows.
-        policies: folders or names.
-        world: in which they are played.
-        episodes: at each end of the interval.
-        workers: processes that play.
+        policies: policies (folders or names) to play at both ends of the interval, to see if it is narrow enough.
+        world: world of the policies, and source of nominal values.
+        episodes: episodes at each end of the interval.
+        workers: processes.
         playing: shows the progress.
 
     Raises:

@@ -34,11 +34,11 @@ def measure_joint(
     """Measures a joint's servo, frequency response, friction and backlash.
 
     Args:
-        recordings: folders, or tables whose `columns` are named.
+        recordings: recordings, or tables whose columns `columns` names.
         out: folder of measurement.yaml, joint.png and, with a servo, actuator.xml for MuJoCo.
-        joint: to measure; by default the one that moves most in the recordings.
-        columns: of tables: time, q_cmd, q and, where there is one, tau -> the name of the column (s, rad, N m).
-        inertia: that the joint turns, kg m2, for the actuator; by default that of the robot's model, or 1.
+        joint: the joint; default: the one that moves most in the recordings.
+        columns: tables: time=COLUMN q_cmd=COLUMN q=COLUMN, optionally tau=COLUMN (s, rad, N m).
+        inertia: inertia that the joint turns, kg m2, for the actuator; default: of the robot's model, or 1.
         settings: conditions, seed, overwrite.
 
     Raises:
@@ -77,7 +77,7 @@ def measure_joint(
             tuple(measured.results),
             effects,
             robot if effects else None,
-            dict(settings.conditions),
+            dict(settings.conditions or {}),
             {},
             tuple(notes),
             details,

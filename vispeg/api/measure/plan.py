@@ -97,14 +97,15 @@ def plan_joint(
     """Write the motions that `measure_joint` reads, and the order in which to run them.
 
     Args:
-        joint: to measure.
+        joint: the joint to measure.
         out: folder of the motions.
         robot: a robot's name, a model file, or a path to an MJCF or URDF.
-        posture: angles of all joints, rad; by default the usual centre.
-        size: the greatest step, rad.
-        rate_hz: samples a second, 20 to 5000.
-        seed: of the order.
-        overwrite: replace `out`.
+        posture: angles of all joints, rad; default: the middle posture. Backlash shows only where gravity does not load
+            it.
+        size: largest step, rad.
+        rate_hz: sample rate, Hz, 20 to 5000; the same as of `vispeg record` or your robot.
+        seed: seed of the order of motions.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: no such robot or joint, a posture or step outside its range, another rate, or `out` exists.

@@ -38,11 +38,12 @@ def measure_mass(
     """Weighs: a table with columns mass and, where the empty scale was read before each, tare (kg).
 
     Args:
-        readings: the table; a unit may end a column's name (mass_g).
-        out: file of the measurement, .yaml.
-        where: a held part (the effect is object_mass), or `flange` (payload).
-        nominal: mass of the part in the model, kg; by default that of the world's cell.
-        world: of the cell.
+        readings: table of readings (.csv, .csv.gz, .parquet); a unit may end a column's name: angle_deg, mass_g, h1_mm,
+            t_ms.
+        out: the measurement file to write (.yaml).
+        where: what was weighed: a thing at the `flange` (payload), or the part in the gripper (object_mass).
+        nominal: mass of the part in the model, kg; default: of the world's cell.
+        world: world of the policies, and source of nominal values.
         settings: resolution and accuracy of the scale, conditions, seed, overwrite.
 
     Raises:
@@ -77,9 +78,9 @@ def measure_com(
 
     Args:
         readings: one table, or recordings that hold still in four attitudes or more and have a wrench.
-        out: file of the measurement, .yaml.
-        mass_file: measurement of the mass, for plumb lines.
-        axes: the flange's axes that the photograph's x and y are, for plumb lines.
+        out: the measurement file to write (.yaml).
+        mass_file: plumb lines: measurement file of the mass.
+        axes: plumb lines: the flange's axes along the photograph's x and y.
         settings: as for every measurement.
 
     Raises:
@@ -118,10 +119,10 @@ def measure_friction(
 
     Args:
         readings: one table, or recordings with a wrench that begin in free air and slide.
-        out: file of the measurement, .yaml.
-        where: the part; by default the one that the gripper holds in the world's cell.
-        nominal: its coefficient in the model; by default that of the world's cell.
-        world: of the cell.
+        out: the measurement file to write (.yaml).
+        where: the part, such as fixture, gripper or table; default: the part in the gripper.
+        nominal: coefficient of the part in the model; default: of the world's cell.
+        world: world of the policies, and source of nominal values.
         settings: as for every measurement.
 
     Raises:
@@ -153,10 +154,11 @@ def measure_restitution(
     """Find a coefficient of restitution from three touches, two flights, or a drop and a bounce.
 
     Args:
-        readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m).
-        out: file of the measurement, .yaml.
-        where: the part; by default the one that the gripper holds in the world's cell.
-        world: of the cell.
+        readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m); a unit may end a column's
+            name (t1_ms).
+        out: the measurement file to write (.yaml).
+        where: the part, such as fixture, gripper or table; default: the part in the gripper.
+        world: world of the policies, and source of nominal values.
         settings: as for every measurement.
 
     Raises:
@@ -194,13 +196,15 @@ def measure_stiffness(
     """Find the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
 
     Args:
-        readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; or None.
-        out: file of the measurement, .yaml.
-        stop, fixture: recordings of presses in place of a table, pairwise in one arm pose.
-        where: the part.
-        nominal: stiffness of the contact in the model, N/m: the result scales that, as `contact_stiffness` of the part;
-            without it the fixture gives way along z, as `fixture_compliance`, and another part has no effect.
-        world: of the cell that has the part.
+        readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; none where `stop` and
+            `fixture` are given.
+        out: the measurement file to write (.yaml).
+        stop: recordings of presses on a rigid stop.
+        fixture: recordings of presses on the fixture.
+        where: the part, such as fixture, gripper or table.
+        nominal: stiffness of the contact in the model, N/m, which the result is then a multiple of (contact_stiffness).
+            Without it the part gives way along z (fixture_compliance).
+        world: world of the policies, and source of nominal values.
         settings: as for every measurement.
 
     Raises:
@@ -251,7 +255,7 @@ def _measured(
         of,
         outcome.results,
         tuple(made),
-        conditions=dict(settings.conditions),
+        conditions=dict(settings.conditions or {}),
         notes=tuple(notes),
         details=outcome.details,
     )

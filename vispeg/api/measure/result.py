@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vispeg.core.errors import UserError
@@ -27,16 +27,16 @@ class MeasureSettings:
     """What every measurement takes.
 
     Attributes:
-        resolution: one digit of the instrument for each column read, `NAME=NUMBER`.
-        accuracy: limit of the instrument's error for a column, `NAME=NUMBER`.
-        conditions: to note in the file.
-        seed: of the Monte Carlo propagation.
-        overwrite: whether the result may be replaced.
+        resolution: one digit of the instrument for each column read, such as angle_deg=0.1 mass_g=1.
+        accuracy: limit of the instrument's error for each column, such as mass_g=2; default: none.
+        conditions: conditions to note in the file, such as surface=steel temperature=21.
+        seed: seed of the Monte Carlo propagation.
+        overwrite: replace `out` if it exists.
     """
 
     resolution: Sequence[str] = ()
     accuracy: Sequence[str] = ()
-    conditions: Mapping[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, str] | None = None
     seed: int = 0
     overwrite: bool = False
 

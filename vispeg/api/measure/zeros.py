@@ -34,18 +34,20 @@ def measure_zeros(
     *,
     base: Known = "unknown",
     tool: Known = "unknown",
-    orientation: str | None = None,
+    orientation: Literal["rotation_vector", "fixed_xyz", "moving_xyz"] | None = None,
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
     """Find what each joint's encoder reads too much, and where base and tip are, from poses at rest.
 
     Args:
-        table: a row a pose: joint angles as read, and the tip's measured position and, if any, orientation.
-        out: file of the measurement, .yaml.
-        robot: a name, or a path to an MJCF or URDF.
-        base: `known` where the poses are in the robot's base frame.
-        tool: `known` where they are the flange's.
-        orientation: what three angles mean: `rotation_vector`, `fixed_xyz` or `moving_xyz`; by default what fits.
+        table: table of poses (.csv, .csv.gz, .parquet), a row each: joint angles as read, the tip's measured position
+            and, if any, orientation.
+        out: the measurement file to write (.yaml).
+        robot: a robot's name, or a path to its MJCF or URDF.
+        base: whether the poses are in the robot's base frame; else it is found.
+        tool: whether the poses are the flange's; else the tip's place on it is found.
+        orientation: what three angles mean: a rotation vector, or turns about fixed (URDF's rpy) or moving axes;
+            default: what fits.
         settings: conditions, overwrite.
 
     Raises:
@@ -75,7 +77,7 @@ def measure_zeros(
         tuple(results),
         tuple(effects),
         robot,
-        dict(settings.conditions),
+        dict(settings.conditions or {}),
         notes=tuple(_notes(found, way, model.joints, path)),
         details=_details(found, **fixed),
     )

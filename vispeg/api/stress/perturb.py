@@ -61,10 +61,10 @@ def perturb(
     Args:
         policies, task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         world: a built-in world's name or a world file.
-        episodes: trials a position, still and pushed each.
-        force: N, range of the pushes.
-        duration: s, of a push.
-        positions: a file `format: vispeg-positions/1`; by default the task's own list.
+        episodes: trials a position, and as many pushed ones.
+        force: range of the pushes, N.
+        duration: duration of a push, s.
+        positions: a file of positions, `format: vispeg-positions/1`; default: the task's.
 
     Raises:
         UserError: as `vispeg.evaluate`; a push or a list of positions that cannot be.

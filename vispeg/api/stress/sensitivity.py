@@ -55,11 +55,10 @@ def sensitivity(
 
     Args:
         policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
-        sweeps: names of `vispeg.evaluation.stress.sensitivity.SWEEPS`, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...,
-            or a model file, such as a diagnosis writes: success without and with each of its effects, or a measurement:
-            success over the interval of each of its effects.
+        sweeps: what to vary, a curve each: a name, EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,..., a model file (success
+            without and with each of its effects), or a measurement (success over the interval of each of its effects).
         world: a built-in world's name or a world file.
-        episodes: of every value.
+        episodes: episodes a value.
 
     Raises:
         UserError: as `vispeg.evaluate`; no sweep, one that cannot be, or one that only images show with a policy that

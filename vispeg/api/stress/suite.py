@@ -71,12 +71,13 @@ def suite(
 
     Args:
         policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
-        train, target: built-in worlds' names or world files.
-        measured: CSV of a real robot's trials in place of a target.
-        configurations: a file `format: vispeg-suite/1`; by default the package's list.
-        version: its name; by default that of `out`.
+        train: the training world.
+        target: the target world.
+        measured: a real robot's trials in place of a target: CSV with the suite's names under `configuration`.
+        configurations: a suite of your own, `format: vispeg-suite/1`.
+        version: name of this version; default: `out`'s name.
         fine_tuned: allow policies that were trained or fine-tuned in the target.
-        episodes: of a configuration and world.
+        episodes: episodes a configuration and world.
 
     Raises:
         UserError: as `vispeg.evaluate`; not exactly one target, the training world as target, a configuration that no

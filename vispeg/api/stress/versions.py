@@ -70,6 +70,9 @@ class VersionsResult(Result):
 def compare_versions(folders: str | Path | Sequence[str | Path]) -> VersionsResult:
     """Compare folders that `suite` wrote, oldest first.
 
+    Args:
+        folders: folders that `vispeg suite run` wrote.
+
     Raises:
         UserError: a folder without a result, versions in different worlds or with nothing in common.
     """

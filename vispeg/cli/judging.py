@@ -1,0 +1,148 @@
+"""Commands that judge policies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from vispeg.cli.command import CLEARANCE, REQUIRED, Call, Option, command
+from vispeg.core.interrupt import goes_on
+
+OUT = Option(default=REQUIRED)
+
+
+def played(call: Call, **more: Any) -> Any:
+    """Call the function with a bar for each policy."""
+    from vispeg.cli.progress import playing
+
+    return call(playing=lambda jobs, folder: playing(jobs, folder, call.output.quiet), **more)
+
+
+def _task(call: Call, who: Iterable[Any], tolerance: float | None) -> Mapping[str, float]:
+    from vispeg.cli.tolerance import at_tolerance
+    from vispeg.task.world_file import load_world
+
+    return at_tolerance(who, load_world(call.world), tolerance)
+
+
+def _judged(call: Call, tolerance: float | None) -> None:
+    """Play what is missing, write the folder, print the result and where its page is."""
+    from vispeg.evaluation.entrants import entrants
+
+    result = played(call, task=_task(call, entrants(call.policies), tolerance))
+    call.give(result, str(call.out / result.page))
+
+
+@command(
+    "vispeg.api.evaluate:evaluate",
+    "policies",
+    videos=Option(default=4),
+    trials=Option("keep_trials"),
+    tolerance=CLEARANCE,
+)
+@goes_on()
+def evaluate(call: Call, tolerance: float | None = None, rerun: Path | None = None) -> None:
+    """Evaluate policies in one world, with 95 % intervals.
+
+    A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted one), an .onnx
+    that says what its numbers mean (`vispeg export`), a policy of your own as MODULE:CLASS or MODULE:FUNCTION, a .zip
+    by Stable-Baselines3, or what LeRobot saved as lerobot:FOLDER. Where its actions are joints or metres, ?action=KIND
+    behind it says so (joint_goal, joint_delta, tip_goal, tip_delta). Several play the same seeds. Writes
+    OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time, force, kinds of
+    failure, differences. OUT is evaluated/POLICIES-WORLD by default. A stopped run goes on when the command is
+    repeated.
+
+    Example:
+        vispeg evaluate runs/{task}-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
+        vispeg evaluate mine=my_module:Policy model.zip --world VNP
+        vispeg evaluate depth=runs/d/best rgb=runs/r/best --world S --controls shuffled frozen --workers 2 --out both
+
+    Args:
+        tolerance: width of the goal less that of the part, mm; default: the world's.
+        rerun: write a file FILE.rrd for the Rerun viewer: one episode of each policy in 3D, a failure if any.
+    """
+    from vispeg.evaluation.entrants import entrants
+    from vispeg.report.rrd.episode import played as again
+    from vispeg.report.rrd.episode import write_episodes
+    from vispeg.report.rrd.stream import check_target
+    from vispeg.task.world_file import load_world
+
+    if rerun is not None:
+        check_target(rerun, call.overwrite)
+    who = entrants(call.policies)
+    task = _task(call, who, tolerance)
+    name = f"{'+'.join(dict.fromkeys(e.name for e in who))}-{load_world(call.world).name}"
+    out = call.out or Path("evaluated") / name
+    result = played(call, task=task, out=out)
+    lines = [str(out / "evaluate.html")]
+    if rerun is not None:
+        replays = []
+        for e in who:  # the first failure of each, or else the first episode
+            of = [x for x in result.episodes if (x.policy, x.train_seed, x.control) == (e.name, e.train_seed, "")]
+            seed = next((x.seed for x in of if not x.success), of[0].seed)
+            replays += again(e, call.world, task, [seed], e.name)
+        write_episodes(rerun, f"evaluate {' '.join(call.policies)}", replays)
+        lines.append(f"rerun: {rerun}")
+    call.give(result, *lines)
+
+
+@command("vispeg.api.stress.perturb:perturb", "policies", out=OUT, tolerance=CLEARANCE)
+@goes_on()
+def perturb(call: Call, tolerance: float | None = None) -> None:
+    """Test policies at hard positions, with and without pushes.
+
+    A push is 20 to 60 N for 0.2 s. Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each
+    position, and what the pushes cost.
+
+    Example:
+        vispeg perturb runs/{task}-state/best --world randomized --episodes 40 --out pushed
+        vispeg perturb runs/{task}-depth/best --positions my-positions.yaml --force 20 40 --out pushed
+
+    Args:
+        tolerance: width of the goal less that of the part, mm; default: the world's.
+    """
+    _judged(call, tolerance)
+
+
+@command("vispeg.api.stress.exploit:exploit", "policies", out=OUT, tolerance=CLEARANCE)
+@goes_on()
+def exploit(call: Call, tolerance: float | None = None) -> None:
+    """Test whether a policy exploits the contact solver.
+
+    Half of the trials have fixed contact parameters; in the other half contact stiffness, damping, restitution, solver
+    iterations and the physics time step are drawn widely, on the same seeds. Writes OUT/exploit.json and
+    OUT/exploit.html.
+
+    Example:
+        vispeg exploit runs/{task}-state/best --world randomized --episodes 100 --out exploit
+
+    Args:
+        tolerance: width of the goal less that of the part, mm; default: the world's.
+    """
+    _judged(call, tolerance)
+
+
+@command(
+    "vispeg.api.stress.sensitivity:sensitivity",
+    "policies",
+    sweeps=Option("sweep", default=(), repeats=True),
+    out=OUT,
+)
+@goes_on()
+def sensitivity(call: Call) -> None:
+    """Plot success over one parameter of one effect.
+
+    SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise,
+    force-bias, force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... It may also be a model file of a
+    diagnosis: success without and with each of its effects; or a measurement: by how much success moves over its
+    interval. Effects on images need policies with cameras. Writes OUT/sensitivity.json and OUT/sensitivity.html.
+
+    Example:
+        vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
+        vispeg sensitivity depth-S --world S --sweep found/model.yaml --out cost
+        vispeg sensitivity depth-S --world S --sweep mass.yaml --episodes 400 --out enough
+        vispeg sensitivity runs/d/best runs/r/best --sweep "camera_offset@wrist_wide.x=0,0.005,0.02" --out shift
+    """
+    result = played(call)
+    call.give(result, str(call.out / result.page))

@@ -1,1 +1,0 @@
-"""`vispeg measure`: joints and objects, each with its uncertainty."""
