@@ -301,9 +301,8 @@ def _members(hint: Any) -> Iterable[Any]:
 
 def _default(parameter: Parameter, option: Option, kind: Any) -> Any:
     default = parameter.default if option.default is SAME else option.default
-    if kind is Path or (isinstance(default, str) and Path in get_args(kind)):
-        return default if default is MISSING else Path(default)
-    return default
+    is_path = kind is Path or Path in get_args(kind)
+    return Path(default) if is_path and isinstance(default, str) else default
 
 
 def _field(name: str, option: Option) -> str:

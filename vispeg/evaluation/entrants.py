@@ -21,9 +21,8 @@ from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
 EXPERT = "expert"  # the scripted policy of a task takes part under this name
-Policies = (
-    str | Path | Sequence[str | Path] | Any
-)  # a text, a path, an object that acts, a mapping of names to these, or a sequence of these
+# A text, a path, an object that acts, a mapping of names to these, or a sequence of these.
+Policies = str | Path | Sequence[str | Path] | Any
 TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
 
 
