@@ -36,7 +36,8 @@ from vispeg.cli.overview import doc
 if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
 
-REQUIRED, SAME = MISSING, object()
+REQUIRED: Any = MISSING
+SAME: Any = object()
 NAMED_IN = re.compile(r"`(\w+)`")  # a parameter in a docstring
 ARGS = re.compile(r"\n\s*Args:\n.*\Z", re.DOTALL)
 
@@ -300,7 +301,7 @@ def _members(hint: Any) -> Iterable[Any]:
 
 
 def _default(parameter: Parameter, option: Option, kind: Any) -> Any:
-    default = parameter.default if option.default is SAME else option.default
+    default: Any = parameter.default if option.default is SAME else option.default
     is_path = kind is Path or Path in get_args(kind)
     return Path(default) if is_path and isinstance(default, str) else default
 

@@ -51,7 +51,7 @@ def parameters(place: str) -> dict[str, Parameter]:
     names, said = _Names(module), _said(ast.get_docstring(node) or "")
     found = {}
     for key, annotation, default in _stated(node):
-        value = MISSING if default is None else names.evaluated(default)
+        value: Any = MISSING if default is None else names.evaluated(default)
         hint = Unknown if annotation is None else names.evaluated(annotation)
         found[key] = Parameter(key, hint, value, said.get(key, ""))
     return found
