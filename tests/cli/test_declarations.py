@@ -5,7 +5,7 @@ import inspect
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import NoneType
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 
@@ -86,7 +86,7 @@ def test_every_option_is_one_parameter_with_its_default(name):
         assert default is not None or NoneType in get_args(kind), f"{key} may be none by default, and not by its type"
     for key, field in fields_of(form(command)).items():
         parameter, option = options[key]
-        said = MISSING if parameter.default is inspect.Parameter.empty else parameter.default
+        said: Any = MISSING if parameter.default is inspect.Parameter.empty else parameter.default
         assert not callable(said) or said is MISSING, f"{key} is private"
         if option.default is SAME:
             assert field == (Path(said) if isinstance(field, Path) else said), key
