@@ -24,6 +24,9 @@ def place(tmp_path):
     (tmp_path / "runs" / "one" / "checkpoints" / "best" / "policy.json").write_text("{}")
     (tmp_path / "frames" / "meta").mkdir(parents=True)
     (tmp_path / "frames" / "meta" / "info.json").write_text("{}")
+    (tmp_path / "trials" / "trial-0001").mkdir(parents=True)
+    for name in ("trial.yaml", "recording.yaml"):
+        (tmp_path / "trials" / "trial-0001" / name).write_text("format: ?")
     (tmp_path / ".hidden").mkdir()
     (tmp_path / ".hidden" / "log.csv").write_text("t,q1\n0,0\n")
     os.mkfifo(tmp_path / "pipe.csv")
@@ -35,7 +38,8 @@ def place(tmp_path):
 def test_each_kind_is_found_and_nothing_else(place):
     found = {kind: list(named(paths, place)) for kind, paths in around(place).places.items()}
     assert found == {
-        "recording": ["today/rig-a"],
+        "recording": ["today/rig-a", "trials/trial-0001"],
+        "trials": ["trials"],
         "model": ["arm.urdf", "model.yaml"],
         "world": ["mine.yaml"],
         "log": ["log.csv"],
@@ -47,7 +51,7 @@ def test_each_kind_is_found_and_nothing_else(place):
 
 def test_what_is_offered_is_opened_as_what_it_is(place):
     pages = {"recording": "Diagnose", "log": "Import", "world": "Worlds", "run": "Training", "dataset": "Data"}
-    pages |= {"policy": "Policies"}
+    pages |= {"policy": "Policies", "trials": "Trials"}
     for kind, paths in around(place).places.items():
         for path in paths:
             assert opened([str(path)]).page == pages.get(kind, "Diagnose"), path

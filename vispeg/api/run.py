@@ -18,6 +18,7 @@ from vispeg.interface.terms import FELT
 from vispeg.report.text.summary import Block, Line, html
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.trials.driver import Driver
+from vispeg.trials.live import Live
 from vispeg.trials.logged import LoggedRobot
 from vispeg.trials.loop import Acts, Clock, How, Step, run_episode
 from vispeg.trials.named import driver
@@ -123,18 +124,30 @@ def run(
         how, clock, watch, most = target.how(how or How()), target, False, target.episodes
     else:
         most = 1
+    count = episodes or most
     trials: dict[str, Said] = {}
     try:
-        with _place(Path(out).expanduser()) as place:
+        with _place(Path(out).expanduser()) as place, Live(place, who.name, called, count) as live:
             first = _next(place)
-            for k in range(episodes or most):
+
+            def shown(step: Step) -> None:
+                live.step(step)
+                show(step)
+
+            def stopped() -> bool:
+                return key() or live.stopped()
+
+            for k in range(count):
                 ready(k)
-                options = {"name": called, "clock": clock, "show": show, "key": key, "watch": watch}
+                stem = f"trial-{first + k:0{DIGITS}d}"
+                live.begin(stem, k + 1)
+                options = {"name": called, "clock": clock, "show": shown, "key": stopped, "watch": watch}
                 trial = run_episode(acts, interface, target, who, k + (first if seed is None else seed), how, **options)
                 if ask is not None:
                     said = trial.said.model_copy(update={"outcome": ask(trial.said.outcome)})
                     trial = type(trial)(said, trial.recording, trial.steps)
-                folder = write_trial(trial, place / f"trial-{first + k:0{DIGITS}d}")
+                folder = write_trial(trial, place / stem)
+                live.end(trial.said.outcome.category)
                 trials[folder.name] = trial.said
     finally:
         close = getattr(target, "close", None)

@@ -11,6 +11,7 @@ Example:
     vispeg view depth-S randomized
     vispeg view frames
     vispeg view runs
+    vispeg view trials
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class Args:
     """Arguments of `vispeg view`."""
 
     sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, or a training run; default: an empty
-    page."""
+    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, a training run, or trials;
+    default: an empty page."""
     model: str | None = None
     """A model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14."""
     out: Path = Path("vispeg-view")

@@ -53,23 +53,35 @@ class Limits:
             what = "the robot measures no force, so that no limit of force can act"
             raise UserError(what, key="--robot", expected="--no-force-limit, where that is safe")
 
-    def broken(self, interface: Interface, seen: Observer, force: float) -> str | None:
-        """Give the limit that the arm is beyond as it is seen now, with this force (N) on the wrist; or None."""
+    def shares(self, interface: Interface, seen: Observer, force: float | None) -> dict[str, float]:
+        """Give how much of each limit is used by the arm as it is seen now, with this force (N) on the wrist if it is
+        measured: 1 at the limit, the first beyond it is why the arm stops.
+        """
         arm, (q, dq) = interface.arm, seen.measured
-        if not (np.isfinite(q).all() and np.isfinite(dq).all() and np.isfinite(force)):
-            return WATCHDOG
-        if (q[0] < arm.low_rad).any() or (q[0] > arm.high_rad).any():
-            return JOINT
-        if (np.abs(dq[0]) > arm.velocity_limit).any():
-            return VELOCITY
+        low, high = np.array(arm.low_rad), np.array(arm.high_rad)
+        half = np.where(np.isfinite(high - low), (high - low) / 2, np.pi)
         lever = seen.tip()[0] - seen.flange[0]
-        if np.linalg.norm(seen.twist[0, :3] + np.cross(seen.twist[0, 3:], lever)) > self.speed:
-            return SPEED
-        if force > (self.force or interface.force_abort_n):
-            return FORCE
-        return None if self.inside(interface, seen, seen.tip()[0]) else WORKSPACE
+        speed = np.linalg.norm(seen.twist[0, :3] + np.cross(seen.twist[0, 3:], lever))
+        out = {
+            JOINT: np.max(1 + np.maximum(low - q[0], q[0] - high) / half),
+            VELOCITY: np.max(np.abs(dq[0]) / arm.velocity_limit),
+            SPEED: speed / self.speed,
+            **({} if force is None else {FORCE: force / (self.force or interface.force_abort_n)}),
+            WORKSPACE: self._workspace(interface, seen, seen.tip()[0]),
+        }
+        return {name: max(0.0, float(share)) for name, share in out.items()}
+
+    def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
+        """Give the limit that the arm is beyond as it is seen now, see `shares`; or None."""
+        if not all(np.isfinite(x).all() for x in (*seen.measured, force or 0.0)):
+            return WATCHDOG
+        return next((name for name, share in self.shares(interface, seen, force).items() if share > 1), None)
 
     def inside(self, interface: Interface, seen: Observer, tip: np.ndarray) -> bool:
         """Whether a tip (3,) m is where it may be: a cylinder over the goal as it is believed."""
+        return self._workspace(interface, seen, tip) <= 1
+
+    def _workspace(self, interface: Interface, seen: Observer, tip: np.ndarray) -> float:
         x, y, z = tip - seen.believed[0]
-        return bool(np.hypot(x, y) <= self.reach and interface.goal.reached_m[2] - BELOW <= z <= ABOVE)
+        bottom = interface.goal.reached_m[2] - BELOW
+        return max(np.hypot(x, y) / self.reach, abs(2 * z - ABOVE - bottom) / (ABOVE - bottom))

@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.control.laws import rotated
 from vispeg.core.errors import UserError
-from vispeg.interface.builder import Builder
+from vispeg.interface.builder import Builder, Picture
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import RECENT
 from vispeg.recordings.cell import WrenchSensor, canonical, reaction
@@ -75,10 +75,19 @@ class How:
             raise UserError("out of bounds", key="--slow", expected="0.05 to 1", got=self.slow)
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Step:
-    """What is shown of a running episode: the step, the measured tip from the believed goal (m), force (N; None of a
-    robot that measures none), lateness (s), deadlines that were missed.
+    """What is shown of a running episode, after each step of the policy.
+
+    Attributes:
+        number, of: the step.
+        tip: (3,) m, as measured, from the believed goal.
+        force: of contact on the wrist, N; None of a robot that measures none.
+        late: s after it was due; `missed` deadlines so far.
+        pose, target: (7,) flange as measured and as it is to be, m and w x y z in the base.
+        wrench: (6,) N and N m that the policy was told; None likewise.
+        shares: of each limit that are used.
+        pictures: that it saw, by camera.
     """
 
     number: int
@@ -87,6 +96,11 @@ class Step:
     force: float | None
     late: float
     missed: int
+    pose: np.ndarray
+    target: np.ndarray
+    wrench: np.ndarray | None
+    shares: Mapping[str, float]
+    pictures: Mapping[str, Picture]
 
 
 @dataclass
@@ -290,19 +304,21 @@ class _Loop:
             out[:3] += turn[0].T @ self.interface.tool.weight_n
         return out
 
-    def _force(self, wrench: np.ndarray) -> float:
-        """Force of contact on the wrist now, N; kept as the greatest. 0 of a robot that measures none."""
+    def _force(self, wrench: np.ndarray) -> float | None:
+        """Force of contact on the wrist now, N; kept as the greatest. None of a robot that measures none."""
         if not self.tape.felt:
-            return 0.0
+            return None
         turned = rotated(self.builder.observer.turn, wrench[None, :3])[0]
         force = float(np.linalg.norm(turned - self.interface.tool.weight_n))
         self.peak = max(self.peak, force)
         return force
 
-    def _act(self, obs: Any, reading: Reading, due: float, number: int, tip: np.ndarray, force: float) -> str | None:
-        action = np.asarray(self.policy.act(obs), float).reshape(-1)
+    def _act(
+        self, obs: Any, reading: Reading, due: float, number: int, tip: np.ndarray, force: float | None
+    ) -> str | None:
+        seen, action = self.builder.observer, np.asarray(self.policy.act(obs), float).reshape(-1)
+        shares = self.how.limits.shares(self.interface, seen, force)
         target = self.builder.act(action)
-        seen = self.builder.observer
         asked = seen.held[0] if seen.turns else seen.goal[0] - [0, 0, seen.length]
         if not self.how.limits.inside(self.interface, seen, asked):
             return WORKSPACE
@@ -312,7 +328,9 @@ class _Loop:
         late = self.clock.now() - due
         self.missed += late > self.deadline
         self.tape.step(late, obs["policy"], action, target, reading.pictures, moves=not self.how.shadow)
-        self.show(Step(number + 1, self.count, tip, force if self.tape.felt else None, late, self.missed))
+        pose, felt = np.concatenate([seen.flange[0], seen.turn[0]]), seen.wrench[0] if self.tape.felt else None
+        step = number + 1, self.count, tip, force, late, self.missed
+        self.show(Step(*step, pose, target, felt, shares, reading.pictures))
         return None
 
     def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:

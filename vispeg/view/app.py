@@ -17,6 +17,7 @@ from vispeg.view.opened import Opened
 from vispeg.view.place import ARM, WIDE, Page, Place
 from vispeg.view.policy_page import PolicyPage
 from vispeg.view.run_page import RunPage
+from vispeg.view.trials_page import TrialsPage
 from vispeg.view.world_page import WorldPage
 
 
@@ -48,7 +49,7 @@ class App:
         gui.add_html(html.style())
         place = Place(self.server, out, threads)
         place.look(ARM)
-        titles = [kind.title for kind in (StudyPage, ImportPage, WorldPage, PolicyPage, DataPage, RunPage)]
+        titles = [kind.title for kind in (StudyPage, ImportPage, WorldPage, PolicyPage, DataPage, RunPage, TrialsPage)]
         self.chooser = gui.add_button_group("Page", titles)
         self.chooser.on_click(lambda _: self.show(str(self.chooser.value)))
         gui.add_html(html.below())
@@ -62,6 +63,7 @@ class App:
             self.policies,
             DataPage(place, opened.dataset),
             RunPage(place, opened.run, self._play),
+            TrialsPage(place, opened.trials),
         ]
         self.colours = Colours(self.server, dark)
         self.show(opened.page)

@@ -12,9 +12,11 @@ from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.datasets.opening import holds_dataset
 from vispeg.formats.guard import is_file, opened
+from vispeg.trials.live import is_live
+from vispeg.trials.trial import FILE
 from vispeg.view.run_folder import is_run
 
-Kind = Literal["recording", "log", "model", "world", "policy", "dataset", "run"]
+Kind = Literal["recording", "log", "model", "world", "policy", "dataset", "run", "trials"]
 TABLES = (".csv", ".gz", ".tsv", ".parquet", ".npz", ".hdf5", ".h5", ".mat", ".mcap", ".bag", ".db3")
 HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # ending -> words in a file's first lines that say what it is
     ".urdf": ((b"<robot", "model"),),
@@ -73,6 +75,8 @@ def _kind_of_folder(path: Path) -> Kind | None:
     try:
         if holds_dataset(path):
             return "dataset"
+        if is_live(path) or next(path.glob(f"*/{FILE}"), None) is not None:
+            return "trials"
         return "run" if is_run(path) else None
     except OSError:
         return None
@@ -94,7 +98,7 @@ def around(folder: Path) -> Around:
                     out.places.setdefault(kind, []).append(child)
                 elif child.is_dir() and not child.is_symlink():
                     below.append(child)
-                if kind == "run":  # its checkpoints are policies
+                if kind in ("run", "trials"):  # its checkpoints are policies, each trial is a recording
                     below.append(child)
         level = below
     return out

@@ -17,6 +17,8 @@ from vispeg.view.diagnose.standing import Field, Standing, Tried
 
 if TYPE_CHECKING:
     from vispeg.evaluation.films.moments import Moment
+    from vispeg.trials.live import State
+    from vispeg.trials.trial import Said
     from vispeg.view.frames import Frame, Holding
     from vispeg.view.importing import Look, Proposed
     from vispeg.view.run_folder import Run
@@ -186,6 +188,32 @@ def run(run: Run) -> str:
     return _page(
         "run", name=run.folder.name, rows=len(steps), failures=run.failures, **{"steps": "", "success": "", **last}
     )
+
+
+def live(state: State) -> str:
+    """Where a run on a robot stands."""
+    return _page("live", s=state, **_numbers(state))
+
+
+def _numbers(state: State) -> dict[str, object]:
+    """Give what of a step is shown: the tip in mm, how far the target is, and the share of each limit in percent."""
+    if state.tip_m is None or state.pose is None or state.target is None:
+        return {}
+    apart = 1e3 * float(np.linalg.norm(np.subtract(state.target[:3], state.pose[:3])))
+    shares = [(name, min(100, round(100 * share)), f"{100 * share:.0f} %") for name, share in state.shares.items()]
+    felt = None if state.wrench is None else [_three(np.array(state.wrench[i : i + 3])) for i in (0, 3)]
+    return {"tip": _three(1e3 * np.array(state.tip_m)), "apart": f"{apart:.1f}", "shares": shares, "felt": felt}
+
+
+def trials(said: Mapping[str, Said]) -> str:
+    """Give the trials of a folder, the newest first, and how many succeeded."""
+    rows = []
+    for name, one in reversed([*said.items()]):
+        o, t = one.outcome, one.timing
+        force = "" if o.peak_force_n is None else f"{o.peak_force_n:.0f} N"
+        late = f"{t.missed} of {t.steps}" if t.steps else ""
+        rows.append((name, o.category, o.success, f"{o.time_s:.1f} s", force, late, o.why or ""))
+    return _page("trials", rows=rows, good=sum(one.outcome.success for one in said.values()))
 
 
 def film(name: str, data: bytes) -> str:

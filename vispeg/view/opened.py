@@ -15,7 +15,7 @@ from vispeg.task.world_file import is_world
 from vispeg.view.around import HEADS, kind_of
 from vispeg.view.run_folder import newest
 
-EXPECTED = "a recording, a folder of some, a log, a model, a world, a policy, a dataset, or a training run"
+EXPECTED = "a recording, a folder of some, a log, a model, a world, a policy, a dataset, a training run, or trials"
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Opened:
         logs: files that are no recordings yet.
         world: a world's name or file; "" where none was named.
         policy: a policy's name or folder; "" likewise.
-        dataset, run: folders of a dataset and of a training run; "" likewise.
+        dataset, run, trials: folders of a dataset, of a training run, of trials; "" likewise.
     """
 
     recordings: tuple[Path, ...] = ()
@@ -38,13 +38,15 @@ class Opened:
     policy: str = ""
     dataset: str = ""
     run: str = ""
+    trials: str = ""
 
     @property
     def page(self) -> str:
         """The page that what was named is seen on."""
         if self.recordings:
             return "Diagnose"
-        named = {"Policies": self.policy, "Training": self.run, "Data": self.dataset, "Worlds": self.world}
+        named = {"Trials": self.trials, "Policies": self.policy, "Training": self.run, "Data": self.dataset}
+        named |= {"Worlds": self.world}
         return next((title for title, what in named.items() if what), "Import" if self.logs else "Diagnose")
 
 
@@ -60,7 +62,7 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
     """
     recordings: list[Path] = []
     logs: list[Path] = []
-    model, world, policy, dataset, run = "iiwa14", "", "", "", ""
+    model, world, policy, dataset, run, trials = "iiwa14", "", "", "", "", ""
     for text in sources:
         path = Path(text)
         kind = kind_of(path)
@@ -78,6 +80,8 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
             recordings.append(path)
         elif kind == "dataset":
             dataset = text
+        elif kind == "trials":
+            trials = text
         elif path.is_dir() and (inside := _recordings(path)):
             recordings += inside
         elif path.is_dir() and newest(path) is not None:
@@ -90,7 +94,7 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
             model = str(path)
         else:
             raise UserError("cannot be shown", file=text, expected=EXPECTED)
-    return Opened(tuple(dict.fromkeys(recordings)), chosen or model, tuple(logs), world, policy, dataset, run)
+    return Opened(tuple(dict.fromkeys(recordings)), chosen or model, tuple(logs), world, policy, dataset, run, trials)
 
 
 def _recordings(folder: Path) -> list[Path]:

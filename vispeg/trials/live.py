@@ -1,0 +1,207 @@
+"""A run as it goes on, for others to see: a file in the folder of its trials, and one by which they stop it.
+
+The loop hands over what it has and goes on; a thread writes the newest of it. `TRIALS/.live` is gone when the run is.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import secrets
+import shutil
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from vispeg.core.errors import UserError
+from vispeg.formats.json_data import read_json
+from vispeg.formats.typed import typed
+from vispeg.interface.builder import Picture
+from vispeg.render.image_kinds import grey_depth
+from vispeg.trials.loop import Step
+
+FOLDER, STATE, STOP = ".live", "state.json", "stop-"
+WIDEST = 320  # px of a picture: more is thinned out
+QUALITY = 80  # of its JPEG
+RECENT = 5.0  # s within which a run on another machine has written something, if it is there
+ID = r"^[0-9a-f]{16}-[0-9]+$"
+
+Numbers = list[Annotated[float, Field(allow_inf_nan=False)]]
+
+
+class State(BaseModel):
+    """Where a run stands.
+
+    Attributes:
+        id: of the episode.
+        pid, host: of its process.
+        at: when this was written, s since 1970.
+        policy, robot: who runs, and on what.
+        trial: folder of the episode; the `episode`-th of `episodes`.
+        phase: `rest` before the policy acts, `acts`, or `over`.
+        outcomes: of the run's episodes that are over.
+        step, of, late_s, missed, tip_m, force_n, pose, target, wrench, shares: as in `vispeg.trials.loop.Step`.
+        pictures: by camera, JPEG in base64.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: Annotated[str, Field(pattern=ID)]
+    pid: int
+    host: str
+    at: float
+    policy: str
+    robot: str
+    trial: str
+    episode: int
+    episodes: int
+    phase: Literal["rest", "acts", "over"] = "rest"
+    outcomes: list[str] = []
+    step: int = 0
+    of: int = 0
+    late_s: float = 0.0
+    missed: int = 0
+    tip_m: Numbers | None = None
+    force_n: float | None = None
+    pose: Numbers | None = None
+    target: Numbers | None = None
+    wrench: Numbers | None = None
+    shares: dict[str, float] = {}
+    pictures: dict[str, Annotated[str, Field(pattern=r"^[A-Za-z0-9+/=]*$")]] = {}
+
+    @property
+    def running(self) -> bool:
+        """Whether its process is there."""
+        if self.host != socket.gethostname():
+            return time.time() - self.at < RECENT
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:
+            return True
+        return True
+
+
+class Live:
+    """A run that others may see; to be used with `with`.
+
+    Args:
+        place: folder of the trials.
+        policy, robot: who runs, and on what.
+        episodes: of the run.
+    """
+
+    def __init__(self, place: Path, policy: str, robot: str, episodes: int):
+        self._folder, self._run = place / FOLDER, secrets.token_hex(8)
+        self._said: dict[str, Any] = {"pid": os.getpid(), "host": socket.gethostname(), "outcomes": []}
+        self._said |= {"policy": policy, "robot": robot, "episodes": episodes}
+        self._stop, self._newest = self._folder / STOP, None
+        self._coming, self._over = threading.Condition(), False
+        self._thread = threading.Thread(target=self._write, daemon=True)
+
+    def __enter__(self) -> Live:
+        with suppress(OSError):
+            shutil.rmtree(self._folder, ignore_errors=True)  # of a run that was killed
+            self._folder.mkdir()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._coming:
+            self._over = True
+            self._coming.notify()
+        self._thread.join()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def begin(self, trial: str, episode: int) -> None:
+        """Note that an episode begins, the `episode`-th, which will be called `trial`."""
+        self._said |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
+        self._stop = self._folder / f"{STOP}{self._said['id']}"
+        self._tell({**self._said, "phase": "rest"}, {})
+
+    def step(self, step: Step) -> None:
+        """Note a step."""
+        told = {"step": step.number, "of": step.of, "late_s": step.late, "missed": step.missed, "tip_m": step.tip}
+        told |= {"force_n": step.force, "pose": step.pose, "target": step.target, "wrench": step.wrench}
+        self._tell({**self._said, **told, "phase": "acts", "shares": step.shares}, step.pictures)
+
+    def end(self, outcome: str) -> None:
+        """Note how an episode ended."""
+        self._said["outcomes"] = [*self._said["outcomes"], outcome]
+        self._tell({**self._said, "phase": "over"}, {})
+
+    def stopped(self) -> bool:
+        """Whether somebody asked for the end of this episode."""
+        return os.path.exists(self._stop)
+
+    def _tell(self, said: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
+        with self._coming:
+            self._newest = said, pictures
+            self._coming.notify()
+
+    def _write(self) -> None:
+        while True:
+            with self._coming:
+                self._coming.wait_for(lambda: self._over or self._newest is not None)
+                if self._newest is None:
+                    return
+                (said, pictures), self._newest = self._newest, None
+            with suppress(OSError, ValueError):  # neither a full disk nor an odd number is a reason to stop an arm
+                images = {name: encoded(picture) for name, picture in pictures.items()}
+                plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in said.items()}
+                part = self._folder / f".{STATE}"
+                part.write_text(State(**plain, at=time.time(), pictures=images).model_dump_json(), encoding="utf-8")
+                os.replace(part, self._folder / STATE)
+
+
+def encoded(picture: Picture) -> str:
+    """Give a picture as JPEG in base64: its colours, else its depth in grey."""
+    import cv2
+
+    whole = picture.rgb if picture.rgb is not None else grey_depth(np.asarray(picture.depth))
+    thin = -(-whole.shape[1] // WIDEST)
+    image = np.ascontiguousarray(whole[::thin, ::thin])
+    data = cv2.imencode(".jpg", image[..., ::-1] if image.ndim == 3 else image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
+    return base64.b64encode(data.tobytes()).decode()
+
+
+def is_live(place: Path) -> bool:
+    """Whether a run has left word in a folder of trials."""
+    return (place / FOLDER / STATE).is_file()
+
+
+def read_live(place: Path) -> State | None:
+    """Give where the run in a folder of trials stands; None without any. Raises UserError: a file that is none."""
+    file = place / FOLDER / STATE
+    if not is_live(place):
+        return None
+    try:
+        state = typed(State, read_json(file), file)
+    except UserError:
+        if not file.is_file():  # it has just ended
+            return None
+        raise
+    return state if state.running else None
+
+
+def ask_stop(place: Path, episode: str) -> None:
+    """Ask the run in a folder of trials to end the episode with this id, as its stopping key does.
+
+    Raises:
+        UserError: no run, or another episode.
+    """
+    state = read_live(place)
+    if state is None:
+        raise UserError("no run is in progress", file=place)
+    if not re.match(ID, episode) or episode != state.id or state.phase == "over":
+        raise UserError("no such episode is in progress", file=place, expected=state.id, got=episode)
+    (place / FOLDER / f"{STOP}{episode}").touch()
