@@ -21,12 +21,22 @@ from vispeg.view.opened import opened
 ROOT = Path(__file__).parents[2]
 
 
+RUN = """
+import sys
+from vispeg.api.run import run
+from vispeg.trials.loop import How
+
+policy, episodes, place = sys.argv[1:]
+run(policy, "sim:nominal", place, episodes=int(episodes), seed=3, how=How(slow=0.05, silence=5.0))
+"""
+
+
 @contextmanager
-def running(place, policy="state-3mm", *options):
-    """A run of a slowed policy in a process of its own."""
-    command = [sys.executable, "-m", "vispeg", "run", policy, "--robot", "sim:nominal", "--slow", "0.05", "--seed", "3"]
+def running(place, policy="state-3mm", episodes=1):
+    """A run of a slowed policy in a process of its own, patient with a robot on a busy machine."""
     own = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen([*command, *options, "--out", str(place)], env=own, stdout=subprocess.PIPE) as there:
+    command = [sys.executable, "-c", RUN, policy, str(episodes), str(place)]
+    with subprocess.Popen(command, env=own) as there:
         try:
             yield there
         finally:
@@ -69,7 +79,7 @@ def test_a_run_is_followed_and_stopped_from_beside_it(tmp_path):
     """The state advances; an id that is another's stops nothing; what is left are trials alone."""
     place = tmp_path / "trials"
     assert read_live(place) is None
-    with running(place, "state-3mm", "--episodes", "2") as there:
+    with running(place, episodes=2) as there:
         first = until(lambda: acting(place))
         later = until(lambda: acting(place, first.step + 2))
         assert (later.id, later.trial, later.policy, later.robot) == (

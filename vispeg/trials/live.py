@@ -31,6 +31,7 @@ from vispeg.trials.loop import Step
 FOLDER, STATE, STOP = ".live", "state.json", "stop-"
 WIDEST = 320  # px of a picture: more is thinned out
 QUALITY = 80  # of its JPEG
+LOOKS = 0.02  # s between looks for who wants it stopped
 RECENT = 5.0  # s within which a run on another machine has written something, if it is there
 ID = r"^[0-9a-f]{16}-[0-9]+$"
 
@@ -104,7 +105,7 @@ class Live:
         self._folder, self._run = place / FOLDER, secrets.token_hex(8)
         self._said: dict[str, Any] = {"pid": os.getpid(), "host": socket.gethostname(), "outcomes": []}
         self._said |= {"policy": policy, "robot": robot, "episodes": episodes}
-        self._stop, self._newest = self._folder / STOP, None
+        self._stop, self._asked, self._newest = self._folder / STOP, False, None
         self._coming, self._over = threading.Condition(), False
         self._thread = threading.Thread(target=self._write, daemon=True)
 
@@ -125,7 +126,8 @@ class Live:
     def begin(self, trial: str, episode: int) -> None:
         """Note that an episode begins, the `episode`-th, which will be called `trial`."""
         self._said |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
-        self._stop = self._folder / f"{STOP}{self._said['id']}"
+        with self._coming:
+            self._stop, self._asked = self._folder / f"{STOP}{self._said['id']}", False
         self._tell({**self._said, "phase": "rest"}, {})
 
     def step(self, step: Step) -> None:
@@ -141,7 +143,7 @@ class Live:
 
     def stopped(self) -> bool:
         """Whether somebody asked for the end of this episode."""
-        return os.path.exists(self._stop)
+        return self._asked
 
     def _tell(self, said: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
         with self._coming:
@@ -151,11 +153,14 @@ class Live:
     def _write(self) -> None:
         while True:
             with self._coming:
-                self._coming.wait_for(lambda: self._over or self._newest is not None)
+                self._coming.wait_for(lambda: self._over or self._newest is not None, LOOKS)
+                self._asked = self._asked or os.path.exists(self._stop)
                 if self._newest is None:
-                    return
+                    if self._over:
+                        return
+                    continue
                 (said, pictures), self._newest = self._newest, None
-            with suppress(OSError, ValueError):  # neither a full disk nor an odd number is a reason to stop an arm
+            with suppress(Exception):  # neither a full disk nor an odd picture is a reason to stop an arm
                 images = {name: encoded(picture) for name, picture in pictures.items()}
                 plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in said.items()}
                 part = self._folder / f".{STATE}"

@@ -46,7 +46,7 @@ class Unlimited(Limits):
         """Raise UserError where the policy is told forces that the log has not."""
         Limits(no_force_limit=not felt).fit(interface, felt)
 
-    def broken(self, interface: Interface, seen: Observer, force: float) -> str | None:
+    def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
         """Give None."""
         return None
 
