@@ -1,5 +1,6 @@
 """A run on a robot, followed and stopped from beside it: whole runs on the socket robot, by file and by page."""
 
+import base64
 import os
 import socket
 import subprocess
@@ -8,6 +9,7 @@ import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -145,13 +147,8 @@ def test_the_loop_waits_for_nothing(tmp_path):
             live.stopped()
             took.append(time.perf_counter() - before)
             time.sleep(0.02)
-        until(lambda: (state := read_live(tmp_path)) and state.step == 30)
-        state = read_live(tmp_path)
+        state = until(lambda: acting(tmp_path, 29))
     assert np.median(took) < 1e-3
-    import base64
-
-    import cv2
-
     for data in state.pictures.values():
         image = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_UNCHANGED)
         assert image.shape[:2] == (240, 320)
