@@ -169,7 +169,7 @@ def test_a_file_that_is_no_state_is_one_line(tmp_path, text):
 @pytest.mark.parametrize("width", [1200, 420])
 def test_the_page_follows_a_run_and_its_button_stops_it(tmp_path, page_of, served, width):
     pytest.importorskip("viser")
-    place = tmp_path / "tri<b>als"
+    place = tmp_path / "<b>trials"
     with running(place, "depth-S-randomized") as there:
         until(lambda: acting(place))
         app = served(place)
