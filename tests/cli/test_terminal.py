@@ -50,7 +50,7 @@ def test_help_fits_80_columns_but_for_commands_to_copy(command, capsys, monkeypa
 def test_a_sub_commands_help_is_its_own(capsys):
     assert main(["measure", "mass", "--help"]) == 0
     text = capsys.readouterr().out
-    assert text.count("Measures a mass by a scale.") == 1 and "restitution" not in text
+    assert text.count("Measure a mass by a scale.") == 1 and "restitution" not in text
 
 
 @pytest.mark.parametrize("command", ["worlds", "policies", "motions", "robots"])

@@ -140,20 +140,21 @@ def explain(
     effect that is named.
 
     Args:
-        trials: a folder of trials, or one trial.
-        policy: whose they are: a folder, a bundled policy's name, `expert`.
-        world: of the model; what it draws is the model's uncertainty.
-        model: a model file of `vispeg diagnose`, `fit` or `add`, whose effects may be the causes. None: no cause is
-            tried, and a note says how to name some.
-        replays: of each start.
-        remainder: episodes that play what no cause explains, the torque that the recordings' motions lack, and as many
-            without it; again where the policy was trained. 0: none. 200 tell 5 points.
-        held_out: recordings that the torque is taken from; none: the trials'.
-        demonstrations: that would be recorded on the robot, for their price.
-        minutes_per_demonstration: what setting up and doing one takes a person, min; 500 in a day of 8 hours.
-        minutes_per_recording: what setting up a motion takes a person, min; two hours for an arm of seven joints.
-        training_hours: of fine-tuning; None: as the log of the policy's own training says, where there is one.
-        apply: write the world that the named causes correct into `out`, and say which command trains next.
+        trials: a folder of trials.
+        policy: whose trials they are: a folder, or a bundled policy's name.
+        world: the simulated world: a built-in world's name or a world file. What it draws is the model's uncertainty.
+        model: a model file whose effects may be the causes. Default: no cause is tried.
+        replays: replays of each start.
+        remainder: episodes that play the torque which the trials' motions lack in the found world, and as many without;
+            again where the policy was trained. 200 tell 5 points.
+        held_out: recordings that this torque is taken from. Default: the trials.
+        demonstrations: how many would be recorded on the robot, for their price.
+        minutes_per_demonstration: what setting up and doing one takes you, min; 500 in a day of eight hours.
+        minutes_per_recording: what setting up a motion for `diagnose` takes you, min; two hours for an arm of seven
+            joints.
+        training_hours: hours of fine-tuning; default: as the log of the policy's own training says, where there is one.
+        apply: write `out`/world.yaml, which has the causes, and print the command that trains in it; or the one that
+            collects demonstrations from where the policy fails.
         task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:

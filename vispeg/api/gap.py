@@ -90,19 +90,21 @@ def gap(
 ) -> GapResult:
     """Plays policies in several worlds on the same seeds; the loss of each with 95 % intervals.
 
+    A world that is named after others (VNP after V, N, P) is split into their shares. A world that a policy was trained
+    in is its home, and its success there is called that. Films need `out`.
+
     Args:
-        policies: as in `vispeg.evaluate`; replicas of one name differ in their training seed.
-        worlds: built-in worlds' names or world files; losses count from the first. One that is named after others
-            (VNP after V, N, P) is split into their shares. A world that a policy was trained in is its home, and its
-            success there is called that.
-        episodes: of every policy in every world.
-        controls: as in `vispeg.evaluation.controls`; by default all that the first world has.
-        control_worlds: worlds of the controls; by default the first and the last of `worlds`.
+        policies: policies: folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files. Replicas of a name
+            differ in training seed.
+        worlds: built-in worlds' names or world files; losses count from the first.
+        episodes: episodes of every policy in every world, and as many for each control in each of `control_worlds`.
+        controls: shuffled, frozen, and GOAL_fixed with the cell's name of the goal; none: without; default: all.
+        control_worlds: worlds of the controls; default: the first and the last of `worlds`.
         records: files of episodes to reuse.
-        measured: a real robot's trials: a CSV, or a folder of what `vispeg run` kept.
-        robot: the name of that target.
-        videos: seeds of each policy to film in the first and the last world; needs `out`.
-        fine_tuned: allow policies that were trained with a part of a target.
+        measured: a real robot's trials: a CSV, or a folder of trials as `vispeg run` keeps them.
+        robot: the name of the measured target in tables.
+        videos: episodes of each policy to film in the first and the last world, new failures first.
+        fine_tuned: allow policies that were trained or fine-tuned with a part of a target.
         seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:

@@ -69,8 +69,13 @@ def plan(
 
     Args:
         world: a built-in world's name or a world file, whose task states the tolerance.
-        repeatability: of the robot, mm, ISO 9283; by default what the world states of it, or its data sheet.
-        soft, varies, demonstrations, a_day, build_days: as in `vispeg.evaluation.outlook.outlook`.
+        repeatability: pose repeatability of the robot, mm (ISO 9283); default: what the world states, or the arm's data
+            sheet.
+        soft: a part deforms, flows or is granular.
+        varies: success hangs on a property that varies from object to object, such as surface friction.
+        demonstrations: demonstrations that would teach the task on the robot alone.
+        a_day: demonstrations that can be recorded in a day.
+        build_days: days to build and calibrate the simulation.
 
     Raises:
         UserError: no such world, a number that cannot be, an arm of which no repeatability is known.

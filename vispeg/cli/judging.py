@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vispeg.cli.command import CLEARANCE, REQUIRED, Call, Option, command
 from vispeg.core.interrupt import goes_on
+
+if TYPE_CHECKING:
+    from vispeg.evaluation.jobs import Job
+    from vispeg.evaluation.runner import Watch
 
 OUT = Option(default=REQUIRED)
 
@@ -146,3 +152,77 @@ def sensitivity(call: Call) -> None:
     """
     result = played(call)
     call.give(result, str(call.out / result.page))
+
+
+@command("vispeg.api.gap:gap", "policies", out=OUT, videos=Option(default=2))
+@goes_on()
+def gap(call: Call) -> None:
+    """Measure what policies lose in other worlds, factor by factor.
+
+    All policies play the same seeds. Losses count from the first world, the others are targets. The loss in a combined
+    world (VNP combines V, N and P) is split into shares. Controls are played in the first and the last world; the blind
+    control is a policy of its own, of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+
+    A world that a policy was trained in is its home, and marked so. A policy that was trained with a part of a target
+    is refused without --fine-tuned. --measured adds a real robot's trials as a target: a folder of `vispeg run`, or a
+    CSV (policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or of an
+    earlier gap; films need the policies too.
+
+    Example:
+        vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
+        vispeg gap --records gap/episodes.jsonl --worlds S VNP --out again
+        vispeg gap runs/depth_s* runs/rgb_s* --records gap/episodes.jsonl --episodes 500 --videos 4 --out filmed
+        vispeg gap depth=runs/d/best --worlds S --measured robot.csv --out real
+    """
+    from vispeg.cli.progress import playing
+
+    quiet = call.output.quiet
+
+    def told(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[Watch]:
+        total, controlled = sum(len(j.seeds) for j in jobs), sum(len(j.seeds) for j in jobs if j.control)
+        if controlled and not quiet:
+            text = f"{total} episodes, {controlled} of them of controls (--controls none leaves those out)"
+            print(text, file=sys.stderr)
+        return playing(jobs, folder, quiet)
+
+    call.give(call(playing=told), str(call.out / "gap.html"))
+
+
+@command("vispeg.api.explain:explain", "trials", out=OUT, tolerance=CLEARANCE)
+@goes_on()
+def explain(call: Call, tolerance: float | None = None) -> None:
+    """Explain why trials of a policy fail on a robot.
+
+    Every trial's start is played again in simulation, by the policy and by the trial's own actions, over all that the
+    world draws. What the policy saw is exchanged for simulation's, one sense at a time, to see which moves its action.
+    Each effect of a model file is judged as a cause by what it costs the policy from those starts; `vispeg diagnose` of
+    a motion in free air, or with pictures, names such effects. `--remainder` plays what none of them explains, and says
+    whether the gap is unbridgeable here; next steps stand with what they win back at most, and their hours. Writes
+    OUT/explain.json and OUT/explain.html.
+
+    Example:
+        vispeg explain trials --policy runs/{task}-state/best --world randomized --out why
+        vispeg explain trials --policy runs/{task}-state/best --model diagnosis/model.yaml --apply --out why
+        vispeg explain trials --policy runs/{task}-state/best --model diagnosis/model.yaml --remainder 200 --out why
+
+    Args:
+        tolerance: width of the goal less that of the part, mm; default: the world's.
+    """
+    from vispeg.evaluation.entrants import entrants
+
+    result = played(call, task=_task(call, entrants([call.policy]), tolerance))
+    call.give(result, str(call.out / result.page))
+
+
+@command("vispeg.api.plan:plan", "world", world=Option(default=REQUIRED))
+def plan(call: Call) -> None:
+    """Say what transfer to expect of a task, before anything is built.
+
+    By an article of practitioners: success rates of such tasks, and its signs of a gap that cannot be bridged, each
+    with its number here. It measures nothing; `vispeg gap` and `vispeg run` do.
+
+    Example:
+        vispeg plan S
+        vispeg plan my-cell.yaml --repeatability 0.1 --varies --demonstrations 300 --a-day 80 --build-days 10
+    """
+    call.give(call())

@@ -48,13 +48,13 @@ SECTIONS: dict[str, dict[str, str]] = {
         "run": "vispeg.cli.learning.run",
     },
     "evaluation of policies": {
-        "plan": "vispeg.cli.evaluation.plan",
+        "plan": "vispeg.cli.judging:plan",
         "evaluate": "vispeg.cli.judging:evaluate",
-        "gap": "vispeg.cli.evaluation.gap",
+        "gap": "vispeg.cli.judging:gap",
         "suite": "vispeg.cli.suite",
         "sensitivity": "vispeg.cli.judging:sensitivity",
         "exploit": "vispeg.cli.judging:exploit",
-        "explain": "vispeg.cli.evaluation.explain",
+        "explain": "vispeg.cli.judging:explain",
         "perturb": "vispeg.cli.judging:perturb",
     },
     "other": {

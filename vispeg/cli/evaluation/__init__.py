@@ -1,1 +1,0 @@
-"""Commands that judge policies: plan, evaluate, gap, suite, sensitivity, exploit, explain, perturb."""
