@@ -90,7 +90,7 @@ def test_what_is_listed_can_be_named(monkeypatch):
     assert str(refused.value).endswith(f"choices: {', '.join(entry.name for entry in catalogue.worlds())}")
     assert all(policy_folder(entry.name).is_dir() for entry in catalogue.policies())
     for entry in catalogue.policies():
-        who, world = entrant(entry.name), load_world(entry.more["world"])
+        who, world = entrant(entry.name), load_world(str(entry.more["world"]))
         assert (" as it was before" in entry.about) == (world.hash not in who.trained_on), entry.name
 
 
