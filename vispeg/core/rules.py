@@ -31,6 +31,7 @@ class Rule:
         commit: that set the value.
         reason: why it has this value; empty where none is known.
         case: the data or the case that asked for it; empty where none is known.
+        tried: what a diagnosis without it, or with another value, did (scripts/bench/rules.py).
     """
 
     name: str
@@ -40,20 +41,28 @@ class Rule:
     commit: str
     reason: str = ""
     case: str = ""
+    tried: str = ""
 
     @property
     def evidence(self) -> str:
-        """Give the reason, the case and the commit in one line."""
+        """Give the reason, the case, the commit and what was tried in one line."""
         known = "; ".join(part for part in (self.reason, self.case) if part)
-        return f"{known or 'none known'} ({self.commit})"
+        return f"{known or 'none known'} ({self.commit})" + (f"; {self.tried}" if self.tried else "")
 
 
 def _rule(
-    value: float | tuple[float, ...], channel: Channel, commit: str, decides: str, *, reason: str = "", case: str = ""
+    value: float | tuple[float, ...],
+    channel: Channel,
+    commit: str,
+    decides: str,
+    *,
+    reason: str = "",
+    case: str = "",
+    tried: str = "",
 ) -> Any:
     """Give the field of a rule; its name is that of the attribute."""
-    known = {"channel": channel, "decides": decides, "commit": commit, "reason": reason, "case": case}
-    return field(default=value, metadata=known)
+    known = {"channel": channel, "decides": decides, "commit": commit}
+    return field(default=value, metadata=known | {"reason": reason, "case": case, "tried": tried})
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,8 @@ class Compared:
         "Share of a step by which a reading may lie off the grid.")
     noise_quantile: float = _rule(0.9, "joints", "f10230da",
         "Quantile, over draws, of how far fed-back noise moves the right model: that much is its noise floor.",
-        reason="one draw in ten exceeds it", case="OSC arms with the right model that were called unexplained")
+        reason="one draw in ten exceeds it",
+        case="OSC arms with the right model that were called unexplained")
     noise_quantile_coarse: float = _rule(0.5, "joints", "e07bb19d",
         "The same where encoders are coarse.",
         reason="the draws differ by where in a step the arm began; a floor so wide would hide effects")
@@ -293,7 +303,8 @@ class Compared:
         case="a read-out time that was taken for the arm's errors")
     field_gain: float = _rule(2.7, "pictures", "6ff9609c",
         "Log likelihood that a field of shifts over the image must gain.",
-        reason="1 %, half of chi squared (Self and Liang 1987)", case="a smear on the lens beside errors of the joints")
+        reason="1 %, half of chi squared (Self and Liang 1987)",
+        case="a smear on the lens beside errors of the joints")
     astray: float = _rule(0.25, "pictures", "367f443f",
         "Share of borders without an edge within half a pixel from which the camera is looked for far off.")
     figure_depth: tuple[float, float] = _rule((1e-3, 4e-3), "pictures", "7a1c05b5",
@@ -372,7 +383,8 @@ class Proposed:
         "Share of the gain a step needs that the screen must promise for a fit.",
         reason="the screen is linear, so what it promises may fall short")
     group: float = _rule(0.97, "joints", "b805ac3c",
-        "Share of a group's promise from which one effect alone is tried instead.")
+        "Share of a group's promise from which one effect alone is tried instead.",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     fitted: int = _rule(7, "joints", "1a2442b3",
         "Candidates that are fitted at a step.")
     fitted_surely: int = _rule(4, "joints", "1a2442b3",
@@ -455,7 +467,8 @@ class Accepted:
         "The same of tosses, and of a sensor's figures.")
     later: float = _rule(0.001, "all", "f15b2aa2",
         "Share of what the effects so far typically removed that a later one must remove.",
-        reason="no model is exact")
+        reason="no model is exact",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     later_pictures: float = _rule(0.01, "pictures", "367f443f",
         "The same of a sensor's effects.",
         reason="what the form of an effect leaves is not another effect")
@@ -465,7 +478,8 @@ class Accepted:
     large: float = _rule(0.4, "all", "e3f41922",
         "Share of the held-out squared error from which blocks need less significance.",
         reason="a fit of other recordings hardly removes as much by chance",
-        case="a torque limit, which acts at times (0.5 in 3fbb93d7)")
+        case="a torque limit, which acts at times (0.5 in 3fbb93d7)",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     large_level: float = _rule(0.05, "all", "3fbb93d7",
         "Level of the test over blocks where so much goes.",
         reason="5 %, one-sided")
@@ -499,7 +513,8 @@ class Accepted:
         reason="laws of contact are off by as much of a force")
     contact_tied: float = _rule(5.41, "contact", "35ea2f18",
         "Quantile of chi squared up to which a rival is as good.",
-        reason="2 %, one degree of freedom", case="a held object's mass that came out where the tool was heavier")
+        reason="2 %, one degree of freedom",
+        case="a held object's mass that came out where the tool was heavier")
     form_beside: float = _rule(0.1, "contact", "e39a6576",
         "Share of what is left of form that an effect beside others must remove.",
         reason="no law of contact is exact")
@@ -513,11 +528,14 @@ class Accepted:
         reason="no form of friction leaves one")
     alone: float = _rule(0.8, "all", "954b27c7",
         "Share of the held-out error from which one effect is taken before several.",
-        case="the demo's arm: several at a time named what was not there")
+        case="the demo's arm: several at a time named what was not there",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     tie: float = _rule(0.03, "all", "2fcabec5",
-        "Share of the error, or of the best promise, within which candidates are equals.")
+        "Share of the error, or of the best promise, within which candidates are equals.",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     tie_room: float = _rule(0.3, "all", "2fcabec5",
-        "Noise variances that count as left when equals are compared at the noise floor.")
+        "Noise variances that count as left when equals are compared at the noise floor.",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     tie_sigma: float = _rule(2.0, "all", "2fcabec5",
         "Standard errors under which two held-out errors are equal by chance.",
         reason="2.3 %, one-sided")
@@ -539,7 +557,8 @@ class Exchanged:
         "Exchanges of an effect with its rival at most.")
     on_steps: int = _rule(3, "joints", "7abebd9a",
         "Steps that a search without a doubtful effect may take to become better.",
-        case="a wrist's voltage limit at its bound, in the place of its friction, rotor inertia and bias")
+        case="a wrist's voltage limit at its bound, in the place of its friction, rotor inertia and bias",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     gather_steps: int = _rule(1, "joints", "39bb29f5",
         "Steps that a search with one load in the place of several links may take.",
         case="a payload that came in as masses and centres of three links")
@@ -592,7 +611,8 @@ class Dropped:
         "Chance that a parameter that is there is taken for absent.",
         reason="5 %")
     drop_nothing: float = _rule(0.1, "joints", "e76c6eab",
-        "Share of `gain` under which an effect goes out that may be absent, however sure its gain.")
+        "Share of `gain` under which an effect goes out that may be absent, however sure its gain.",
+        tried="off, no change on coulomb_friction/joint4/small of seed 4711 (b8ca1027)")
     # fmt: on
 
 
@@ -663,7 +683,8 @@ class Concluded:
         "Share of the held-out excess over noise that an identified model must explain.")
     far: float = _rule(100.0, "all", "25a39308",
         "Noise variances in any kind of channel above which no model is identified.",
-        reason="ten times the noise", case="a model so wrong that 97 % of its error left 25 times the noise")
+        reason="ten times the noise",
+        case="a model so wrong that 97 % of its error left 25 times the noise")
     inertial: float = _rule(1.25, "joints", "f121f501",
         "Times what least squares of all inertial parameters leaves, up to which a model is identified.",
         reason="a remainder no greater is none that a rigid arm with plain friction could mend")
@@ -713,7 +734,8 @@ class Concluded:
         "The same of held-out points.")
     moved_sigma: float = _rule(3.0, "pictures", "97667a06",
         "Times `thing_known` by which a thing may stand elsewhere in the held-out recordings.",
-        reason="three standard deviations", case="a fixture that was moved between the recordings")
+        reason="three standard deviations",
+        case="a fixture that was moved between the recordings")
     moved_points: int = _rule(30, "pictures", "99421fcc",
         "Points that the place of a thing needs.")
     halves_sigma: float = _rule(2.0, "pictures", "367f443f",

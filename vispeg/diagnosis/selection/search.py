@@ -48,7 +48,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     ):
         super().__init__(evidence, judge, progress or Progress())
         self.say = say
-        self.least_share = min(RULES.later, evidence.least_gain)
+        self.least_share = RULES.later
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Adding an effect, then what makes those that stand there earn their places."""
