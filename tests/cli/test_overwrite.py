@@ -1,6 +1,5 @@
 """No command with --out and --overwrite takes what it reads, or what this program did not write."""
 
-import importlib
 import json
 import re
 import shutil
@@ -10,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from vispeg.cli.command import found
-from vispeg.cli.main import COMMANDS, main
-from vispeg.cli.options import options, subcommands
+from vispeg.cli.command import leaves
+from vispeg.cli.main import main
 from vispeg.core.assets import assets
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.suite import summarise
@@ -57,25 +55,8 @@ WHY = (
 HEAD = "format: vispeg-world/1\nbase: nominal\n"
 
 
-def replacing(module: str, name: str):
-    """`name` of each (sub-)command that has out and overwrite, of its own or of a group that commands share."""
-    if ":" in module or not hasattr(importlib.import_module(module), "Args"):
-        command = found(module)
-        below = (
-            {f"{name} {sub}": each for sub, each in command.items()} if isinstance(command, dict) else {name: command}
-        )
-        for label, each in below.items():
-            if {"out", "overwrite"} <= each.taken().keys():
-                yield label
-        return
-    kind = importlib.import_module(module).Args
-    for label, leaf in {name: kind, **{f"{name} {sub}": k for sub, k in subcommands(kind).items()}}.items():
-        if {"out", "overwrite"} <= {option.name for option in options(leaf)}:
-            yield label
-
-
 def test_every_command_that_replaces_something_is_tried_here():
-    there = {found for name, module in COMMANDS.items() for found in replacing(module, name)}
+    there = {name for name, command in leaves().items() if {"out", "overwrite"} <= command.taken().keys()}
     assert there == {*READS, *FILES, *OTHERS} - {"fit paper"}
 
 

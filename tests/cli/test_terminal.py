@@ -7,7 +7,8 @@ import subprocess
 
 import pytest
 
-from vispeg.cli.main import COMMANDS, main
+from vispeg.cli.main import main
+from vispeg.cli.overview import COMMANDS
 from vispeg.core.effect import REGISTRY
 from vispeg.core.errors import UserError
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from vispeg.cli.main import COMMANDS, main
+from vispeg.cli.main import main
+from vispeg.cli.overview import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

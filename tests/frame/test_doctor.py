@@ -12,12 +12,12 @@ import pytest
 
 from vispeg.api.machine import doctor, graphics, installed
 from vispeg.api.machine.doctor import Finding, Machine
-from vispeg.cli.machine.doctor import Args
+from vispeg.cli.doctor import doctor as command
 from vispeg.core.broken import in_words, run
 
 
 def test_json_says_what_the_exit_code_says(capsys):
-    code = Args(json=True).run()
+    code = command(["--json"])
     record = json.loads(capsys.readouterr().out)
     assert record["format"] == "vispeg-doctor/1"
     needed = [f for f in record["findings"] if f["needed"]]
@@ -49,13 +49,13 @@ def test_missing_extra_is_not_a_failure(monkeypatch):
 def test_table_marks_and_exit_codes(monkeypatch, capsys):
     optional = Finding("gpu", False, "none", fix="buy one")
     monkeypatch.setattr(doctor, "examine", lambda: Machine([Finding("python", True, "3", True), optional]))
-    assert Args().run() == 0
+    assert command([]) == 0
     shown = capsys.readouterr().out
     assert "Ready." in shown and "-> buy one" in shown and "FAIL" not in shown
     monkeypatch.setattr(
         doctor, "examine", lambda: Machine([Finding("physics", False, "no", True, "install it"), optional])
     )
-    assert Args().run() == 1
+    assert command([]) == 1
     shown = capsys.readouterr().out
     assert "FAIL  physics" in shown and "Not ready" in shown
 

@@ -10,34 +10,34 @@ import pytest
 
 from vispeg import __version__
 from vispeg.cli import main as cli
+from vispeg.cli.overview import COMMANDS
 from vispeg.core.errors import UserError
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {"torch", "matplotlib", "plotly", "pyarrow", "rosbags", "trimesh", "cv2", "ray"}
-FAKE = '''"""Does nothing.
+FAKE = '''import warnings
 
-Example:
-    vispeg fake --how usererror
-"""
-import os, sys, warnings
-from dataclasses import dataclass
+from vispeg.cli.command import command
 from vispeg.core.errors import UserError
 
-@dataclass(frozen=True)
-class Args:
-    """."""
-    how: str = "well"
-    """What happens."""
+@command()
+def fake(call, how: str = "well"):
+    """Do nothing.
 
-    def run(self):
-        if self.how == "usererror":
-            raise UserError("two\\nlines", file="f.yaml", got=1)
-        if self.how == "interrupt":
-            raise KeyboardInterrupt
-        if self.how == "warn":
-            warnings.warn("odd\\n  column")
-        if self.how == "three":
-            return 3
+    Example:
+        vispeg fake --how usererror
+
+    Args:
+        how: what happens.
+    """
+    if how == "usererror":
+        raise UserError("two\\nlines", file="f.yaml", got=1)
+    if how == "interrupt":
+        raise KeyboardInterrupt
+    if how == "warn":
+        warnings.warn("odd\\n  column")
+    if how == "three":
+        return 3
 '''
 
 
@@ -49,7 +49,7 @@ def python(*command: str, **options) -> subprocess.CompletedProcess[str]:
 def fake(tmp_path, monkeypatch):
     (tmp_path / "fake_command.py").write_text(FAKE)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(cli.COMMANDS, "fake", "fake_command")
+    monkeypatch.setitem(COMMANDS, "fake", "fake_command:fake")
     yield
     sys.modules.pop("fake_command", None)
 
@@ -61,7 +61,7 @@ def test_overview_imports_nothing_that_takes_time():
 
 
 def test_no_command_imports_heavy_packages_before_it_runs():
-    code = "import importlib, sys; from vispeg.cli.main import COMMANDS, available\n"
+    code = "import importlib, sys; from vispeg.cli.overview import COMMANDS, available\n"
     code += (
         "for name in available(): importlib.import_module(COMMANDS[name].partition(':')[0])\nprint(sorted(sys.modules))"
     )
@@ -69,7 +69,7 @@ def test_no_command_imports_heavy_packages_before_it_runs():
 
 
 def test_every_promised_command_is_there():
-    assert list(cli.available()) == list(cli.COMMANDS)
+    assert list(cli.available()) == list(COMMANDS)
 
 
 @pytest.mark.parametrize("name", list(cli.available()))
@@ -149,8 +149,9 @@ def test_exit_codes(fake, capsys, how, code, said):
 
 def test_warnings_are_one_line_notes(tmp_path):
     (tmp_path / "fake_command.py").write_text(FAKE)
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from vispeg.cli.main import COMMANDS, main\n"
-    code += "COMMANDS['fake'] = 'fake_command'; sys.exit(main(['fake', '--how', 'warn']))"
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from vispeg.cli.main import main\n"
+    code += "from vispeg.cli.overview import COMMANDS\n"
+    code += "COMMANDS['fake'] = 'fake_command:fake'; sys.exit(main(['fake', '--how', 'warn']))"
     done = python("-c", code)
     assert (done.returncode, done.stderr) == (0, "vispeg: note: odd column\n")
 
@@ -165,6 +166,7 @@ def test_a_programming_error_is_not_hidden(monkeypatch):
 def test_a_reader_that_goes_away_is_no_error():
     command = [sys.executable, "-m", "vispeg", "--help"]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
     process.stdout.close()
     error = process.stderr.read()
     process.stderr.close()

@@ -98,15 +98,14 @@ def run(
     """Run a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
 
     Args:
-        policy: a folder, a bundled policy's name, an .onnx by `vispeg export`, which needs no torch, or one of the
-            user's own, see `vispeg.evaluation.own`, with `world`.
-        robot: as `--robot`, or an object with the four calls of `vispeg.trials.driver.Driver`.
-        out: folder of the trials.
-        episodes: number of them; by default 1, of a log all that it has.
-        seed: of the first one; by default the number of its folder.
+        policy: a policy's folder, a bundled policy's name, an .onnx file, or one of your own.
+        robot: sim:WORLD, ros2[:FILE.yaml], lerobot:TYPE[:FILE.yaml], log:FOLDER, or python:MODULE:CALLABLE.
+        out: folder of the trials; those that are there stay, numbers go on.
+        episodes: number of episodes; default: 1, of a log all that it has.
+        seed: what a simulated robot draws the first episode's start from; default: the trial's number.
         how: limits, shadow, slow, the believed goal.
-        world: on whose arm the policy is played; None for the one that it was trained in.
-        name: of the policy in tables; by default its folder's or file's.
+        world: the world on whose arm the policy is played; default: the one that it was trained in.
+        name: name of the policy in tables; default: its folder's.
         clock: by which the loop goes; the host's.
         ask: is told an outcome and says what a person saw.
         ready: called before each episode with its number.

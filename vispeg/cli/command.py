@@ -28,10 +28,9 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 from vispeg.cli.declared import Parameter, parameters
-from vispeg.cli.options import NAMED, choices, default_shown, metavar, plain
-from vispeg.cli.options import Option as Typed
+from vispeg.cli.options import NAMED, choices, default_shown, metavar
 from vispeg.cli.output import Output, OutputOptions
-from vispeg.cli.overview import doc
+from vispeg.cli.overview import COMMANDS, doc
 
 if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
@@ -108,20 +107,6 @@ class Command:
         """Give what stands on the command line for a parameter: --name, or NAME where it is positional."""
         word = (self.special.get(name) or Option()).name or name
         return word.upper() if name in self.positional else f"--{word.replace('_', '-')}"
-
-    def options(self) -> list[Typed]:
-        """Give its options, those of all commands left out."""
-        return [
-            Typed(
-                _field(name, option),
-                "" if name in self.positional else self.word(name),
-                choices(kind),
-                kind is not bool,
-                plain(kind) is Path,
-                option.repeats,
-            )
-            for name, (_, option, kind) in self.taken().items()
-        ]
 
     def run(self, args: Any) -> int:
         """Run it with what `form` has read."""
@@ -211,7 +196,17 @@ def found(place: str) -> Command | dict[str, Command]:
     there = vars(importlib.import_module(module))
     if name:
         return there[name].command
-    return {key.rstrip("_"): value.command for key, value in there.items() if hasattr(value, "command")}
+    return {key: value.command for key, value in there.items() if hasattr(value, "command")}
+
+
+def leaves() -> dict[str, Command]:
+    """Give every command that the parser reads, `camera show` where it has sub-commands."""
+    out = {}
+    for name, place in COMMANDS.items():
+        if name != "doctor":
+            here = found(place)
+            out |= {f"{name} {sub}": each for sub, each in here.items()} if isinstance(here, dict) else {name: here}
+    return out
 
 
 @cache
@@ -243,7 +238,7 @@ def form(command: Command) -> type[Any]:
         heading = Annotated[made, tyro.conf.arg(name=title), tyro.conf.OmitArgPrefixes]
         rows.append((f"{title}_options", heading, field(default=made())))
     rows.append(("output", OutputOptions, field(default=Output())))
-    return make_dataclass(command.name, rows, frozen=True, kw_only=True, namespace={"_described": True})
+    return make_dataclass(command.name, rows, frozen=True, kw_only=True)
 
 
 def typed(hint: Any, name: str) -> Any:

@@ -19,7 +19,7 @@ from typing import Any
 from docstring_parser.google import parse
 
 PLAIN = ("typing", "collections.abc", "pathlib")  # whose names are types by themselves
-SAME = re.compile(r"(?:as )?(?:in|for) `([\w.]+)`\.?")  # in a docstring: what another function says of this parameter
+SAME = re.compile(r"(?:as )?(?:in|for) `(\w+\.[\w.]+)`\.?")  # a docstring's pointer to another function's
 
 
 class Unknown:
@@ -110,7 +110,8 @@ class _Names(dict[str, Any]):
     def evaluated(self, node: ast.expr) -> Any:
         """Give the value of an expression; `Unknown` where it has a part that is none."""
         try:
-            return eval(compile(ast.Expression(node), self.module, "eval"), {}, self)  # of this package's own source
+            value = eval(compile(ast.Expression(node), self.module, "eval"), {}, self)  # of this package's own source
+            return Unknown if isinstance(value, Unknown) else value
         except (TypeError, AttributeError):
             return Unknown
 

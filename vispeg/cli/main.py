@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import importlib
 import os
 import signal
 import sys
@@ -15,7 +14,7 @@ from types import FrameType
 
 from vispeg import __version__
 from vispeg.api.machine.graphics import check_backend, choose_backend
-from vispeg.cli.overview import COMMANDS, available, overview
+from vispeg.cli.overview import available, overview
 from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
@@ -45,23 +44,19 @@ def run(argv: Sequence[str]) -> int:
     commands = available()
     if argv[0] not in commands:
         raise UserError("unknown command", got=argv[0], choices=commands)
-    from vispeg.cli.usage import parse, parsed
-
     choose_backend()
     os.environ.setdefault(BLAS_THREADS, "1")  # before NumPy comes in
-    if argv[0] != "doctor":  # who has to work where a library or the parser is what is missing
-        check_backend()
-    if ":" in COMMANDS[argv[0]] or not hasattr(module := importlib.import_module(COMMANDS[argv[0]]), "Args"):
-        command, args = parsed(argv[0], argv[1:])
-        if args.output.quiet:
-            warnings.showwarning = lambda *_, **__: None
-        return command.run(args)
-    special = getattr(module, "parse", None)
-    args = special(argv[1:]) if special else parse(module.Args, f"vispeg {argv[0]}", module.__doc__, argv[1:])
-    output = getattr(args, "output", getattr(getattr(args, "command", None), "output", None))
-    if output is not None and output.quiet:
+    if argv[0] == "doctor":  # who has to work where a library or the parser is what is missing
+        from vispeg.cli.doctor import doctor
+
+        return doctor(argv[1:])
+    from vispeg.cli.usage import parsed
+
+    check_backend()
+    command, args = parsed(argv[0], argv[1:])
+    if args.output.quiet:
         warnings.showwarning = lambda *_, **__: None
-    return int(args.run() or 0)
+    return command.run(args)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -9,12 +9,12 @@ import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
-# Name -> module, which is imported when its command runs, so that help stays quick.
+# Name -> MODULE:FUNCTION of its command, or the module whose commands are its sub-commands; imported when it runs.
 SECTIONS: dict[str, dict[str, str]] = {
     "start here": {
         "demo": "vispeg.cli.demo:demo",
-        "doctor": "vispeg.cli.machine.doctor",
-        "view": "vispeg.cli.view",
+        "doctor": "vispeg.cli.doctor",
+        "view": "vispeg.cli.view:view",
     },
     "recordings": {
         "check": "vispeg.cli.recordings:check",
@@ -45,7 +45,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "finetune": "vispeg.cli.policies:finetune",
         "combine": "vispeg.cli.policies:combine",
         "export": "vispeg.cli.policies:export",
-        "run": "vispeg.cli.learning.run",
+        "run": "vispeg.cli.run:run",
     },
     "evaluation of policies": {
         "plan": "vispeg.cli.judging:plan",
@@ -58,7 +58,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "perturb": "vispeg.cli.judging:perturb",
     },
     "other": {
-        "completion": "vispeg.cli.machine.completion",
+        "completion": "vispeg.cli.completion:completion",
     },
 }
 COMMANDS = {name: module for section in SECTIONS.values() for name, module in section.items()}

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vispeg.evaluation.entrants import Entrant
     from vispeg.task.world_file import WorldFile
 
 FLAG = "--clearance"
-Room = Annotated[float | None, tyro.conf.arg(name=FLAG[2:], metavar="X", help_behavior_hint="")]
 
 
 def at_tolerance(who: Iterable[Entrant], world: WorldFile, value: float | None) -> Mapping[str, float]:

@@ -33,7 +33,7 @@ ELSEWHERE = {  # what is looked for as an option and stands elsewhere
 
 def parsed(name: str, argv: Sequence[str]) -> tuple[Command, Any]:
     """Give a command, or the sub-command that is named, and its arguments; see `parse`."""
-    from vispeg.cli.command import form, found
+    from vispeg.cli.command import found
     from vispeg.cli.overview import COMMANDS, page
 
     command = found(COMMANDS[name])
@@ -46,11 +46,11 @@ def parsed(name: str, argv: Sequence[str]) -> tuple[Command, Any]:
         else:
             got = argv[0] if argv else None
             raise UserError("unknown command" if got else "which one?", key=f"vispeg {name}", got=got, choices=command)
-    return command, parse(form(command), f"vispeg {name}", command.help, argv)
+    return command, parse(command, f"vispeg {name}", argv)
 
 
-def parse(kind: type[Any], program: str, description: str | None, argv: Sequence[str]) -> Any:
-    """Give the arguments of a command, an instance of the dataclass `kind`.
+def parse(command: Command, program: str, argv: Sequence[str]) -> Any:
+    """Give the arguments of a command, see `form`.
 
     Raises:
         UserError: an argument is unknown, missing or of another kind; the parser's framed text becomes its message.
@@ -58,24 +58,17 @@ def parse(kind: type[Any], program: str, description: str | None, argv: Sequence
     """
     import tyro
 
-    from vispeg.cli.options import describe, options, subcommands
+    from vispeg.cli.command import form
 
-    below = subcommands(kind)
-    if below and argv and not argv[0].startswith("-"):
-        leaf = below.get(argv[0])
-        if leaf is None:
-            raise UserError("unknown command", got=argv[0], choices=below)
-        return kind(command=parse(leaf, f"{program} {argv[0]}", leaf.__doc__, argv[1:]))
-    describe(kind)
-    argv = repeated(argv, {option.flag for option in options(kind) if option.repeats})
+    argv = repeated(argv, {command.word(name) for name, (_, option, _) in command.taken().items() if option.repeats})
     page, text = Page(), io.StringIO()
     flags = (tyro.conf.FlagCreatePairsOff,)
     try:
         with redirect_stdout(page), redirect_stderr(text):
-            args = tyro.cli(kind, prog=program, description=MARK, args=list(argv), config=flags)
+            args = tyro.cli(form(command), prog=program, description=MARK, args=list(argv), config=flags)
     except SystemExit as stop:
         if not stop.code:
-            print(laid_out(page.getvalue(), filled(description or "")))
+            print(laid_out(page.getvalue(), filled(command.help)))
             raise
         raise UserError(f"{one_line(text.getvalue())}; see {program} --help") from None
     return checked(args)

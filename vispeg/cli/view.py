@@ -1,86 +1,77 @@
-"""Opens the page in the browser: diagnosis, worlds, policies, data.
-
-The page is served on this machine alone, to whoever has the address with its token. It shows where a model fails, adds
-an effect by a click, and shows each step as the command that does the same. Results are written to OUT; a stopped page
-goes on from there.
-
-Example:
-    vispeg view rig-a rig-b rig-c
-    vispeg view rig-a rig-b rig-c --model arm.urdf
-    vispeg view log.csv
-    vispeg view depth-S randomized
-    vispeg view frames
-    vispeg view runs
-    vispeg view trials
-"""
+"""`vispeg view`: the page in the browser."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import sys
 from pathlib import Path
 
-import tyro
-
-from vispeg.cli.output import Output, OutputOptions
+from vispeg.cli.command import Call, command
 
 
-@dataclass(frozen=True)
-class Args:
-    """Arguments of `vispeg view`."""
+@command("", "sources")
+def view(
+    call: Call,
+    sources: tuple[str, ...] = (),
+    model: str | None = None,
+    out: Path = Path("vispeg-view"),
+    port: int | None = None,
+    no_browser: bool = False,
+    dark: bool = False,
+    native: bool = False,
+    threads: int = 2,
+) -> None:
+    """Open the page in the browser: diagnosis, worlds, policies, data.
 
-    sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Recordings, folders of them, logs, a model, a world, a policy, a dataset, a training run, or trials;
-    default: an empty page."""
-    model: str | None = None
-    """A model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14."""
-    out: Path = Path("vispeg-view")
-    """Folder for what the page writes."""
-    port: int | None = None
-    """Port; default: the first free one from 8080 on."""
-    no_browser: bool = False
-    """Do not open the browser."""
-    dark: bool = False
-    """Dark mode, whatever the system's setting."""
-    native: bool = False
-    """Show the model in MuJoCo's own viewer, with the effects that MuJoCo has elements for."""
-    threads: int = 2
-    """Threads of the simulation."""
-    output: OutputOptions = Output()
+    The page is served on this machine alone, to whoever has the address with its token. It shows where a model fails,
+    adds an effect by a click, and shows each step as the command that does the same. Results are written to OUT; a
+    stopped page goes on from there.
 
-    def run(self) -> int:
-        """Serve the page until it is interrupted."""
-        import sys
-        import webbrowser
+    Example:
+        vispeg view rig-a rig-b rig-c
+        vispeg view rig-a rig-b rig-c --model arm.urdf
+        vispeg view log.csv
+        vispeg view depth-S randomized
+        vispeg view frames
+        vispeg view runs
+        vispeg view trials
 
-        from vispeg.core.extras import require
-        from vispeg.view.opened import opened
+    Args:
+        sources: recordings, folders of them, logs, a model, a world, a policy, a dataset, a training run, or trials;
+            default: an empty page.
+        model: a model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14.
+        out: folder for what the page writes.
+        port: port; default: the first free one from 8080 on.
+        no_browser: do not open the browser.
+        dark: dark mode, whatever the system's setting.
+        native: show the model in MuJoCo's own viewer, with the effects that MuJoCo has elements for.
+        threads: threads of the simulation.
+    """
+    import webbrowser
 
-        sources = opened(self.sources, self.model)
-        if self.native:
-            return self._native(sources.model)
-        require("viser", "vispeg view")
-        from vispeg.view.app import App
-        from vispeg.view.gate import opener
+    from vispeg.core.extras import require
+    from vispeg.view.opened import opened
 
-        app = App(sources, self.out, port=self.port, threads=self.threads, dark=self.dark)
-        self.output.give({"url": app.url, "out": str(self.out)}, [f"{app.url} (Ctrl-C ends it)"])
-        sys.stdout.flush()  # a program that started this one reads the address now
-        if self.no_browser or self.output.json:
-            app.serve()
-            return 0
-        way = opener(self.out, app.url)
-        try:
-            webbrowser.open(way.resolve().as_uri())
-            app.serve()
-        finally:
-            way.unlink(missing_ok=True)
-        return 0
-
-    def _native(self, model: str) -> int:
-        """MuJoCo's own viewer; it needs a display."""
+    shown = opened(sources, model)
+    if native:
         from vispeg.api.export.viewer import open_viewer
 
-        viewer = open_viewer(model)
-        self.output.give(viewer.record, viewer.summary)
+        viewer = open_viewer(shown.model)
+        call.give(viewer)
         viewer.launch()
-        return 0
+        return
+    require("viser", "vispeg view")
+    from vispeg.view.app import App
+    from vispeg.view.gate import opener
+
+    app = App(shown, out, port=port, threads=threads, dark=dark)
+    call.output.give({"url": app.url, "out": str(out)}, [f"{app.url} (Ctrl-C ends it)"])
+    sys.stdout.flush()  # a program that started this one reads the address now
+    if no_browser or call.output.json:
+        app.serve()
+        return
+    way = opener(out, app.url)
+    try:
+        webbrowser.open(way.resolve().as_uri())
+        app.serve()
+    finally:
+        way.unlink(missing_ok=True)

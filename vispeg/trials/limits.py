@@ -23,10 +23,10 @@ class Limits:
     """What a run allows; beyond it the arm stops.
 
     Attributes:
-        force: N on the wrist, the tool's weight off; None for the task's own limit of contact.
-        speed: of the tip, m/s.
-        reach: of the tip from where the goal is believed, to the side, m.
-        no_force_limit: the robot may be one that measures no force.
+        force: force on the wrist, the tool's weight off, at which the arm stops, N; default: the task's.
+        speed: speed of the tip at which the arm stops, m/s.
+        reach: distance of the tip from the goal, to the side, at which the arm stops, m.
+        no_force_limit: run a robot that measures no force, on which no limit of force can act.
     """
 
     force: float | None = None

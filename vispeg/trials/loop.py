@@ -56,9 +56,9 @@ class How:
 
     Attributes:
         limits: that stop the arm.
-        shadow: the policy computes, the arm is not moved.
-        slow: share of an action's offset that is asked for; an episode gets as many steps more.
-        goal: (3,) m, where the goal is believed to be, base; None for what the robot says, else the nominal place.
+        shadow: compute and record, do not move the arm.
+        slow: share of the offset of each action that is asked for, 0.05 to 1; an episode gets as many steps more.
+        goal: where the goal is believed to be, m in the base; default: what the robot says, else its nominal place.
         silence: s without a new reading after which the arm stops.
         rest: s, on the robot's clock too, for which the arm is recorded at rest before the policy acts.
     """

@@ -13,38 +13,27 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NoReturn
 
 from vispeg.core.errors import UserError
 
 
-@dataclass(frozen=True)
-class Args:
-    """Arguments of `vispeg doctor`."""
+def doctor(argv: Sequence[str]) -> int:
+    """Print the findings; 0 if nothing that the base needs is missing, else 1.
 
-    json: bool = False
-    """Print JSON instead of a table."""
-    quiet: bool = False
-    """Print only what is missing."""
-
-    def run(self) -> int:
-        """Print the findings; 0 if nothing that the base needs is missing, else 1."""
-        from vispeg.api.machine.doctor import examine
-
-        machine = examine()
-        if text := json.dumps(machine.record, indent=2) if self.json else machine.text(self.quiet):
-            print(text)
-        return 0 if machine.healthy else 1
-
-
-def parse(argv: Sequence[str]) -> Args:
-    """Give the arguments, without the package that reads those of other commands: it may be what is missing."""
+    The arguments are read without the package that reads those of other commands: it may be what is missing.
+    """
     form = argparse.RawDescriptionHelpFormatter
     parser = _Parser("vispeg doctor", description=__doc__, formatter_class=form, allow_abbrev=False)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--quiet", action="store_true", help="print only what is missing")
-    return Args(**vars(parser.parse_args(argv)))
+    args = parser.parse_args(argv)
+    from vispeg.api.machine.doctor import examine
+
+    machine = examine()
+    if text := json.dumps(machine.record, indent=2) if args.json else machine.text(args.quiet):
+        print(text)
+    return 0 if machine.healthy else 1
 
 
 class _Parser(argparse.ArgumentParser):

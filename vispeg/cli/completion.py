@@ -1,44 +1,50 @@
-"""The scripts that complete a command line: what may follow each command and option, as cases of the shell."""
+"""`vispeg completion`: what may follow each command and option, as cases of the shell."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib import import_module
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
-from vispeg.cli.command import found
-from vispeg.cli.options import NAMED, Option, options, subcommands
+from vispeg.cli.command import Call, command, leaves
+from vispeg.cli.options import NAMED, choices, plain
+from vispeg.cli.overview import COMMANDS
 
 FILES = "<files>"  # stands for files and folders
+COMMON = {"--help": (), "--json": (), "--quiet": ()}
 Words = Mapping[str, Sequence[str]]  # option ("" for what is positional) -> what may follow it
+
+
+@command("", "shell")
+def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
+    """Print the completion script of bash, zsh or fish.
+
+    Example:
+        vispeg completion bash > ~/.local/share/bash-completion/completions/vispeg
+        vispeg completion zsh > ~/.vispeg-completion.zsh && echo 'source ~/.vispeg-completion.zsh' >> ~/.zshrc
+        vispeg completion fish > ~/.config/fish/completions/vispeg.fish
+
+    Args:
+        shell: the shell.
+    """
+    if call.output.json:
+        rows = {name: {flag or "": list(after) for flag, after in row.items()} for name, row in words().items()}
+        call.output.give(rows, [])
+    else:
+        print(script(shell), end="")
 
 
 def words() -> dict[str, Words]:
     """Command (`camera show` where it has sub-commands) -> its options with what may follow each."""
-    from vispeg.cli.main import COMMANDS
-
-    table: dict[str, Words] = {"": {"": list(COMMANDS)}}
-    for name, module in COMMANDS.items():
-        if ":" in module or not hasattr(import_module(module), "Args"):
-            command = found(module)
-            if isinstance(command, dict):
-                table[name] = {"": [*command]}
-            below = {f"{name} {sub}": c for sub, c in command.items()} if isinstance(command, dict) else {name: command}
-            for label, each in below.items():
-                options_ = each.options()
-                positional = [v for o in options_ if not o.flag for v in _values(o)]
-                flags = {o.flag: _values(o) for o in options_ if o.flag}
-                flags |= {"--json": (), "--quiet": ()}
-                table[label] = {"--help": (), **flags, "": list(dict.fromkeys(positional))}
-            continue
-        kind = import_module(module).Args
-        below = subcommands(kind)
+    table: dict[str, Words] = {"": {"": list(COMMANDS)}, "doctor": COMMON}
+    for name, each in leaves().items():
+        group, _, below = name.partition(" ")
         if below:
-            table[name] = {"": [*below]}
-        for command, leaf in ({f"{name} {sub}": k for sub, k in below.items()} or {name: kind}).items():
-            positional = [v for o in options(leaf) if not o.flag for v in _values(o)]
-            flags = {o.flag: _values(o) for o in options(leaf) if o.flag}
-            table[command] = {"--help": (), **flags, "": list(dict.fromkeys(positional))}
+            table[group] = {"": [*table.get(group, {}).get("", ()), below]}
+        after = {key: _values(option.name or key, kind) for key, (_, option, kind) in each.taken().items()}
+        flags = {each.word(key): values for key, values in after.items() if key not in each.positional}
+        positional = dict.fromkeys(value for key in each.positional for value in after[key])
+        table[name] = {**COMMON, **flags, "": list(positional)}
     return table
 
 
@@ -51,11 +57,11 @@ def script(shell: Literal["bash", "zsh", "fish"]) -> str:
     return head + _bash(rows)
 
 
-def _values(option: Option) -> Sequence[str]:
+def _values(name: str, kind: Any) -> Sequence[str]:
     """Give what may follow an option; nothing where it takes none or where any number or text will do."""
-    if option.name in NAMED:
-        return [*_names(NAMED[option.name]), FILES]
-    return option.choices or ((FILES,) if option.path else ())
+    if name in NAMED:
+        return [*_names(NAMED[name]), FILES]
+    return choices(kind) or ((FILES,) if plain(kind) is Path else ())
 
 
 def _names(what: str) -> list[str]:
@@ -67,11 +73,11 @@ def _names(what: str) -> list[str]:
 
 def _bash(rows: Mapping[str, Words]) -> str:
     cases = []
-    for command, after in rows.items():
+    for name, after in rows.items():
         flags = " ".join(flag for flag in after if flag)
-        cases += [f'    "{command} {flag}") {_set(values)} ;;' for flag, values in after.items() if flag and values]
-        cases.append(f'    "{command} ") {_set([flags, *after.get("", ())])} ;;')
-    groups = "|".join(sorted({command.split()[0] for command in rows if " " in command}))
+        cases += [f'    "{name} {flag}") {_set(values)} ;;' for flag, values in after.items() if flag and values]
+        cases.append(f'    "{name} ") {_set([flags, *after.get("", ())])} ;;')
+    groups = "|".join(sorted({name.split()[0] for name in rows if " " in name}))
     return f"""_vispeg() {{
   local current="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" command="" words="" files=""
   [[ $COMP_CWORD -gt 1 ]] && command="${{COMP_WORDS[1]}}"
@@ -95,8 +101,8 @@ def _set(values: Sequence[str]) -> str:
 
 def _fish(rows: Mapping[str, Words]) -> str:
     lines = ["complete -c vispeg -f"]
-    for command, after in rows.items():
-        condition = " ".join(f"; and __fish_seen_subcommand_from {word}" for word in command.split()).removeprefix(
+    for name, after in rows.items():
+        condition = " ".join(f"; and __fish_seen_subcommand_from {word}" for word in name.split()).removeprefix(
             "; and "
         )
         when = condition or "__fish_use_subcommand"

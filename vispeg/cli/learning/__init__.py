@@ -1,1 +1,0 @@
-"""Commands about policies and the worlds that they are trained in: train, finetune, combine, play, export."""

@@ -1,1 +1,0 @@
-"""Commands about this machine: what it lacks, which graphics it has, what its shell completes."""
