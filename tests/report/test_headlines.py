@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def test_the_page_says_what_where_and_how_large_before_anything_else(run, diagno
     assert order[:3] == ["headline", "found", "where_it_fails"]
     for sections in (DIAGNOSIS, COMPARE):
         assert sections.index("where_it_fails") < sections.index("measured_vs_model")
-    title = re.search("<h1>(.*?)</h1>", html)[1]
+    (title,) = re.findall("<h1>(.*?)</h1>", html)
     assert "Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) explain" in title
     assert "Constant friction torque against the direction of motion." in html
     assert html.count("0.812 to 0.874") == 1, "an interval stands in one table"
@@ -94,7 +95,7 @@ def test_the_robots_picture_marks_what_was_found(run, diagnosis):
 def test_screening_scores_are_on_a_logarithmic_axis(run, diagnosis):
     scores = (2.6e10, 1.3e10, 1.8e8, 4.3e5, 0.0)
     record = {**diagnosis(), "screening": [{"effect": "payload", "where": "flange", "score": s} for s in scores]}
-    shown = candidates(load_record(run(record)))
+    shown: Any = candidates(load_record(run(record)))
     assert shown["ends"] == ("100000", "10¹¹") and shown["screened"][0]["score"] == "2.60 × 10¹⁰"
     ends = [float(re.findall(r"H([\d.]+)", row["bar"])[1]) - 5.0 for row in shown["screened"]]
     share = (np.log10(scores[:4]) - 5) / 6

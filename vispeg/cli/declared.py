@@ -73,9 +73,17 @@ def _stated(node: ast.FunctionDef | ast.ClassDef) -> Iterator[tuple[str, ast.exp
 
 @cache
 def _tree(module: str) -> ast.Module:
-    spec = importlib.util.find_spec(module)
+    path = _file(module)
+    return ast.parse((path / "__init__.py" if path.is_dir() else path).read_text(encoding="utf-8"))
+
+
+def _file(module: str) -> Path:
+    """Give the file of a module, or the folder of a package, without importing the packages that it is in."""
+    top, *below = module.split(".")
+    spec = importlib.util.find_spec(top)
     assert spec is not None and spec.origin is not None, module
-    return ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    path = Path(spec.origin).parent.joinpath(*below) if below else Path(spec.origin)
+    return path if path.is_dir() else path.with_suffix(".py")
 
 
 def _said(text: str) -> dict[str, str]:
@@ -143,13 +151,8 @@ def _imported(module: str, name: str) -> Any:
         return getattr(importlib.import_module(module), name)
     if not module.startswith("vispeg."):
         return Unknown
-    spec = importlib.util.find_spec(f"{module}.{name}") if _is_package(module) else None
-    return _Names(module)[name] if spec is None else _Module(f"{module}.{name}")
-
-
-def _is_package(module: str) -> bool:
-    spec = importlib.util.find_spec(module)
-    return spec is not None and spec.submodule_search_locations is not None
+    below = f"{module}.{name}"
+    return _Module(below) if _file(below).exists() else _Names(module)[name]
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.stmt]:
