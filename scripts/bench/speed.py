@@ -1,0 +1,82 @@
+"""Every benchmark of speed in one run, one after the other; their tables go into docs/results/speed.md.
+
+    python scripts/bench/speed.py docs/results/speed.md [--robosuite PATH_TO_ITS_PYTHON] [--only task images]
+
+What a benchmark prints stands on the page between `<!-- measured: NAME -->` and `<!-- end -->`; the text about it is
+written by hand. The line of `machine` says when, at which commit, on how many processors and beside how much work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+
+from vispeg.core.files import write_text_atomic
+
+HERE = Path(__file__).parent
+BENCHES = {
+    "rollouts": ("rollouts.py",),
+    "sysid": ("sysid.py",),
+    "diagnosis": ("diagnosis.py",),
+    "task": ("task.py",),
+    "images": ("task.py", "--images", "--rows", "1", "16"),
+    "render": ("render.py",),
+    "datasets": ("datasets.py",),
+}
+BESIDE = ("task", "images")  # those that robosuite runs beside
+
+
+def filled(page: str, name: str, measured: str) -> str:
+    """Put what was measured into its place on a page.
+
+    Raises:
+        ValueError: the page has no such place, or several.
+    """
+    begin, end = f"<!-- measured: {name} -->\n", "<!-- end -->"
+    if page.count(begin) != 1:
+        raise ValueError(f"the page has {page.count(begin)} places for {name}, not one")
+    place = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
+    return place.sub(lambda _: f"{begin}{measured.strip()}\n{end}", page)
+
+
+def ran(name: str, robosuite: str | None) -> str:
+    """Run a benchmark; give what it printed. Raises CalledProcessError where it fails."""
+    script, *more = BENCHES[name]
+    more += ["--robosuite", robosuite] if robosuite and name in BESIDE else []
+    command = [sys.executable, str(HERE / script), *more]
+    return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
+def machine() -> str:
+    """Say when and where this is measured."""
+    describe = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True, check=True)
+    today = date.today()
+    return (
+        f"{today.day} {today:%B %Y}, commit `{describe.stdout.strip()}`, {os.cpu_count()} processors, "
+        f"load {os.getloadavg()[0]:.1f} before the first benchmark."
+    )
+
+
+def main() -> None:
+    """Run them and fill the page, after each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("page", type=Path)
+    parser.add_argument("--only", nargs="+", choices=BENCHES, default=[*BENCHES])
+    parser.add_argument("--robosuite", help="a Python that has robosuite 1.5")
+    given = parser.parse_args()
+    page, where = given.page.read_text(encoding="utf-8"), machine()
+    for name in (*given.only, "machine"):
+        filled(page, name, "")  # refuses a page without the place before anything runs
+    for name in given.only:
+        page = filled(filled(page, name, ran(name, given.robosuite)), "machine", where)
+        write_text_atomic(given.page, page, overwrite=True)
+        print(name, flush=True)
+
+
+if __name__ == "__main__":
+    main()
