@@ -91,3 +91,14 @@ def fields_of(kind) -> dict[str, object]:
 def test_every_option_is_explained(name):
     for key, (parameter, _, _) in LEAVES[name].taken().items():
         assert len(parameter.help) > 5 and parameter.help.endswith("."), key
+
+
+def test_a_folder_that_an_older_version_left_is_no_package(tmp_path, monkeypatch):
+    package = tmp_path / "left_over"
+    (package / "tools" / "__pycache__").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "tools.py").write_text(
+        'def f(n: int = 3) -> None:\n    """Do.\n\n    Args:\n        n: how often.\n    """\n'
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert parameters("left_over.tools:f")["n"].default == 3

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ from vispeg.api.result import Result
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
+from vispeg.core.cluster import Engine, cluster
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed
@@ -27,6 +30,7 @@ from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
+from vispeg.identify.spread import spread
 from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS, choose
@@ -109,6 +113,7 @@ def fit(
     starts: int = 1,
     seed: int = 0,
     threads: int = 2,
+    engine: Engine = "local",
     part: str | Path | None = None,
     resume: bool = False,
     watch: Watch = lambda start, trace: None,
@@ -134,6 +139,7 @@ def fit(
         starts: number of random starts; the best result counts.
         seed: seed of the random starts and of CMA-ES.
         threads: threads of the simulation.
+        engine: where candidates are simulated: local, or ray for a Ray cluster, of which --threads workers are used.
         part: a folder for the state of the optimizers until the result is saved.
         resume: go on with a fit that was stopped.
         watch: called with number and trace of an optimizer after each of its steps.
@@ -165,15 +171,15 @@ def fit(
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
     whole, world, free, unstated = world, *_shown(world, channel, free, unstated)
-    if channel == "pictures":
-        evidence, judged = border_evidence_of(world, *both)
-    else:
-        evidence, judged = (_evidence(world, recs, channel, threads, seconds) for recs in both)
+    evidence, judged = _both(world, both, channel, threads, seconds)
     assert evidence is not None  # read_inputs refuses an empty list
+    make = partial(_fitted, world, both, channel, seconds)
     if channel == "joints":
         world = begun(evidence, world, unstated)
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
-    result = calibrate(evidence, world, free, seed=seed, **options)
+    with cluster(threads) if engine == "ray" else nullcontext():
+        evaluate = spread(make, threads) if engine == "ray" else None
+        result = calibrate(evidence, world, free, seed=seed, evaluate=evaluate, **options)
     if isinstance(evidence, ContactEvidence):  # a squared residual of contact is no parabola
         result = replace(result, fit=replace(result.fit, world=intervals(evidence, result.fit)[0]))
     given = inputs.world if channel != "joints" else arm_of(inputs.world)
@@ -206,6 +212,29 @@ def _shown(
             raise UserError("does not show in the joints", key="--effects", got=label, expected=expected)
     free, unstated = (tuple(at[world.effects[i].label] for i in some) for some in (free, unstated))
     return arm, free, unstated
+
+
+def _fitted(
+    world: World, both: tuple[Sequence[Recording], Sequence[Recording]], channel: ChannelName, seconds: float
+) -> Evidence:
+    """Of the fitted recordings, for a worker of its own."""
+    evidence, _ = _both(world, both if channel == "pictures" else (both[0], ()), channel, 1, seconds)
+    assert evidence is not None
+    return evidence
+
+
+def _both(
+    world: World,
+    both: tuple[Sequence[Recording], Sequence[Recording]],
+    channel: ChannelName,
+    threads: int,
+    seconds: float,
+) -> tuple[Evidence | None, Evidence | None]:
+    """Of the fitted and of the held-out recordings."""
+    if channel == "pictures":
+        return border_evidence_of(world, *both)
+    first, second = (_evidence(world, recs, channel, threads, seconds) for recs in both)
+    return first, second
 
 
 def _evidence(

@@ -73,17 +73,19 @@ def _stated(node: ast.FunctionDef | ast.ClassDef) -> Iterator[tuple[str, ast.exp
 
 @cache
 def _tree(module: str) -> ast.Module:
-    path = _file(module)
-    return ast.parse((path / "__init__.py" if path.is_dir() else path).read_text(encoding="utf-8"))
+    return ast.parse(_file(module).read_text(encoding="utf-8"))
 
 
 def _file(module: str) -> Path:
-    """Give the file of a module, or the folder of a package, without importing the packages that it is in."""
+    """Give the file of a module or package, without importing the packages that it is in."""
     top, *below = module.split(".")
     spec = importlib.util.find_spec(top)
     assert spec is not None and spec.origin is not None, module
-    path = Path(spec.origin).parent.joinpath(*below) if below else Path(spec.origin)
-    return path if path.is_dir() else path.with_suffix(".py")
+    if not below:
+        return Path(spec.origin)
+    path = Path(spec.origin).parent.joinpath(*below)
+    package = path / "__init__.py"  # a folder alone may be what an older version has left
+    return package if package.is_file() else path.with_suffix(".py")
 
 
 def _said(text: str) -> dict[str, str]:

@@ -162,6 +162,8 @@ def _by_paper(call: Call, options: dict[str, Any]) -> Any:
     if len(call.recordings) != 1:
         got = len(call.recordings)
         raise UserError("the paper's protocol fits one recording", key="--recording", expected=1, got=got)
+    if call.engine != "local":
+        raise UserError("the paper's protocol runs on this machine", key="--engine", expected="local", got=call.engine)
     steps = GENERATIONS if call.iterations is None else call.iterations
     options |= {key: call.given[key] for key in ("seed", "threads", "resume")}
     with generations(steps, call.output.quiet) as watch:

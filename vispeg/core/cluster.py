@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Literal, TypeVar
 
 from vispeg.core.errors import UserError
@@ -39,12 +40,19 @@ def on_ray(
         UserError: Ray is not installed, its cluster cannot be reached, a job killed its worker again and again; and
             what a job raises.
     """
+    with cluster(workers) as ray:
+        yield from _tasks(ray, work, jobs, workers, what, tasks)
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[Any]:
+    """Give Ray, connected meanwhile: for calls of `on_ray` one after the other. Raises UserError as they do."""
     ray = _ray()
     started_here = not ray.is_initialized()
     if started_here:
         _connect(ray, workers)
     try:
-        yield from _tasks(ray, work, jobs, workers, what, tasks)
+        yield ray
     finally:
         if started_here:
             ray.shutdown()
@@ -94,7 +102,7 @@ def _ray() -> Any:
 
 def _connect(ray: Any, workers: int) -> None:
     address = os.environ.get("RAY_ADDRESS")
-    environment = {"env_vars": dict.fromkeys(THREADS, "1") | _kept("MUJOCO_GL")}
+    environment = {"env_vars": dict.fromkeys(THREADS, "1") | _kept("MUJOCO_GL", "PYTHONPATH")}
     quiet = {"log_to_driver": False, "logging_level": "error", "runtime_env": environment}
     try:
         if address:

@@ -13,7 +13,7 @@ from vispeg.core.seeds import stream
 from vispeg.identify.checkpoint import Checkpoint
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
-from vispeg.identify.pool import run_together
+from vispeg.identify.pool import Submit, run_together
 from vispeg.identify.space import Axis, Space
 from vispeg.worlds.world import World
 
@@ -55,6 +55,7 @@ def calibrate(
     iterations: int = ITERATIONS,
     checkpoint: Checkpoint | None = None,
     say: Callable[[str], None] | None = None,
+    evaluate: Submit | None = None,
 ) -> Calibration:
     """Fits the effects at `free` (indices into `world.effects`); the rest of the world stays.
 
@@ -68,6 +69,7 @@ def calibrate(
         iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
         checkpoint: keeps their traces.
         say: is told what is simulated.
+        evaluate: gives the evidence's residuals of worlds; by default here.
     """
     how = chosen(method, [world.effects[i] for i in free])
     space, jobs = Space(world, free), []
@@ -77,7 +79,7 @@ def calibrate(
         rng, gentler = stream(seed, "fit", "cma", i), [_shrunk(begin, free, share) for share in SHRINK]
         options = {"iterations": iterations, "method": how, "rng": rng, "trace": trace}
         jobs.append(fit_job(evidence, begin, free, starts=gentler, **options))
-    fits = run_together(jobs, evidence.residuals, say, length=evidence.length)
+    fits = run_together(jobs, evaluate or evidence.residuals, say, length=evidence.length)
     best = min(fits, key=lambda f: f.cost)
     return Calibration(best, tuple(f.cost for f in fits), how)
 

@@ -1,0 +1,69 @@
+"""A fit on a local Ray cluster is the fit on this machine, also where a worker is killed and its part done again."""
+
+import json
+import os
+import signal
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vispeg.cli.main import main
+from vispeg.core.assets import assets
+from vispeg.core.effect import EffectInstance
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.spread import spread
+from vispeg.recordings.load import load
+from vispeg.worlds.world import World
+
+RIGS = [str(assets() / "recordings" / name) for name in ("rig-a", "rig-b", "rig-c")]
+
+
+@pytest.fixture
+def ray(tmp_path):
+    """Ray with two workers that can import the sources in this folder."""
+    ray = pytest.importorskip("ray")
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
+    environment = {"env_vars": {"PYTHONPATH": paths, "VISPEG_TEST_MARK": str(tmp_path / "mark")}}
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="error", runtime_env=environment)
+    yield ray
+    ray.shutdown()
+
+
+def deadly(path):
+    """Build an evidence; the first worker of all is killed instead."""
+    mark = Path(os.environ["VISPEG_TEST_MARK"])
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Evidence([load(path)])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)  # Ray starts a process in seconds, or in minutes
+def test_residuals_are_those_of_this_machine_and_a_killed_worker_costs_its_part(tmp_path, ray):
+    friction = [EffectInstance.of("coulomb_friction", "joint4", torque=0.1 * k) for k in range(1, 6)]
+    worlds = [World("iiwa14").add(e) for e in friction]
+    there = spread(partial(deadly, RIGS[0]), 2)(worlds)
+    assert (tmp_path / "mark").exists(), "no worker was killed"
+    for ours, theirs in zip(Evidence([load(RIGS[0])]).residuals(worlds), there, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)  # Ray starts a process in seconds, or in minutes
+def test_a_fit_by_cma_es_says_the_same_on_a_cluster(tmp_path, ray):
+    records = {}
+    argv = ["fit", "iiwa14", "--recording", RIGS[0], "--recording", RIGS[1], "--validate", RIGS[2], "--seconds", "4"]
+    argv += ["--effects", "coulomb_friction:joint4", "payload:flange", "--method", "cma", "--iterations", "2"]
+    for engine in ("local", "ray"):
+        assert main([*argv, "--engine", engine, "--out", str(tmp_path / engine), "--quiet", "--json"]) == 0
+        records[engine] = json.loads((tmp_path / engine / "fit.json").read_text()) | {"provenance": None}
+    assert records["local"] == records["ray"]
+
+
+def test_the_papers_protocol_runs_here_alone(tmp_path, capsys):
+    argv = ["fit", "iiwa14", "--protocol", "paper", "--recording", RIGS[0], "--engine", "ray"]
+    assert main([*argv, "--out", str(tmp_path / "x")]) == 2
+    assert "--engine" in capsys.readouterr().err and not (tmp_path / "x").exists()
