@@ -17,15 +17,19 @@ from pathlib import Path
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parents[2])]
+sys.path[:0] = [str(HERE), str(HERE.parent / "hidden_effects"), str(HERE.parents[2])]
 
 import argparse  # noqa: E402
 import json  # noqa: E402
 import time  # noqa: E402
+from functools import partial  # noqa: E402
+from typing import Any  # noqa: E402
+
+from everywhere import ENGINES, each  # noqa: E402
 
 
 def main() -> int:
-    """Make, diagnose and score the chosen cases one after the other."""
+    """Make, diagnose and score the chosen cases."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
@@ -34,6 +38,8 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--frames", type=int, default=20, help="pictures of each of the two recordings")
     parser.add_argument("--renderer", default="filament", help="of the plant's pictures: filament, classic or raycast")
+    parser.add_argument("--engine", choices=ENGINES, default="local", help="this process, or a Ray cluster")
+    parser.add_argument("--workers", type=int, default=1, help="diagnoses at a time, on a cluster")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; cases that are there are not run again")
     parser.add_argument("--out", type=Path, default=None, help="also write the table, as Markdown")
     args = parser.parse_args()
@@ -43,35 +49,42 @@ def main() -> int:
     if args.list:
         print("\n".join(c.name for c in chosen))
         return 0
-    from plant import CELL, recording
-    from score import judged, table
+    from score import table
 
-    from vispeg.api.pictures import diagnose
-    from vispeg.core.effect import REGISTRY
-
-    null = {f"{n}.{k}": p.null for n, e in REGISTRY.items() for k, p in e.params.items()}
     lines = args.results.read_text().splitlines() if args.results and args.results.exists() else []
     rows = [json.loads(line) for line in lines]
-    for case in chosen:
-        if any(r["case"] == case.name for r in rows):
-            continue
-        parts = [recording(case, k, args.frames, args.renderer) for k in (0, 1)]
-        start = time.process_time()
-        record = diagnose(CELL, parts[:1], parts[1:]).record
-        ends = [record["ladder"][k]["heldout_error"] for k in (0, -1)]
-        keys = ("verdict", "effects", "reason")
-        result = {k: record[k] for k in keys} | {"before": ends[0], "after": ends[1], "null": null}
-        result |= {"not_excited": record["views"]["not_excited"]}
-        rows.append(judged(case, result | {"cpu": time.process_time() - start}))
-        print(json.dumps(rows[-1]), flush=True)
+    there = {r["case"] for r in rows}
+    missing = [case for case in chosen if case.name not in there]
+    work, several = partial(diagnosed, args.frames, args.renderer), args.workers if args.engine == "ray" else 1
+    for _, row in each(work, missing, several, args.engine):
+        rows.append(row)
+        print(json.dumps(row), flush=True)
         if args.results:
             with args.results.open("a") as file:
-                file.write(json.dumps(rows[-1]) + "\n")
+                file.write(json.dumps(row) + "\n")
     text = table(rows)
     print(text)
     if args.out:
         args.out.write_text(text)
     return 0
+
+
+def diagnosed(frames: int, renderer: str, case: Any) -> dict[str, Any]:
+    """Make, diagnose and score one case."""
+    from plant import CELL, recording
+    from score import judged
+
+    from vispeg.api.pictures import diagnose
+    from vispeg.core.effect import REGISTRY
+
+    null = {f"{n}.{k}": p.null for n, e in REGISTRY.items() for k, p in e.params.items()}
+    parts = [recording(case, k, frames, renderer) for k in (0, 1)]
+    start = time.process_time()
+    record = diagnose(CELL, parts[:1], parts[1:]).record
+    ends = [record["ladder"][k]["heldout_error"] for k in (0, -1)]
+    result = {k: record[k] for k in ("verdict", "effects", "reason")} | {"before": ends[0], "after": ends[1]}
+    result |= {"null": null, "not_excited": record["views"]["not_excited"]}
+    return judged(case, result | {"cpu": time.process_time() - start})
 
 
 if __name__ == "__main__":

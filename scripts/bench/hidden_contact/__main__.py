@@ -28,6 +28,7 @@ import json  # noqa: E402
 def main() -> int:
     """Parse, make, run, report."""
     from contact_cases import DEV, SCORED, choose
+    from everywhere import ENGINES
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
@@ -37,6 +38,8 @@ def main() -> int:
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
     parser.add_argument("--run", action="store_true", help="diagnose the chosen cases and print the score")
     parser.add_argument("--reference", action="store_true", help="fit the true effects instead of searching for them")
+    parser.add_argument("--engine", choices=ENGINES, default="local", help="this process, or a Ray cluster")
+    parser.add_argument("--workers", type=int, default=1, help="diagnoses at a time, on a cluster")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     parser.add_argument("--json", type=Path, default=None, help="also write the records, as JSON")
@@ -69,7 +72,7 @@ def main() -> int:
         for case in chosen:
             print(case.name, folders(root, case)["judge"].parent)
         return 0
-    records = run(root, chosen, results, reference if args.reference else diagnose)
+    records = run(root, chosen, results, reference if args.reference else diagnose, args.workers, args.engine)
     text = references(records) if args.reference else report(records)
     print(text)
     for file, content in ((args.out, text), (args.json, json.dumps(records, indent=1) + "\n")):

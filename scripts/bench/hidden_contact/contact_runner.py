@@ -9,10 +9,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from contact_cases import Case
 from contact_make import folders
+from everywhere import Engine, each
 from runner import commit
 
 HERE = Path(__file__).resolve().parent
@@ -85,7 +87,14 @@ def finished(results: Path, seed: int) -> dict[str, dict]:
     return records
 
 
-def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Case], dict] = diagnose) -> list[dict]:
+def run(
+    root: Path,
+    chosen: list[Case],
+    results: Path,
+    work: Callable[[Path, Case], dict] = diagnose,
+    workers: int = 1,
+    engine: Engine = "local",
+) -> list[dict]:
     """Record that `work` makes of the chosen cases, each appended to `results` as it comes.
 
     Those that are there are not run again.
@@ -94,11 +103,12 @@ def run(root: Path, chosen: list[Case], results: Path, work: Callable[[Path, Cas
     # in the order of their hashes, so that a run cut short is still an even sample of the list
     missing = sorted((c for c in chosen if c.name not in records), key=lambda c: c.key)
     results.parent.mkdir(parents=True, exist_ok=True)
-    for left, case in zip(range(len(missing) - 1, -1, -1), missing, strict=True):
-        record = records[case.name] = work(root, case)
+    several = workers if engine == "ray" else 1  # processor time is that of a process' children
+    for left, (case, record) in enumerate(each(partial(work, root), missing, several, engine), 1 - len(missing)):
+        records[case.name] = record
         with results.open("a") as file:
             file.write(json.dumps(record) + "\n")
         named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
-        text = f"{left:4d} left  {case.name}: {record['verdict']}: {named}  {record['cpu_s']:.0f} s"
+        text = f"{-left:4d} left  {case.name}: {record['verdict']}: {named}  {record['cpu_s']:.0f} s"
         print(text, file=sys.stderr, flush=True)
     return [records[c.name] for c in chosen if c.name in records]

@@ -28,6 +28,7 @@ import argparse  # noqa: E402
 def main() -> int:
     """Parse, make, run, report."""
     from cases import DEV, SCORED, choose
+    from everywhere import ENGINES
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
@@ -41,6 +42,7 @@ def main() -> int:
     parser.add_argument("--reference", action="store_true", help="fit the true effects, as an oracle")
     parser.add_argument("--baseline", action="store_true", help="with --reference: also fit a fixed parameter set")
     parser.add_argument("--workers", type=int, default=2, help="diagnoses at a time")
+    parser.add_argument("--engine", choices=ENGINES, default="local", help="threads of this process, or a Ray cluster")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines; those that are there are not run again")
     parser.add_argument("--out", type=Path, default=None, help="also write the score, as Markdown")
     args = parser.parse_args()
@@ -74,10 +76,10 @@ def main() -> int:
         print(text)
     elif args.run:
         results = args.results or root / "results.jsonl"
-        text = report(run(root, chosen, results, args.workers, args.reference, args.baseline))
+        text = report(run(root, chosen, results, args.workers, args.reference, args.baseline, args.engine))
         print(text)
     elif args.reference:
-        text = refer(root, chosen, args.results or root / "references.jsonl", args.workers)
+        text = refer(root, chosen, args.results or root / "references.jsonl", args.workers, args.engine)
         print(text)
     else:
         for case in chosen:

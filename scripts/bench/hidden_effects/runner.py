@@ -8,12 +8,12 @@ import subprocess
 import sys
 import tempfile
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from cases import Case
+from everywhere import Engine, each
 from make import folders
 
 HERE = Path(__file__).resolve().parent
@@ -75,25 +75,19 @@ def references(root: Path, case: Case, baseline: bool = False) -> dict:
     return json.loads(text.splitlines()[-1]) if status == 0 else {"reference_failed": text[-500:]}
 
 
-def refer(root: Path, chosen: list[Case], results: Path, workers: int) -> str:
+def refer(root: Path, chosen: list[Case], results: Path, workers: int, engine: Engine = "local") -> str:
     """Held-out errors of fits that know the truth, over the noise floor, as a Markdown table; nothing is diagnosed.
 
     Of cases that hide effects of the library alone. Each is appended to `results` as it comes; what is there is kept.
     """
     known = _read(results, {c.seed for c in chosen})
     some = [c for c in chosen if c.kind in KNOWN]
-    lock = threading.Lock()
-
-    def work(case: Case) -> None:
-        found = {"case": case.name, "seed": case.seed} | references(root, case)
-        with lock, results.open("a") as file:
-            known[case.name] = found
-            file.write(json.dumps(found) + "\n")
-            print(f"{sum(c.name not in known for c in some):4d} left  {case.name}", file=sys.stderr, flush=True)
-
     results.parent.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(work, [c for c in some if c.name not in known]))
+    for case, answer in each(partial(references, root), [c for c in some if c.name not in known], workers, engine):
+        known[case.name] = {"case": case.name, "seed": case.seed} | answer
+        with results.open("a") as file:
+            file.write(json.dumps(known[case.name]) + "\n")
+        print(f"{sum(c.name not in known for c in some):4d} left  {case.name}", file=sys.stderr, flush=True)
     lines = ["| case | truth, error / floor |", "| --- | --- |"]
     for case in some:
         truth = known[case.name].get("oracle")
@@ -125,29 +119,31 @@ def _lacks(case: Case, record: dict | None, reference: bool, baseline: bool) -> 
     return asked or (reference and baseline and case.kind == "single" and "baseline" not in record)
 
 
-def run(root: Path, chosen: list[Case], results: Path, workers: int, reference: bool, baseline: bool) -> list[dict]:
+def run(
+    root: Path,
+    chosen: list[Case],
+    results: Path,
+    workers: int,
+    reference: bool,
+    baseline: bool,
+    engine: Engine = "local",
+) -> list[dict]:
     """Record of the chosen cases: each is appended to `results` as it comes; what is there is not worked out again."""
     known = _read(results, {c.seed for c in chosen})
     # in the order of their hashes, so that a run cut short is still an even sample of the list
-    lacking = [c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)]
-    missing = sorted(lacking, key=lambda c: c.key)
-    done = set(known) - {c.name for c in missing}
-    lock, results_parent = threading.Lock(), results.parent
-    results_parent.mkdir(parents=True, exist_ok=True)
-
-    def work(case: Case) -> None:
-        record = known.get(case.name) or diagnose(root, case)
-        if _lacks(case, record, reference, baseline):
-            record = record | references(root, case, baseline)
-        with lock:
-            known[case.name] = record
-            done.add(case.name)
-            with results.open("a") as file:
-                file.write(json.dumps(record) + "\n")
-            named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
-            left = sum(c.name not in done for c in missing)
-            print(f"{left:4d} left  {case.name}: {record['verdict']}: {named}", file=sys.stderr, flush=True)
-
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(work, missing))
+    missing = sorted((c for c in chosen if _lacks(c, known.get(c.name), reference, baseline)), key=lambda c: c.key)
+    results.parent.mkdir(parents=True, exist_ok=True)
+    work = partial(_whole, root, {c.name: known[c.name] for c in missing if c.name in known}, reference, baseline)
+    for left, (case, record) in enumerate(each(work, missing, workers, engine), 1 - len(missing)):
+        known[case.name] = record
+        with results.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+        named = ", ".join(f"{e['effect']}({e['where']})" for e in record["effects"]) or "-"
+        print(f"{-left:4d} left  {case.name}: {record['verdict']}: {named}", file=sys.stderr, flush=True)
     return [known[c.name] for c in chosen if c.name in known]
+
+
+def _whole(root: Path, known: dict[str, dict], reference: bool, baseline: bool, case: Case) -> dict:
+    """Give the record of a case, with what it lacks of references."""
+    record = known.get(case.name) or diagnose(root, case)
+    return record | references(root, case, baseline) if _lacks(case, record, reference, baseline) else record
