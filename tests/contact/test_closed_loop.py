@@ -12,6 +12,7 @@ from vispeg.contact.again import last_judge
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.recordings.cell import CellBelief
@@ -82,7 +83,7 @@ def test_a_verdict_stays_where_the_model_ends_as_the_insertion_did(case):
     for name, model in models.items():
         replayed, _ = closed_loop([rec], {name: model})
         verdict = last_judge.judged(SURE, replayed, [rec], model, 0, 1)
-        arm_is_right = replayed[0]["trials"][name]["free_off"] < last_judge.ARM
+        arm_is_right = replayed[0]["trials"][name]["free_off"] < RULES.arm_free
         assert arm_is_right == (name == "corrected" or case != "stiff joint")
         if (case, name) != ("too tight", "given"):
             assert verdict is SURE

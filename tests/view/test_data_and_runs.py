@@ -15,6 +15,7 @@ from vispeg.view.frames import Frames
 from vispeg.view.opened import opened
 from vispeg.view.place import CELL
 from vispeg.view.run_folder import read
+from vispeg.view.run_page import RunPage
 
 COLUMNS = "steps,seconds,updates,success,reward,failures,critic_loss"
 
@@ -80,7 +81,7 @@ def test_several_runs_stand_in_the_same_curves(run, served, monkeypatch):
     other = shutil.copytree(run, run.parent / "s1")
     (other / "progress.csv").write_text(f"{COLUMNS}\n150,1,10,1,-2,,\n300,2,20,0.25,-1,slip 2,0.5\n")
     monkeypatch.chdir(run.parent)
-    page = served(run).pages[-1]
+    (page,) = (p for p in served(run).pages if isinstance(p, RunPage))
     page.folder.value = str(run.parent)  # the newest of it leads
     ((path, (box, _)),) = page.others.items()
     title = "success (share of episodes)"

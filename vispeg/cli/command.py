@@ -31,6 +31,7 @@ from vispeg.cli.declared import Parameter, parameters
 from vispeg.cli.options import NAMED, choices, default_shown, metavar
 from vispeg.cli.output import Output, OutputOptions
 from vispeg.cli.overview import COMMANDS, doc
+from vispeg.cli.tolerance import FLAG
 
 if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
@@ -58,7 +59,7 @@ class Option:
     group: str = ""
 
 
-CLEARANCE = Option("clearance")  # what a task calls its tolerance
+TOLERANCE = Option(FLAG.removeprefix("--"))  # what a task calls it
 
 
 @dataclass(frozen=True, eq=False)

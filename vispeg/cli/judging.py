@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vispeg.cli.command import CLEARANCE, REQUIRED, Call, Option, command
+from vispeg.cli.command import REQUIRED, TOLERANCE, Call, Option, command
 from vispeg.core.interrupt import goes_on
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def _judged(call: Call, tolerance: float | None) -> None:
     "policies",
     videos=Option(default=4),
     trials=Option("keep_trials"),
-    tolerance=CLEARANCE,
+    tolerance=TOLERANCE,
 )
 @goes_on()
 def evaluate(call: Call, tolerance: float | None = None, rerun: Path | None = None) -> None:
@@ -93,7 +93,7 @@ def evaluate(call: Call, tolerance: float | None = None, rerun: Path | None = No
     call.give(result, *lines)
 
 
-@command("vispeg.api.stress.perturb:perturb", "policies", out=OUT, tolerance=CLEARANCE)
+@command("vispeg.api.stress.perturb:perturb", "policies", out=OUT, tolerance=TOLERANCE)
 @goes_on()
 def perturb(call: Call, tolerance: float | None = None) -> None:
     """Test policies at hard positions, with and without pushes.
@@ -111,7 +111,7 @@ def perturb(call: Call, tolerance: float | None = None) -> None:
     _judged(call, tolerance)
 
 
-@command("vispeg.api.stress.exploit:exploit", "policies", out=OUT, tolerance=CLEARANCE)
+@command("vispeg.api.stress.exploit:exploit", "policies", out=OUT, tolerance=TOLERANCE)
 @goes_on()
 def exploit(call: Call, tolerance: float | None = None) -> None:
     """Test whether a policy exploits the contact solver.
@@ -188,7 +188,7 @@ def gap(call: Call) -> None:
     call.give(call(playing=told), str(call.out / "gap.html"))
 
 
-@command("vispeg.api.explain:explain", "trials", out=OUT, tolerance=CLEARANCE)
+@command("vispeg.api.explain:explain", "trials", out=OUT, tolerance=TOLERANCE)
 @goes_on()
 def explain(call: Call, tolerance: float | None = None) -> None:
     """Explain why trials of a policy fail on a robot.

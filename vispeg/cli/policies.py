@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from vispeg.cli.command import CLEARANCE, Call, Option, command, under
+from vispeg.cli.command import TOLERANCE, Call, Option, command, under
 from vispeg.core.errors import UserError
 from vispeg.core.interrupt import goes_on
 
@@ -55,7 +55,7 @@ def policies(call: Call, family: str | None = None, search: str | None = None) -
     distill=None,
     show=None,
     steps=Option(default=None, group="learning"),
-    tolerance=Option("clearance", group="task"),
+    tolerance=replace(TOLERANCE, group="task"),
     **under("task", "world", "curriculum", "start_radius", "stack", "dof", "reward", "ranges"),
     **under("learning", "recipe", "target", "seed", "envs", "threads", "device", "utd", "recurrent", "symmetric"),
     **under("learning", "replay"),
@@ -148,7 +148,7 @@ def _tell(call: Call, trained: Any, films: int) -> None:
     call.output.give({**trained.record, "films": made}, [])
 
 
-@command("vispeg.api.films:play", "policy", tolerance=CLEARANCE)
+@command("vispeg.api.films:play", "policy", tolerance=TOLERANCE)
 def play(call: Call) -> None:
     """Play a policy and write a video of each episode.
 

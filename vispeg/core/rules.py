@@ -199,16 +199,16 @@ class Compared:
         "Times `contact_rough` that an effect must gain at least.",
         reason="from the least to the most of 5 to 15")
     floor_form: tuple[float, ...] = _rule((0.02, 0.01, 0.04, 0.05, 2.0), "contact", "cb0b46b3",
-        "Force (N) that another law of contact leaves of the right model: free, press, slide, hole, impact.",
+        "Force (N) that another law of contact leaves of the right model: free, press, slide, inside the goal, impact.",
         case="what the truth left on development cases")
     floor_share: tuple[float, ...] = _rule((0.002, 0.003, 0.007, 0.01, 0.03), "contact", "ef8d5bde",
         "The same as a share of the force of contact.",
         case="at 0.1 % of a press a stiff arm's give was named where nothing was hidden")
     floor_wedged: float = _rule(0.1, "contact", "8e245e45",
-        "More of it in a hole where a part wedges.",
+        "More of it inside the goal, where a part wedges.",
         reason="0.1 mm of its roundness turns the hand by mrad")
     floor_rocked: float = _rule(0.15, "contact", "0319eca4",
-        "Angle (rad) to the hole's axis at which a part surely wedges.")
+        "Angle (rad) to the goal's axis at which a part surely wedges.")
     floor_loose: int = _rule(2, "contact", "cb9cd3d1",
         "Blocks before and after a slide that have its floor.",
         reason="no model says when exactly a contact breaks loose")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 REGIMES = ("free", "press", "slide", "hole", "impact")  # as JSON files have them
+INSIDE = REGIMES[3]  # of what is inserted
 FREE, PRESS, SLIDE, INSIDE, IMPACT = range(len(REGIMES))
 
 

@@ -23,6 +23,7 @@ from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
+from vispeg.recordings.regimes import INSIDE
 from vispeg.worlds.world import World
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
             rms = np.sqrt(np.mean(residual[used] ** 2, axis=0)) if used.any() else 0.0
             breaks = rows & ends
             for some, law in ((rows & ~ends, name), (breaks, name if name == "impact" else "slide")):
-                wedge = RULES.floor_wedged if law == "hole" else 0.0
+                wedge = RULES.floor_wedged if law == INSIDE else 0.0
                 share = shares[law] + wedge * wedged(item)[some]
                 form = np.hypot(forms[law], share * phase.force[some])
                 out[some] = np.hypot(rms, form[:, None] * unit)
