@@ -16,17 +16,6 @@ from vispeg.evaluation.players import ready
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]  # Ray starts a process in seconds, or in minutes
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Ray with two workers that can import the sources in this folder."""
-    ray = pytest.importorskip("ray")
-    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
-    environment = {"env_vars": {"PYTHONPATH": paths, "VISPEG_TEST_MARK": str(tmp_path / "mark")}}
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="error", runtime_env=environment)
-    yield ray
-    ray.shutdown()
-
-
 def deadly(job):
     """Plays a job; the first worker of all is killed in the middle of it."""
     mark = Path(os.environ["VISPEG_TEST_MARK"])

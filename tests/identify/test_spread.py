@@ -20,17 +20,6 @@ from vispeg.worlds.world import World
 RIGS = [str(assets() / "recordings" / name) for name in ("rig-a", "rig-b", "rig-c")]
 
 
-@pytest.fixture
-def ray(tmp_path):
-    """Ray with two workers that can import the sources in this folder."""
-    ray = pytest.importorskip("ray")
-    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
-    environment = {"env_vars": {"PYTHONPATH": paths, "VISPEG_TEST_MARK": str(tmp_path / "mark")}}
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="error", runtime_env=environment)
-    yield ray
-    ray.shutdown()
-
-
 def deadly(path):
     """Build an evidence; the first worker of all is killed instead."""
     mark = Path(os.environ["VISPEG_TEST_MARK"])
@@ -42,7 +31,7 @@ def deadly(path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # Ray starts a process in seconds, or in minutes
-def test_residuals_are_those_of_this_machine_and_a_killed_worker_costs_its_part(tmp_path, ray):
+def test_residuals_are_those_of_this_machine_and_a_killed_worker_costs_its_part(tmp_path, cluster):
     friction = [EffectInstance.of("coulomb_friction", "joint4", torque=0.1 * k) for k in range(1, 6)]
     worlds = [World("iiwa14").add(e) for e in friction]
     there = spread(partial(deadly, RIGS[0]), 2)(worlds)
@@ -53,7 +42,7 @@ def test_residuals_are_those_of_this_machine_and_a_killed_worker_costs_its_part(
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # Ray starts a process in seconds, or in minutes
-def test_a_fit_by_cma_es_says_the_same_on_a_cluster(tmp_path, ray):
+def test_a_fit_by_cma_es_says_the_same_on_a_cluster(tmp_path, cluster):
     records = {}
     argv = ["fit", "iiwa14", "--recording", RIGS[0], "--recording", RIGS[1], "--validate", RIGS[2], "--seconds", "4"]
     argv += ["--effects", "coulomb_friction:joint4", "payload:flange", "--method", "cma", "--iterations", "2"]

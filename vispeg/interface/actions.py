@@ -28,6 +28,7 @@ KINDS: Mapping[str, str] = {
 }
 STATED = "?action="  # between what names a policy or demonstrations and the kind of their actions
 MOST = 4 * np.pi  # rad
+OBSERVED = "observation."  # before the features that LeRobot's policies see
 POSITION = ".pos"  # behind a motor's name in what LeRobot records
 TIP = ("tip_x", "tip_y", "tip_z")
 
@@ -52,6 +53,16 @@ def entries(names: Any) -> tuple[str, ...]:
     if isinstance(names, Mapping):
         names = [name for part in names.values() for name in (part if isinstance(part, list | tuple) else [])]
     return tuple(map(str, names)) if isinstance(names, list | tuple) else ()
+
+
+def observed(features: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
+    """Give where each named number that was observed stands, of a data set's features: the feature and its column."""
+    places: dict[str, tuple[str, int]] = {}
+    for feature, what in features.items():
+        if feature.startswith(OBSERVED) and len(what["shape"]) == 1:
+            for i, entry in enumerate(entries(what["names"])):
+                places.setdefault(entry.removesuffix(POSITION), (feature, i))
+    return places
 
 
 def columns_of(names: Sequence[str], wanted: Sequence[str]) -> list[int] | None:

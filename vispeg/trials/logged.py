@@ -17,7 +17,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.notes import note
-from vispeg.interface.actions import POSITION, entries
+from vispeg.interface.actions import observed
 from vispeg.interface.builder import Picture
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import Observer
@@ -33,7 +33,7 @@ from vispeg.trials.loop import Clock, How
 
 CUTOFF_HZ = 15.0  # of velocities that are taken from angles, as where torques are
 OTHER = 2e-3  # m: ten times what an arm repeats to; a policy that asks for so much else is not the one that ran
-INFO, OBSERVED, SPEED = "meta/info.json", "observation.", ".vel"
+INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
 TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # as such a folder has them
 
@@ -229,11 +229,7 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
     from vispeg.datasets.read import Dataset
 
     info = Dataset(folder, theirs=True).info
-    places: dict[str, tuple[str, int]] = {}
-    for feature, what in info["features"].items():
-        if feature.startswith(OBSERVED) and len(what["shape"]) == 1:
-            for i, entry in enumerate(entries(what["names"])):
-                places.setdefault(entry.removesuffix(POSITION), (feature, i))
+    places = observed(info["features"])
     joints = interface.arm.joints
     if lacking := [joint for joint in joints if joint not in places]:
         raise UserError("joints are missing", file=folder / INFO, expected=joints, got=lacking, choices=sorted(places))

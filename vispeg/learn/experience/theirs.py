@@ -14,12 +14,12 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.datasets.read import Dataset
 from vispeg.demonstrations.plan import TASK_STATE
-from vispeg.interface.actions import JOINT_DELTA, JOINT_GOAL, MOST, POSITION, Actions, entries
+from vispeg.interface.actions import JOINT_DELTA, JOINT_GOAL, MOST, Actions, entries, observed
 from vispeg.interface.interface import Interface
 from vispeg.interface.observer import DOWN, Observer, Stack
 from vispeg.interface.terms import scaled, told
 
-OBSERVED, ACTION, EXECUTED = "observation.", "action", "executed.action"
+ACTION, EXECUTED = "action", "executed.action"
 TIP, VELOCITY, WRENCH = TASK_STATE[:3], TASK_STATE[3:6], TASK_STATE[6:]
 RATE = 0.05  # share by which a folder's rate may differ: LeRobot's videos have whole ones, 6 in place of 6.25
 
@@ -42,11 +42,7 @@ class Theirs:
 
     def __init__(self, data: Dataset, interface: Interface, action: str | None = None):
         self.interface, self.folder = interface, data.folder
-        self._places: dict[str, tuple[str, int]] = {}
-        for name, feature in data.info["features"].items():
-            if name.startswith(OBSERVED) and len(feature["shape"]) == 1:
-                for i, entry in enumerate(entries(feature["names"])):
-                    self._places.setdefault(entry.removesuffix(POSITION), (name, i))
+        self._places = observed(data.info["features"])
         acted = data.info["features"].get(ACTION)
         if acted is None:
             raise UserError("has no actions", file=self.folder, key=ACTION, choices=data.info["features"])
