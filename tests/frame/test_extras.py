@@ -10,7 +10,6 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-MODULES = {"rerun_sdk": "rerun"}  # package -> what is imported of it, where their names differ
 THROUGH = {"tensorboard": "torch", "onnx": "torch"}  # what imports it when it writes logs and networks
 
 
@@ -32,7 +31,6 @@ def imported(room: str) -> set[str]:
 @pytest.mark.parametrize("extra", sorted(set(EXTRAS) - {"all", "dev"}))
 def test_every_extra_is_used(extra):
     names = {re.split(r"[\[<>=!~ ]", text)[0].replace("-", "_").lower() for text in EXTRAS[extra]}
-    names = {MODULES.get(name, name) for name in names}
     ours, tried = imported("vispeg"), imported("tests")
     assert names & ours, f"nothing of '{extra}' is imported"
     unused = {name for name in names - ours - tried if THROUGH.get(name) not in names}

@@ -19,7 +19,6 @@ from vispeg.core.extras import EXTRAS
 ROOT = Path(__file__).parents[2]
 MODULES = {
     "stable_baselines3": "stable-baselines3",
-    "rerun": "rerun-sdk",
     "mujoco_menagerie": "mujoco-menagerie",
 }  # whose packages have other names
 
@@ -75,10 +74,6 @@ perturb depth-S --out pushed-2
     "video": "convert set/data.parquet --robot iiwa14 --images wrist --cameras set/wrist.yaml --insist --out filmed",
     "cluster": "render --world nominal --frames 2 --engine ray --out cluster",
     "view": "view",
-    "viz": """
-compare iiwa14 --recording rig-a --rerun compared.rrd --out compared
-evaluate expert --rerun judged.rrd --out judged
-""",
     "wandb": "train peg-state --wandb peg --out run-2",
     "menagerie": "compare panda --recording rig-a --out compared-2",
     "meshes": "evaluate expert --world own.yaml --episodes 1 --videos 0 --out meshes",

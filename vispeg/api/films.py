@@ -68,25 +68,21 @@ class Films:
         policy: its folder or name, as it was asked for.
         world: that it was played in.
         films: one an episode, in the order of the seeds.
-        rerun: the same episodes for the Rerun viewer, where they were asked for.
     """
 
     policy: str
     world: str
     films: Sequence[Film]
-    rerun: Path | None = None
 
     @property
     def record(self) -> dict[str, object]:
         """What `vispeg play --json` prints."""
-        rerun = {} if self.rerun is None else {"rerun": str(self.rerun)}
-        return {"policy": self.policy, "world": self.world, "films": [asdict(film) for film in self.films], **rerun}
+        return {"policy": self.policy, "world": self.world, "films": [asdict(film) for film in self.films]}
 
     @property
     def summary(self) -> list[Block]:
         """How each episode ended, and where its video lies."""
-        rerun = [] if self.rerun is None else [f"rerun: {self.rerun}"]
-        return [Line(text, path=True) for text in (*(film.line for film in self.films), *rerun)]
+        return [Line(film.line, path=True) for film in self.films]
 
     def _repr_html_(self) -> str:
         return html(self.summary)
@@ -100,7 +96,6 @@ def play(
     episodes: int = 3,
     seed: int = 0,
     out: str | Path | None = None,
-    rerun: str | Path | None = None,
     overwrite: bool = False,
     watch: Callable[[Film], None] = lambda film: None,
 ) -> Films:
@@ -114,24 +109,20 @@ def play(
         episodes: number of episodes.
         seed: seed of the first episode; the next ones count up.
         out: folder of the videos; default: films/POLICY-WORLD.
-        rerun: write a file FILE.rrd for the Rerun viewer: the episodes in 3D, forces, images, estimates.
-        overwrite: replace `out` and `rerun` if they exist.
+        overwrite: replace `out` if it exists.
         watch: called with each video once it is written.
 
     Raises:
-        UserError: no such policy or world; no episodes; `out` or `rerun` is there.
+        UserError: no such policy or world; no episodes; `out` is there.
     """
     from vispeg.learn.coarse_to_fine import open_policy
     from vispeg.learn.envs import home
     from vispeg.learn.meta import made_for
-    from vispeg.report.rrd.stream import check_target
     from vispeg.task.registry import with_tolerance
     from vispeg.task.world_file import load_world
 
     if episodes < 1:
         raise UserError("must be at least 1", key="episodes", got=episodes)
-    if rerun is not None:
-        check_target(Path(rerun), overwrite)
     opened = open_policy(policy)
     place = home(opened) if world is None else str(world)
     settings: dict[str, object] = {}
@@ -145,9 +136,4 @@ def play(
     for film in films(policy, place, settings, seeds, folder, overwrite):
         made.append(film)
         watch(film)
-    if rerun is not None:
-        from vispeg.evaluation.entrants import entrant
-        from vispeg.report.rrd.episode import played, write_episodes
-
-        write_episodes(Path(rerun), f"play {policy}", played(entrant(str(policy)), place, settings, seeds))
-    return Films(str(policy), place, made, None if rerun is None else Path(rerun))
+    return Films(str(policy), place, made)

@@ -48,7 +48,7 @@ def _judged(call: Call, tolerance: float | None) -> None:
     tolerance=TOLERANCE,
 )
 @goes_on()
-def evaluate(call: Call, tolerance: float | None = None, rerun: Path | None = None) -> None:
+def evaluate(call: Call, tolerance: float | None = None) -> None:
     """Evaluate policies in one world, with 95 % intervals.
 
     A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted one), an .onnx
@@ -66,31 +66,16 @@ def evaluate(call: Call, tolerance: float | None = None, rerun: Path | None = No
 
     Args:
         tolerance: width of the goal less that of the part, mm; default: the world's.
-        rerun: write a file FILE.rrd for the Rerun viewer: one episode of each policy in 3D, a failure if any.
     """
     from vispeg.evaluation.entrants import entrants
-    from vispeg.report.rrd.episode import played as again
-    from vispeg.report.rrd.episode import write_episodes
-    from vispeg.report.rrd.stream import check_target
     from vispeg.task.world_file import load_world
 
-    if rerun is not None:
-        check_target(rerun, call.overwrite)
     who = entrants(call.policies)
     task = _task(call, who, tolerance)
     name = f"{'+'.join(dict.fromkeys(e.name for e in who))}-{load_world(call.world).name}"
     out = call.out or Path("evaluated") / name
     result = played(call, task=task, out=out)
-    lines = [str(out / "evaluate.html")]
-    if rerun is not None:
-        replays = []
-        for e in who:  # the first failure of each, or else the first episode
-            of = [x for x in result.episodes if (x.policy, x.train_seed, x.control) == (e.name, e.train_seed, "")]
-            seed = next((x.seed for x in of if not x.success), of[0].seed)
-            replays += again(e, call.world, task, [seed], e.name)
-        write_episodes(rerun, f"evaluate {' '.join(call.policies)}", replays)
-        lines.append(f"rerun: {rerun}")
-    call.give(result, *lines)
+    call.give(result, str(out / "evaluate.html"))
 
 
 @command("vispeg.api.stress.perturb:perturb", "policies", out=OUT, tolerance=TOLERANCE)

@@ -14,7 +14,7 @@ RECORDINGS = Option("recording", default=(), repeats=True)
 
 
 @command("vispeg.api.compare:compare", "model", recordings=RECORDINGS)
-def compare(call: Call, out: Path, rerun: Path | None = None, overwrite: bool = False) -> None:
+def compare(call: Call, out: Path, overwrite: bool = False) -> None:
     """Compare a model with recordings, without a fit.
 
     Shows how large the error is, at which joint, and when. Writes OUT/compare.json, OUT/evidence.npz and
@@ -26,25 +26,15 @@ def compare(call: Call, out: Path, rerun: Path | None = None, overwrite: bool = 
 
     Args:
         out: folder for the results.
-        rerun: write a file FILE.rrd for the Rerun viewer: measured and modelled arm, every joint over time.
         overwrite: replace `out` if it exists.
     """
     from vispeg.api.inputs import model_files
     from vispeg.cli.reading import reading_bars
-    from vispeg.report.evidence import EVIDENCE, load_evidence
-    from vispeg.report.rrd.comparison import write_comparison
-    from vispeg.report.rrd.stream import check_target
     from vispeg.report.text.terminal import report_line
 
-    if rerun is not None:
-        check_target(rerun, overwrite)
     inputs = (*model_files(call.model), *call.recordings)
     result = call.saved(out, overwrite, "comparison", inputs, reading=reading_bars(call.output.quiet))
-    lines: list[Any] = [report_line(out)]
-    if rerun is not None:
-        write_comparison(rerun, f"compare {call.model}", load_evidence(out / EVIDENCE))
-        lines.append(f"rerun: {rerun}")
-    call.give(result, *lines)
+    call.give(result, report_line(out))
 
 
 @command(

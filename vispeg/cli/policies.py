@@ -156,10 +156,10 @@ def play(call: Call) -> None:
 
     Example:
         vispeg play runs/{task}-depth/20261121-0900_s0/checkpoints/best --episodes 3 --out films
-        vispeg play state-3mm --world P --seed 7 --rerun seed-7.rrd --out films
+        vispeg play state-3mm --world P --seed 7 --out films
     """
     result = call(watch=lambda film: call.output.line(film.line))
-    call.output.give(result.record, [] if result.rerun is None else [f"rerun: {result.rerun}"])
+    call.output.give(result.record, [])
 
 
 @command("vispeg.api.learning.finetune:finetune", "policy")

@@ -15,7 +15,6 @@ EXTRAS = {
     "video": ("av",),
     "cluster": ("ray",),
     "view": ("viser", "websockets"),
-    "viz": ("rerun",),
     "wandb": ("wandb",),
     "menagerie": ("mujoco_menagerie",),
 }

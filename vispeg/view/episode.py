@@ -24,7 +24,7 @@ class Episodes:
         """
         who = entrant(name)
         for side, world in enumerate(worlds):
-            with stage(who, world, {}) as (env, policy, at):
+            with stage(who, world) as (env, policy, at):
                 self.tell("say", f"{name} in {at}, seed {seed}")
                 for step, moment in enumerate(moments(env, policy, seed)):
                     if step == 0:

@@ -41,13 +41,12 @@ class Moment:
 
 
 @contextmanager
-def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tuple[Any, Any, str]]:
+def stage(who: Entrant, world: str) -> Iterator[tuple[Any, Any, str]]:
     """Give an environment of one row, the policy, and the name of the world that it plays in.
 
     Args:
         who: a policy, or the scripted one.
         world: a name or a file; "" is the one that the policy was trained in, at the settings that it was made for.
-        settings: of the task, in place of the world's.
 
     Raises:
         UserError: no such policy or world, a policy that does not fit the world, or torch is not installed.
@@ -56,7 +55,7 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
 
     if who.scripted:
         at = world or "nominal"
-        env: Any = TaskVec(1, at, autoreset_mode="Disabled", privileged=True, **settings)
+        env: Any = TaskVec(1, at, autoreset_mode="Disabled", privileged=True)
         policy = player(who, env.config)
     else:
         from vispeg.learn.envs import home, of_policy
@@ -64,8 +63,7 @@ def stage(who: Entrant, world: str, settings: Mapping[str, Any]) -> Iterator[tup
 
         policy = player(who, None)
         at = world or home(policy)
-        merged = {**({} if world else made_for(policy.meta)), **settings}
-        env = of_policy(policy, at)(1, merged)
+        env = of_policy(policy, at)(1, {} if world else made_for(policy.meta))
     try:
         yield env, policy, at
     finally:
