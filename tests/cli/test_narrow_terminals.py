@@ -61,12 +61,13 @@ def test_compare(rigs, tmp_path):
 
 PRINTING = """
 import json, sys, pathlib
-from vispeg.report.fitted import print_fit
-from vispeg.report.text.terminal import print_comparison, print_diagnosis
+from vispeg.report.fitted import fit_summary
+from vispeg.report.text.summary import print_summary
+from vispeg.report.text.terminal import comparison_summary, diagnosis_summary, written_lines
 record = json.loads(sys.stdin.read())
-print_comparison(record, pathlib.Path("out"))
-print_diagnosis(record, pathlib.Path("out"))
-print_fit(record, pathlib.Path("out"))
+print_summary(comparison_summary(record))
+print_summary([*diagnosis_summary(record), *written_lines(record, pathlib.Path("out"))])
+print_summary(fit_summary(record))
 """
 
 

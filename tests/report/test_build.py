@@ -14,7 +14,8 @@ from vispeg.report.evidence import load_evidence
 from vispeg.report.sections import COMPARE, DIAGNOSIS
 from vispeg.report.sections.found import remark
 from vispeg.report.sections.next_experiment import again
-from vispeg.report.text.terminal import effects_table, ladder_table, print_diagnosis
+from vispeg.report.text.summary import print_summary
+from vispeg.report.text.terminal import diagnosis_summary, effects_table, ladder_table, written_lines
 
 
 class _Page(HTMLParser):
@@ -238,7 +239,7 @@ def test_remarks_follow_from_the_numbers():
 
 
 def test_the_terminal_says_verdict_fall_and_place(diagnosis, tmp_path, capsys):
-    print_diagnosis(diagnosis(), tmp_path)
+    print_summary([*diagnosis_summary(diagnosis()), *written_lines(diagnosis(), tmp_path)])
     said = " ".join(capsys.readouterr().out.split())
     assert said.startswith(
         "identified: Payload at the flange (0.843 kg) and Coulomb friction in joint 4 (1.31 N m) explain"
@@ -260,8 +261,8 @@ def test_terminal_tables_show_the_numbers(diagnosis):
     console.file.close()
 
 
-def test_the_terminal_says_what_cannot_be_told_apart(diagnosis, tmp_path, capsys):
-    print_diagnosis(diagnosis("ambiguous"), tmp_path)
+def test_the_terminal_says_what_cannot_be_told_apart(diagnosis, capsys):
+    print_summary(diagnosis_summary(diagnosis("ambiguous")))
     said = " ".join(capsys.readouterr().out.split())
     assert "Coulomb friction in joint 4 (1.31 N m) cannot be told from Stribeck friction in joint 4" in said
 

@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.report.drawings.figures import legend, new_figure, styled, svg, thin
-from vispeg.report.drawings.signature import signature_figure
+from vispeg.report.drawings.signature import signature_panels
 from vispeg.report.drawings.strips import interval_strip, place
 from vispeg.report.sections.maps import scale_levels
 
@@ -97,15 +97,15 @@ def test_a_strip_places_values_between_the_bounds():
 
 
 @pytest.mark.parametrize("kind", ["png", "svg"])
-def test_signature_figure(tmp_path, kind):
+def test_signature_panels(tmp_path, kind):
     time = np.linspace(0, 2, 400)
     path = tmp_path / f"x.{kind}"
     lines = {"nominal": np.sin(time), "coulomb_friction": np.sin(time) + 0.1 * np.sign(np.cos(time))}
-    assert signature_figure("coulomb_friction(joint4)", time, lines, "rad", path) == path
+    assert signature_panels("coulomb_friction(joint4)", time, [("rad", lines)], path) == path
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" if kind == "png" else b"coulomb_friction" in path.read_bytes()
     with pytest.raises(UserError, match="exists"):
-        signature_figure("again", time, lines, "rad", path)
+        signature_panels("again", time, [("rad", lines)], path)
     with pytest.raises(UserError, match="differ"):
-        signature_figure("short", time[:-1], lines, "rad", tmp_path / "y.png")
+        signature_panels("short", time[:-1], [("rad", lines)], tmp_path / "y.png")
     with pytest.raises(UserError, match="kind of file"):
-        signature_figure("odd", time, lines, "rad", tmp_path / "y.bmp")
+        signature_panels("odd", time, [("rad", lines)], tmp_path / "y.bmp")

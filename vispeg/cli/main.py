@@ -19,7 +19,6 @@ from vispeg.core.disk import FULL, refused, why
 from vispeg.core.errors import UserError
 from vispeg.core.extras import lacks, missing
 from vispeg.core.interrupt import Interrupted
-from vispeg.core.lock import release
 from vispeg.core.memory import large_apart
 from vispeg.core.notes import Note, line
 from vispeg.core.provenance import command_line
@@ -131,8 +130,6 @@ def _main(argv: list[str]) -> int:
         return EXIT_USAGE
     except SystemExit as stop:  # the argument parser's: 0 after --help, 2 after a usage error
         return stop.code if isinstance(stop.code, int) else EXIT_USAGE
-    finally:
-        release()
 
 
 def _drop_output() -> None:

@@ -1,4 +1,4 @@
-"""Joint impedance and operational space control, vectorised over simulations."""
+"""Joint impedance, operational space control and avoidance of joint limits, vectorised over simulations."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 LOST = 1e-9  # of the largest eigenvalue of J M^-1 J': a direction with less is lost at a singularity
 WORST = 0.1 / LOST  # condition under which no direction can be lost
+ZONE = 0.1  # share of a joint's range, at either end, in which the spring acts
 
 
 def position(
@@ -160,3 +161,26 @@ def osc(
     # Jbar' tau_0 = Lambda J M^-1 tau_0
     force -= np.matmul(np.matmul(posture[:, None], minv_jt), lam)[:, 0]
     return np.matmul(force[:, None], jac)[:, 0] + posture
+
+
+def away(q: np.ndarray, limits: np.ndarray, stiffness: float) -> np.ndarray:
+    """Give the joint acceleration (n, nj) rad/s^2 away from the limits (nj, 2) rad; q (n, nj) rad, stiffness 1/s^2.
+
+    It is the negative gradient of a potential as Khatib's (Int. J. Robotics Research 5(1), 1986, section 6): 0 outside
+    the zones at either end, but `stiffness / 2` times the squared depth inside, so that the pull begins at 0 and stays
+    finite beyond the limit. A joint without limits has no zones.
+    """
+    low, high = limits.T
+    bounded = np.isfinite(low) & np.isfinite(high)
+    low, high = np.where(bounded, low, 0.0), np.where(bounded, high, 0.0)
+    zone = ZONE * (high - low)
+    return stiffness * bounded * (np.maximum(low + zone - q, 0.0) - np.maximum(q - high + zone, 0.0))
+
+
+def singular(jac: np.ndarray) -> np.ndarray:
+    """Smallest singular value (n,) of flange Jacobians (n, 6, nj), in m/rad and rad/rad together; 0 at a singularity.
+
+    It is the least speed of the flange, in any direction, that joint speeds of unit norm give: Klein and Blaho, Int. J.
+    Robotics Research 6(2), 1987. Lengths count in metres: a turn of 1 rad weighs as much as a way of 1 m.
+    """
+    return np.linalg.svd(jac, compute_uv=False)[:, -1]

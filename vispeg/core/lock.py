@@ -9,7 +9,7 @@ import socket
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vispeg.core.disk import why
@@ -17,17 +17,6 @@ from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
 
 _MINE: set[Path] = set()  # what this process holds: a command may ask again for what it has
-_COMMAND = ExitStack()
-
-
-def claim(out: str | Path) -> None:
-    """`claimed` until `release`, for what a command writes from its middle to its end."""
-    _COMMAND.enter_context(claimed(out))
-
-
-def release() -> None:
-    """Note that the command has ended."""
-    _COMMAND.close()
 
 
 @contextmanager

@@ -17,18 +17,6 @@ NEEDED = {
     "passive": (),
     "unknown": (),
 }
-UNITS = {
-    "q": "rad",
-    "dq": "rad/s",
-    "tau": "N m",
-    "tau_cmd": "N m",
-    "q_cmd": "rad",
-    "dq_cmd": "rad/s",
-    "load": "any, in proportion to the motor's torque",
-    "ee": "m, quaternion",
-    "ee_cmd": "m, quaternion",
-    "ft": "N, N m",
-}
 
 
 def columns_of(signal: str, joints: Sequence[str]) -> list[str]:

@@ -14,7 +14,6 @@ from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
 from vispeg.report.live.arm import picked
 
-EVIDENCE = "evidence.npz"
 AXES = ("speed", "load", "position", "phase", "time", "frequency")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
 import numpy as np
@@ -16,7 +15,7 @@ from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.windows import records
 from vispeg.report.text import words
-from vispeg.report.text.summary import Block, Line, print_summary
+from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.terminal import effects_table, ladder_table
 from vispeg.worlds.model_file import PlacedRecord, without_origin
 from vispeg.worlds.world import World
@@ -107,11 +106,6 @@ def fit_summary(record: Mapping[str, Any]) -> list[Block]:
     held = record["ladder"][-1]["heldout_error"] is not None
     said = words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones."
     return [ladder_table(record), Line(said), effects_table(record), *map(Line, doubts(record))]
-
-
-def print_fit(record: Mapping[str, Any], out: Path) -> None:
-    """Print the summary and where the model lies."""
-    print_summary([*fit_summary(record), Line(f"model: {out / 'model.yaml'}", path=True)])
 
 
 def doubts(record: Mapping[str, Any]) -> list[str]:

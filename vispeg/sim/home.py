@@ -7,7 +7,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from vispeg.control.singularity import singular
+from vispeg.control.laws import singular
 from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, nominal_of

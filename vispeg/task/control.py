@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from vispeg.control.avoidance import away
-from vispeg.control.laws import hold_pose
+from vispeg.control.laws import away, hold_pose
 from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.task.config import TaskConfig

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.control.singularity import singular
+from vispeg.control.laws import singular
 from vispeg.core.errors import UserError
 from vispeg.robots.model import RobotModel
 

@@ -12,7 +12,6 @@ from vispeg.interface.observer import Observer
 
 JOINT, VELOCITY, SPEED = "joint limit", "joint velocity", "speed limit"
 FORCE, WORKSPACE, WATCHDOG, STOPPED = "force limit", "workspace", "watchdog", "stopped"
-CATEGORIES = (JOINT, VELOCITY, SPEED, FORCE, WORKSPACE, WATCHDOG, STOPPED)
 ABOVE, BELOW = 0.30, 0.02  # m: room above the goal, and below where the task wants the tip
 SPEED_MS = 0.25  # m/s: the reduced speed of ISO 10218-1, at which a person may stand beside an arm
 REACH = 0.15  # m: twice the farthest that episodes begin, and that goals are moved, to the side in the built-in worlds

@@ -17,7 +17,6 @@ from vispeg.core.errors import UserError
 from vispeg.core.workers import end_with_parent, one_thread
 
 Kind = Literal["told", "done", "refused", "failed", "stopped"]
-Tell = Callable[[str, Any], None]
 Heard = Callable[[Kind, str, Any], None]
 
 

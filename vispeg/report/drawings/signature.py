@@ -17,19 +17,6 @@ from vispeg.report.text.quantities import prefix
 COLOURS = (MEASURED, BEFORE, AFTER, *RIVALS)
 
 
-def signature_figure(
-    title: str, time: np.ndarray, lines: Mapping[str, np.ndarray], unit: str, path: Path, *, overwrite: bool = False
-) -> Path:
-    """Draws `lines` (name -> (n,) in `unit`) over `time` (n,) s into a PNG or SVG file, by its ending; returns `path`.
-
-    The first line is the reference (black, on top); up to four more follow in fixed colours.
-
-    Raises:
-        UserError: another ending, more than five lines, lines of another length than `time`, or the file exists.
-    """
-    return signature_panels(title, time, [(unit, lines)], path, overwrite=overwrite)
-
-
 def signature_panels(
     title: str,
     time: np.ndarray,
@@ -39,10 +26,14 @@ def signature_panels(
     against: Mapping[str, np.ndarray] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Draws panels of (unit, lines) one below the other over a common time axis, each as in `signature_figure`.
+    """Draw panels of (unit, name -> (n,)) one below the other over `time` (n,) s; return `path`, a PNG or SVG file.
 
-    `against` (what it is -> (n,) values) adds a row with the last panel's first line over each of them: friction is a
-    step over speed, a spring a line over angle, hysteresis a loop.
+    The first line of a panel is the reference (black, on top); up to four more follow in fixed colours. `against`
+    (what it is -> (n,) values) adds a row with the last panel's first line over each of them: friction is a step over
+    speed, a spring a line over angle, hysteresis a loop.
+
+    Raises:
+        UserError: another ending, more than five lines, lines of another length than `time`, or the file exists.
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):

@@ -12,7 +12,7 @@ from vispeg.report.sections.channels import channel_row
 from vispeg.report.sections.found import correlations, effect_rows
 from vispeg.report.text import camera_words, contact_words, unseen, words
 from vispeg.report.text.quantities import fold, interval, quantity
-from vispeg.report.text.summary import Block, Line, print_summary
+from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 
 WIDE = 34  # letters of a model's name, beside which three columns of errors fit into 80
@@ -130,11 +130,6 @@ def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
     return [*out, *(Line(f"note: {note}") for note in diagnosis.get("notes") or ())]
 
 
-def print_diagnosis(diagnosis: Mapping[str, Any], out: Path) -> None:
-    """Print the summary and where the report lies."""
-    print_summary([*diagnosis_summary(diagnosis), *written_lines(diagnosis, out)])
-
-
 def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:
     """Where the next motion lies, if one was made, and where the report lies."""
     following = diagnosis.get("next_experiment")
@@ -181,11 +176,6 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
         out += comparison_summary(other["record"])
     out += [Line(sentence) for sentence in camera_words.cameras(comparison)]
     return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
-
-
-def print_comparison(comparison: Mapping[str, Any], out: Path) -> None:
-    """Print the summary and where the report lies."""
-    print_summary([*comparison_summary(comparison), report_line(out)])
 
 
 def _record(values: Mapping[str, Any]) -> Record:
