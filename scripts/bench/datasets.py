@@ -6,9 +6,9 @@ Makes whole shards in this process, from the plan to the file's bytes, and notes
 renderers' part is that of drawing every frame through every camera, labels and shadows as asked: what `vispeg render`
 would cost if nothing else did. Every worker does the same, so the share is that on all cores, but for start-up.
 
-The second table says how much of the other parts is spent in the libraries beneath: MuJoCo's physics steps and the
-controller's kinematics, drawing for the guard, OpenCV's encoder and filters, Arrow's writer. The share that is left if
-nothing else took time is the bound.
+The line below the table says how much of the other parts is spent in the libraries beneath: MuJoCo's physics steps and
+the controller's kinematics, drawing for the guard, OpenCV's encoder and filters, Arrow's writer. The share that is left
+if nothing else took time is the bound.
 """
 
 from __future__ import annotations
@@ -129,11 +129,9 @@ def main() -> None:
         print(f"| {part} | {1e3 * spent / frames:.2f} | {spent / whole:.2f} |")
     print(f"| all | {1e3 * whole / frames:.2f} | 1 |")
     least = {**floor.spent, "guard's pictures": spare}
-    print("\n| in the libraries beneath | ms a frame |\n|---|---|")
-    for part, spent in least.items():
-        print(f"| {part} | {1e3 * spent / frames:.2f} |")
+    beneath_ms = ", ".join(f"{part} {1e3 * spent / frames:.2f}" for part, spent in least.items())
     bound = clock.spent["rendering"] / (clock.spent["rendering"] + sum(least.values()))
-    print(f"\nBound on the renderers' share: {bound:.2f}")
+    print(f"\nIn the libraries beneath, ms a frame: {beneath_ms}. Bound on the renderers' share: {bound:.2f}")
     if args.json:
         found = {k: 1e3 * v / frames for k, v in clock.spent.items()} | {"all": 1e3 * whole / frames}
         args.json.write_text(json.dumps(found, indent=2) + "\n")

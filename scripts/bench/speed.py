@@ -23,8 +23,8 @@ BENCHES = {
     "rollouts": ("rollouts.py",),
     "sysid": ("sysid.py",),
     "diagnosis": ("diagnosis.py",),
-    "task": ("task.py",),
-    "images": ("task.py", "--images", "--rows", "1", "16"),
+    "task": ("task.py", "--rows", "16", "64"),
+    "images": ("task.py", "--images", "--rows", "16"),
     "render": ("render.py",),
     "datasets": ("datasets.py",),
 }

@@ -12,7 +12,7 @@ observations, no cameras, the same policy period, random actions that lean downw
 control law at each of them. With `--images` both sides also see RGB and depth of 64 x 64 px from the wrist at every
 policy step, each as its defaults draw them, and there is no raw side.
 
-The last column is a bound, from the same run: how fast the task would be if nothing took time but MuJoCo itself, its
+`bound`, from the same run, is how fast the task would be if nothing took time but MuJoCo itself, its
 physics steps, the kinematics and inertia of the controller's own model and, with `--images`, its drawing.
 """
 
@@ -187,17 +187,16 @@ def main() -> None:
         line = next(x for x in answer.stdout.splitlines() if x.startswith("RESULT")).split()
         other = float(line[1])
         print(f"robosuite {line[3]}, Lift, IIWA, {line[2]}, steps of {float(line[4]):g} s: {other:.2f} simulated s/s\n")
-    print(
-        "| world | rows | task, simulated s/s | raw physics, simulated s/s | share of raw | times robosuite | bound |"
-    )
-    print("|---|---|---|---|---|---|---|")
+    if args.images:
+        print("| world | rows | task, simulated s/s | bound |\n|---|---|---|---|")
+    else:
+        print("| world | rows | task, simulated s/s | bound | raw physics | share of raw |\n|---|---|---|---|---|---|")
     for world in args.worlds:
         for rows in args.rows:
             ours, physics, least = task(world, rows, args.seconds, args.images)
-            times = f"{1 / ours / other:.0f}" if other else "-"
-            bare = "- | -" if args.images else f"{1 / physics:.1f} | {physics / ours:.2f}"
-            bound = f"{1 / least:.1f}" + (f", {1 / least / other:.0f} times robosuite" if other else "")
-            print(f"| {world} | {rows} | {1 / ours:.1f} | {bare} | {times} | {bound} |", flush=True)
+            speeds = [f"{1 / s:.1f}" + (f" ({1 / s / other:.0f}x)" if other else "") for s in (ours, least)]
+            bare = [] if args.images else [f"{1 / physics:.1f}", f"{physics / ours:.2f}"]
+            print("|", " | ".join([world, str(rows), *speeds, *bare]), "|", flush=True)
 
 
 if __name__ == "__main__":
