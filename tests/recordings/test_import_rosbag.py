@@ -11,8 +11,8 @@ from typed import convert as typed_convert
 
 from vispeg.api.recording.convert import convert
 from vispeg.core.errors import UserError
+from vispeg.recordings.importers.clock import hold, linear, poses
 from vispeg.recordings.importers.mapping import ColumnMap
-from vispeg.recordings.importers.resample import hold, linear, poses
 from vispeg.recordings.importers.rosbag import Topics, import_rosbag
 from vispeg.recordings.load import load
 

@@ -16,7 +16,7 @@ from vispeg.core.effect import effect
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import several
-from vispeg.recordings.frames.read import FOLDER
+from vispeg.recordings.frames.files import FOLDER
 from vispeg.recordings.load import load, needed
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.recordings.schema import Header

@@ -14,8 +14,8 @@ from vispeg.formats.format import enrol
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, NEEDED, SIGNALS, SPATIAL_SIGNALS, columns_of
 from vispeg.recordings.frames.camera import RecordedCamera
+from vispeg.recordings.frames.files import read_frames
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
-from vispeg.recordings.frames.read import read_frames
 from vispeg.recordings.load_cell import cell, outcomes, wrench
 from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.recordings.schema import ControlSection, Header, plain, read_header

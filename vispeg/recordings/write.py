@@ -15,7 +15,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.recordings.cell import Outcome
 from vispeg.recordings.columns import SIGNALS, columns_of
-from vispeg.recordings.frames.write import write_frames
+from vispeg.recordings.frames.files import write_frames
 from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.schema import FORMAT
 

@@ -1,4 +1,4 @@
-"""Mends what loggers do to a clock: rows written twice, steps back, commands that come less often than readings."""
+"""Mends what loggers do to a clock (rows twice, steps back, rare commands) and puts other sensors' signals on it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from vispeg.core.notes import note
 COMMANDS = ("q_cmd", "dq_cmd")
 LONGEST = 3.5  # times the usual distance of two commands: where none comes for longer, none is known
 NAMED = 3  # steps back that are named one by one
+REACH = 1.5  # periods of the other signal: where it is silent for longer it has a gap, not to be bridged
 
 
 def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) -> dict[str, np.ndarray]:
@@ -97,3 +98,66 @@ def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]
     if held:
         note(f"{source}: commands come less often than readings: each holds until the next")
     return out
+
+
+def linear(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (m, k) at `time` (m,), interpolated at `clock` (n,); NaN outside and inside gaps. Returns (n, k)."""
+    out = np.stack([np.interp(clock, time, column, np.nan, np.nan) for column in values.T], axis=1)
+    out[_in_gap(clock, time)] = np.nan
+    return out
+
+
+def poses(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Poses (m, 7) x y z qw qx qy qz at `clock`: positions linear, orientations along the shorter arc. (n, 7).
+
+    slerp: sin((1-s) a)/sin(a) q0 + sin(s a)/sin(a) q1 with cos(a) = q0.q1, s the share of the interval that has passed.
+    """
+    out = linear(clock, time, values)
+    quaternion = values[:, 3:] / np.maximum(np.linalg.norm(values[:, 3:], axis=1, keepdims=True), 1e-12)
+    right = np.clip(np.searchsorted(time, clock), 1, max(len(time) - 1, 1)) if len(time) > 1 else None
+    if right is None:
+        return out
+    q0, q1 = quaternion[right - 1], quaternion[right]
+    cosine = np.sum(q0 * q1, axis=1, keepdims=True)
+    q1, cosine = np.where(cosine < 0, -q1, q1), np.minimum(np.abs(cosine), 1.0)
+    share = ((clock - time[right - 1]) / (time[right] - time[right - 1]))[:, None]
+    angle = np.arccos(cosine)
+    small = angle < 1e-6
+    sine = np.where(small, 1.0, np.sin(angle))
+    w0 = np.where(small, 1 - share, np.sin((1 - share) * angle) / sine)
+    w1 = np.where(small, share, np.sin(share * angle) / sine)
+    mixed = w0 * q0 + w1 * q1
+    mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
+    out[:, 3:] = np.where(np.isnan(out[:, 3:]), np.nan, mixed)
+    return out
+
+
+def hold(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Commands (m, k) in force at `clock` (n,): NaN before the first. Returns (n, k).
+
+    A command follows the reading it was computed from by a fraction of a tick, yet belongs in its row. So where
+    commands come about as often as readings, or more often, the nearest within half a period of the readings counts.
+    """
+    out = np.full((len(clock), values.shape[1]), np.nan)
+    last = np.searchsorted(time, clock, side="right") - 1
+    out[last >= 0] = values[last[last >= 0]]
+    if len(time) < 2 or len(clock) < 2:
+        return out
+    period = float(np.median(np.diff(clock)))
+    if float(np.median(np.diff(time))) < 1.25 * period:
+        following = np.clip(np.searchsorted(time, clock), 0, len(time) - 1)
+        before = np.clip(following - 1, 0, None)
+        nearest = np.where(np.abs(time[before] - clock) < np.abs(time[following] - clock), before, following)
+        close = np.abs(time[nearest] - clock) <= 0.5 * period
+        out[close] = values[nearest[close]]
+    return out
+
+
+def _in_gap(clock: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Which of `clock` fall strictly between two samples that are too far apart."""
+    if len(time) < 3:
+        return np.zeros(len(clock), bool)
+    steps = np.diff(time)
+    right = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
+    wide = steps[right - 1] > REACH * np.median(steps)
+    return wide & (clock > time[right - 1]) & (clock < time[right])

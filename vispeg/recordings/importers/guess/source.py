@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +19,6 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.importers.fits import Needs, Scales, order_that_fits, scales
 from vispeg.recordings.importers.guess import words
 from vispeg.recordings.importers.guess.constants import KEY, Constant
-from vispeg.recordings.importers.guess.dialect import dialect_of
 from vispeg.recordings.importers.guess.motor_side import of_motors
 from vispeg.recordings.importers.guess.propose import Line, Proposal, propose
 from vispeg.recordings.importers.guess.ticks import calibration_beside, read_calibration
@@ -29,6 +29,7 @@ from vispeg.recordings.importers.turns import turned
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import is_text, read_table
 from vispeg.recordings.tables.table import Dialect, Reading, Table
+from vispeg.recordings.tables.table_csv import COMMENT, MOST_COMMENTS, opened
 
 ROWS = 200_000  # that are looked at: header and ranges need no more
 AGREE = (
@@ -42,6 +43,8 @@ QUESTION = (
 INFO = "meta/info.json"  # of a LeRobot data set, up to four folders above its tables
 
 NeedsOf = Callable[[Recording], Needs | None]  # the robot's torques for the joints of a recording
+LINES = 20
+DECIMAL_COMMA = re.compile(r"(?<![\d.])-?\d+,\d+(?![\d,])")
 
 
 def guess(
@@ -263,3 +266,38 @@ def _named(key: str, feature: Any) -> list[tuple[str, str]]:
     if feature.get("dtype") not in ("float32", "float64") or not isinstance(names, list):
         return []
     return [(f"{key}[{i}]", str(name).removesuffix(".pos")) for i, name in enumerate(names)]
+
+
+def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
+    """Give what separates cells in a text table, and what stands in its numbers.
+
+    Args:
+        file: the table.
+        names: of the columns, for a table without a header line.
+
+    Raises:
+        UserError: not text.
+    """
+    try:
+        with opened(file) as stream:
+            lines, comments = [], 0
+            while len(lines) < LINES and (raw := stream.readline(1 << 20)):
+                line = raw.decode().rstrip("\r\n")
+                comments += (comment := line.lstrip()[:1] in COMMENT and not lines)
+                if line.strip() and not comment:
+                    lines.append(line)
+                if comments > MOST_COMMENTS:
+                    break
+    except UnicodeDecodeError as error:
+        raise UserError("is not UTF-8 text", file=file) from error
+    except OSError as error:
+        raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
+    if not lines:
+        raise UserError("is empty", file=file)
+    head, body = lines[0], lines[1:] or lines
+    separator = max((";", "\t", ","), key=head.count)
+    if not head.count(separator):
+        cells = len(head.split())
+        separator = " " if cells > 1 and all(len(line.split()) == cells for line in body) else ","
+    comma = separator != "," and any(DECIMAL_COMMA.search(cell) for line in body for cell in line.split(separator))
+    return Dialect(separator, "," if comma else ".", names)
