@@ -55,7 +55,7 @@ def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
 
 def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> Provenance:
     versions: dict[str, str | None] = {"vispeg": __version__, "python": platform.python_version()}
-    versions |= {name: _version(name) for name in PACKAGES}
+    versions |= {name: version_of(name) for name in PACKAGES}
     inputs = dict(sorted(digests.items()))
     return {"command": command_line(argv), "seed": seed, "versions": versions, "inputs": inputs}
 
@@ -89,7 +89,8 @@ def _file_digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _version(package: str) -> str | None:
+def version_of(package: str) -> str | None:
+    """Give the version of an installed package; None where it is not installed."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

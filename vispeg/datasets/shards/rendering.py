@@ -10,12 +10,12 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder, refuse, remove_abandoned, write_bytes_atomic, write_text_atomic
+from vispeg.core.provenance import version_of
 from vispeg.datasets.layout import Layout
 from vispeg.datasets.lerobot import DATA, EPISODES, finish, path_of, place
 from vispeg.datasets.shards.engine import Engine, local
@@ -113,7 +113,7 @@ def _begin(work: Path, plan: Plan) -> None:
     """Make the folder of a rendering, or check that the one there is of the same plan."""
     path, now = (
         work / PLAN,
-        {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": _version(name) for name in VERSIONS}},
+        {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": version_of(name) for name in VERSIONS}},
     )
     if work.is_dir():
         remove_abandoned(path)  # killed while it wrote this very first file
@@ -138,13 +138,6 @@ def _begin(work: Path, plan: Plan) -> None:
                 expected=stated,
                 got=now[key],
             )
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _take_over(work: Path, folder: Path) -> None:
