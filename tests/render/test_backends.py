@@ -8,7 +8,7 @@ import pytest
 from spheres import BALLS, EYE, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
-from vispeg.render.backends import filament, gl
+from vispeg.render.backends import classic, filament
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.backends.raycast import cast
 from vispeg.render.cameras import model_camera
@@ -241,7 +241,7 @@ def test_renderers_take_turns_and_memory_stays_flat(cell):
 
 def test_without_opengl_rays_take_over_and_say_so(monkeypatch, cell):
     monkeypatch.setenv("MUJOCO_GL", "disabled")
-    monkeypatch.setattr("vispeg.render.backends.gl._OPEN", {})
+    monkeypatch.setattr("vispeg.render.backends.classic._OPEN", {})
     with pytest.warns(UserWarning, match="ray casting.*no OpenGL here"):
         renderer = Renderer(cell, standard_cameras()[2:], "auto")
     assert renderer.backend == "raycast"
@@ -289,6 +289,6 @@ def test_the_software_driver_draws_in_one_thread_unless_told_otherwise(monkeypat
     if given is not None:
         monkeypatch.setenv("LP_NUM_THREADS", given)
     monkeypatch.setenv("MUJOCO_GL", "egl")
-    monkeypatch.setattr(gl, "_class", lambda name: lambda width, height: name)
-    assert gl._open(640, 480) == "egl"
+    monkeypatch.setattr(classic, "_class", lambda name: lambda width, height: name)
+    assert classic._open(640, 480) == "egl"
     assert os.environ["LP_NUM_THREADS"] == kept
