@@ -79,7 +79,7 @@ def test_ray_that_is_missing_is_one_line(monkeypatch):
     from rendered import LAYOUT, PLAN, source
 
     from vispeg.core.errors import UserError
-    from vispeg.datasets.shards.engine_ray import on_ray
+    from vispeg.datasets.shards.engine import on_ray
 
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UserError, match=r"needs ray, of the extra 'cluster'.*pip install"):

@@ -9,7 +9,7 @@ import pytest
 from rendered import LAYOUT, PLAN, content, deadly, source
 
 from vispeg.core.errors import UserError
-from vispeg.datasets.shards.engine_ray import on_ray
+from vispeg.datasets.shards.engine import on_ray
 from vispeg.datasets.shards.rendering import render
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]  # Ray starts a process in seconds, or in minutes

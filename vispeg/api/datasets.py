@@ -18,8 +18,7 @@ from vispeg.datasets.formats.registry import EXPORTS
 from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.opening import open_dataset
 from vispeg.datasets.read import Dataset
-from vispeg.datasets.shards.engine import local
-from vispeg.datasets.shards.engine_ray import on_ray
+from vispeg.datasets.shards.engine import local, on_ray
 from vispeg.datasets.shards.rendering import render
 from vispeg.report.text.summary import Block, Line, html
 

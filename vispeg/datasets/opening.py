@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from vispeg.datasets.describe import INFO
-from vispeg.datasets.formats.plain import WHOLE
+from vispeg.datasets.formats.plain import WHOLE, Plain
 from vispeg.datasets.formats.read_bop import CAMERA, Bop
-from vispeg.datasets.formats.read_plain import Plain
 from vispeg.datasets.formats.stored import Stored
 from vispeg.datasets.read import Dataset
 from vispeg.formats.guard import is_file

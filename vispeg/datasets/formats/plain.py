@@ -1,18 +1,26 @@
-"""Writes a dataset as files that a person can open: PNG pictures, a CSV table an episode, JSON about the whole."""
+"""A dataset as files that a person can open: PNG pictures, a CSV table an episode, JSON about the whole."""
 
 from __future__ import annotations
 
 import csv
+import io
 import json
 from pathlib import Path
 
 import numpy as np
 
+from vispeg.core.errors import UserError
 from vispeg.datasets.codec import encode, to_steps
-from vispeg.datasets.layout import entries_of, is_depth, is_picture, short_of
+from vispeg.datasets.describe import check_features, is_integer, number
+from vispeg.datasets.episodes import KINDS, OWN, Stretch
+from vispeg.datasets.formats.stored import Stored, picture
+from vispeg.datasets.layout import Feature, entries_of, is_depth, is_picture, short_of
+from vispeg.datasets.parquet import checked
 from vispeg.datasets.read import Dataset
 from vispeg.formats.format import Format
-from vispeg.render.cameras.camera_files import save_cameras
+from vispeg.formats.guard import MB, is_file, read_text
+from vispeg.formats.json_data import read_json
+from vispeg.render.cameras.camera_files import load_cameras, save_cameras
 
 PLAIN = Format(
     "vispeg-folder/1", "a dataset of plain files", needed=("features", "total_frames", "fps"), language="json"
@@ -23,15 +31,16 @@ in N m, quaternions w x y z), episode.json (seeds, what came of it, drawn parame
 Depth is 16 bit, 0.1 mm a step, 0 where there is no reading. Pictures of parts hold the part's number.
 cameras.yaml holds the cameras as their user believes them; dataset.json the features, parts and totals.
 """
+LONGEST = 100_000  # frames of an episode
 
 
 def write_plain(source: Path, out: Path) -> None:
     """Write the dataset in `source` into `out`."""
     data = Dataset(source)
-    for number, about in enumerate(data.episodes):
-        folder = out / f"episode-{number:05d}"
+    for which, about in enumerate(data.episodes):
+        folder = out / f"episode-{which:05d}"
         folder.mkdir()
-        frames = data.episode(number)
+        frames = data.episode(which)
         for name, feature in data.features.items():
             if not is_picture(feature):
                 continue
@@ -65,3 +74,82 @@ def _table(path: Path, data: Dataset, frames: dict[str, np.ndarray]) -> None:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(zip(*columns.values(), strict=True))
+
+
+class Plain(Stored):
+    """See Stored. Raises UserError for what is not a dataset of plain files, or one that contradicts itself."""
+
+    def __init__(self, folder: str | Path):
+        super().__init__(folder)
+        path = self.folder / WHOLE
+        record = PLAIN.read(path)
+        check_features(record["features"], path)
+        if not number(record["fps"]) or record["fps"] <= 0:
+            raise UserError("not a rate", file=path, key="fps", expected="frames a second", got=record["fps"])
+        parts, plan = record.get("parts", []), record.get("plan", {})
+        if not isinstance(parts, list) or not all(isinstance(p, str) for p in parts) or not isinstance(plan, dict):
+            raise UserError("not a list of names, or not a plan", file=path, key="parts", got=parts)
+        self.features, self.parts, self.info = record["features"], tuple(parts), record
+        self.made = {"plan": {key: str(value) for key, value in plan.items()}}
+        stored = load_cameras(self.folder / CAMERAS) if is_file(self.folder / CAMERAS) else ()
+        self.cameras = {camera.name: camera for camera in stored}
+        self.episodes = self._episodes()
+        if len(self) != record["total_frames"]:
+            got = record["total_frames"]
+            raise UserError("not those of the episodes", file=path, key="total_frames", expected=len(self), got=got)
+
+    def _episodes(self) -> list[Stretch]:
+        out, first = [], 0
+        folders = sorted(self.folder.glob("episode-*"))
+        if not folders:
+            raise UserError("has no episodes", file=self.folder)
+        for i, folder in enumerate(folders):
+            path = folder / "episode.json"
+            about = read_json(path)
+            if folder.name != f"episode-{i:05d}" or not isinstance(about, dict):
+                raise UserError("is not the next episode", file=folder, expected=f"episode-{i:05d}")
+            if not is_integer(about.get("length")) or not 1 <= about["length"] <= LONGEST:
+                raise UserError("not a number of frames", file=path, key="length", got=about.get("length"))
+            checked([about], {OWN + key: kind for key, kind in KINDS.items()}, path)
+            out.append({**about, "dataset_from_index": first})
+            first += about["length"]
+        return out
+
+    def read(self, number: int) -> dict[str, np.ndarray]:
+        """See Stored."""
+        folder, length = self.folder / f"episode-{number:05d}", self.episodes[number]["length"]
+        columns = _columns(folder / "frames.csv", length)
+        out = {}
+        for name, feature in self.features.items():
+            if is_picture(feature):
+                files = [folder / f"{short_of(name)}-{i:03d}.png" for i in range(length)]
+                out[name] = np.stack([picture(file, feature) for file in files])
+            else:
+                out[name] = _numbers(columns, name, feature, folder / "frames.csv")
+        return out
+
+
+def _columns(path: Path, length: int) -> dict[str, list[str]]:
+    try:
+        heads, *rows = csv.reader(io.StringIO(read_text(path, 256 * MB), newline=""))
+    except csv.Error as error:
+        raise UserError("is not CSV", file=path, got=str(error)) from None
+    if len(rows) != length or any(len(row) != len(heads) for row in rows):
+        raise UserError(f"has {len(rows)} rows", file=path, expected=f"{length}, as long as the heads")
+    return dict(zip(heads, map(list, zip(*rows, strict=True)), strict=True))
+
+
+def _numbers(columns: dict[str, list[str]], name: str, feature: Feature, path: Path) -> np.ndarray:
+    arrays = []
+    for entry in entries_of(feature):
+        key = f"{name}.{entry}" if entry else name
+        if key not in columns:
+            raise UserError("a column is missing", file=path, expected=key)
+        cells = [{"True": "1", "False": "0"}.get(cell, cell) for cell in columns[key]]
+        try:
+            arrays.append(np.array(cells, float))
+        except ValueError:
+            raise UserError("holds something else than numbers", file=path, key=key) from None
+        if not np.isfinite(arrays[-1]).all():
+            raise UserError("is not finite", file=path, key=key)
+    return np.stack(arrays, axis=-1).astype(feature["dtype"]).reshape(-1, *feature["shape"])

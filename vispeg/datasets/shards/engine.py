@@ -1,4 +1,4 @@
-"""Makes shards in worker processes of one thread each; a worker that dies costs its shard, which is made again."""
+"""Makes shards in worker processes of one thread each, or on a Ray cluster; a lost worker's shard is made again."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Any
 
 from vispeg.core.cluster import TRIES
+from vispeg.core.cluster import on_ray as done_on_ray
 from vispeg.core.errors import UserError
 from vispeg.core.workers import pool_of
 from vispeg.datasets.layout import Layout
@@ -89,3 +91,16 @@ def _make(source: Source, plan: Plan, layout: Layout, shard: Shard) -> bytes:
 def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
     while not ticks.empty():
         tick(ticks.get())
+
+
+def on_ray(
+    shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
+) -> Made:
+    """As `engine.local`: `workers` shards at a time, each on one core. A killed worker's shard is made again.
+
+    Raises:
+        UserError: Ray is not installed, its cluster cannot be reached, a shard killed its worker again and again.
+    """
+    for shard, data in done_on_ray(partial(shard_bytes, source, plan, layout), shards, workers, what="shard"):
+        tick(shard.frames)
+        yield shard, data
