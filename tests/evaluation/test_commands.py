@@ -248,7 +248,7 @@ def test_a_recorded_episode_is_filmed_without_being_played_and_the_film_says_how
 def test_so_many_seeds_of_every_policy_are_filmed_and_those_that_are_lost_first(
     vispeg, tmp_path, played, monkeypatch, lost, filmed
 ):
-    from vispeg.evaluation.films.film import Clip
+    from vispeg.evaluation.films.media import Clip
 
     shots = []
 

@@ -283,7 +283,7 @@ def test_threads_are_one_meanwhile_and_as_before_afterwards(monkeypatch):
 
 def test_a_film_shows_the_episode_that_was_recorded(tmp_path):
     from vispeg.evaluation.arena import play
-    from vispeg.evaluation.films.film import film
+    from vispeg.evaluation.films.media import film
 
     (job,) = make_jobs(entrants(["expert"]), [Setting("nominal", "nominal")], seeds_of(3), tmp_path)
     (recorded,) = [e for e in play(replace(job, rows=3)) if e.seed == job.seeds[1]]

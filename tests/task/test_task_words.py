@@ -59,5 +59,5 @@ def test_the_contract_and_what_learns_by_it_name_no_part_of_a_task():
         "learn/experience/replay.py",
         "demonstrations/stage.py",
     ]
-    clean += ["demonstrations/plan.py", "evaluation/arena.py", "evaluation/players.py", "evaluation/films/film.py"]
+    clean += ["demonstrations/plan.py", "evaluation/arena.py", "evaluation/players.py", "evaluation/films/media.py"]
     assert not speaking(but={}) & set(clean)

@@ -12,7 +12,6 @@ from vispeg.core.cluster import Engine
 from vispeg.core.errors import UserError
 from vispeg.core.several import several, single
 from vispeg.evaluation import gap as gaps
-from vispeg.evaluation import stored
 from vispeg.evaluation.entrants import EXPERT, Entrant, Policies, given, refuse_trained_on
 from vispeg.evaluation.films.media import film_seeds
 from vispeg.evaluation.folder import workplace
@@ -20,6 +19,7 @@ from vispeg.evaluation.jobs import Job, Setting, make_jobs, seeds_of
 from vispeg.evaluation.measured import Trials, read_measured
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.records import read_all
+from vispeg.evaluation.runner import check_stored, take_in
 from vispeg.report.gap import words
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
@@ -129,14 +129,14 @@ def gap(
         if stored_before:  # OUT, which may hold the records, is not touched before they fit
             with TemporaryDirectory() as folder:
                 seeds = seeds_of(episodes, seed)
-                stored.check(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
+                check_stored(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
     names = [str(w) for w in worlds] if chosen is None else chosen.names
     with workplace(out if who else None, "gap.json", overwrite, read) as place:
         jobs: list[Job] = []
         played = []
         if chosen is not None:
             if stored_before:
-                stored.take_in(stored_before, place)
+                take_in(stored_before, place)
             jobs = make_jobs(who, chosen.settings(), seeds_of(episodes, seed), place / "worlds")
             played = play(jobs, place, workers, playing, engine)
         ends = {e.key: e for e in [*stored_before, *played]}
