@@ -31,7 +31,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import Header
 from vispeg.report.checked.examined import Examined, examined
 from vispeg.report.checked.page import render
-from vispeg.report.checked.summary import camera_blocks, recording_blocks
+from vispeg.report.checked.tables import camera_blocks, recording_blocks
 from vispeg.report.text.summary import Block, Line
 from vispeg.robots.model import load as load_robot
 from vispeg.robots.scene import Scene

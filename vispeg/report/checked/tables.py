@@ -1,4 +1,4 @@
-"""What `check` has to say as tables: for the terminal and for the page alike."""
+"""What `check` has to say as lines and tables, for terminal, notebook and page alike."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import numpy as np
 
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.recordings.checks.check import CheckReport
+from vispeg.recordings.checks.contact_check import said
 from vispeg.report.text.effect_words import unit
 from vispeg.report.text.quantities import plain
+from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
-from vispeg.vision.check import CameraCheck
+from vispeg.vision.check import CameraCheck, warnings_of
+
+NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of their cameras (`cell: nominal`)"
 
 
 def clock(report: CheckReport) -> str:
@@ -114,3 +118,28 @@ def _views(c: CameraCheck) -> list[str]:
 
 def _some(form: str, *values: float | None) -> str:
     return "-" if None in values else "–".join(f"{v:{form}}" for v in values if v is not None)
+
+
+def recording_blocks(report: CheckReport) -> list[Block]:
+    """Clock and gaps, two tables of the joints, what contact tells, and the warnings."""
+    blocks: list[Block] = [Line(clock(report), head=report.recording, path=True)]
+    blocks += [motion(report), Line(""), signals(report)]
+    contact = [] if report.contact is None else said(report.contact)
+    return [*blocks, *(Line(f"  {line}", path=True) for line in contact), *map(_warning, report.warnings)]
+
+
+def camera_blocks(checks: Sequence[CameraCheck], excited: Sequence[Excitation], stated: bool) -> list[Block]:
+    """Tables of the cameras and their warnings.
+
+    Args:
+        checks: of the cameras.
+        excited: what effects would do to the pictures.
+        stated: whether the recording says what stands in the cell.
+    """
+    blocks = [block for sheet in cameras(checks, excited) for block in (Line(""), sheet)]
+    blocks += [_warning(line) for c in checks for line in warnings_of(c)]
+    return [*blocks, *([_warning(NO_CELL)] if checks and not stated else [])]
+
+
+def _warning(text: str) -> Block:
+    return Line(text, warning=True)
