@@ -13,8 +13,7 @@ from vispeg.diagnosis.beginning import ANEW
 from vispeg.recordings.load import load
 from vispeg.recordings.write import write
 from vispeg.view.diagnose.standing import Standing
-from vispeg.view.diagnose.steps import STEPS
-from vispeg.view.diagnose.study import Study
+from vispeg.view.diagnose.study import STEPS, Study
 from vispeg.worlds.model_file import load_model, model_text
 from vispeg.worlds.world import World
 

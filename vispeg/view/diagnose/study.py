@@ -6,11 +6,12 @@ done; a killed one does it again in a moment, and the command goes on from there
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -31,7 +32,6 @@ from vispeg.view.diagnose.borders import Borders
 from vispeg.view.diagnose.contact import Contact
 from vispeg.view.diagnose.joints import Joints
 from vispeg.view.diagnose.standing import Candidate, Pictured, Rung, Standing, Tried
-from vispeg.view.diagnose.steps import read_steps, write_steps
 from vispeg.view.diagnose.subject import Steps
 from vispeg.view.diagnose.telling import key as key_of
 from vispeg.view.diagnose.telling import named, size, spelt, words
@@ -41,6 +41,7 @@ from vispeg.worlds.world import World
 
 SHOWN = 12  # candidates
 SUBJECTS = {"joints": Joints, "contact": Contact, "pictures": Borders}
+STEPS = "steps.json"  # in the folder of the progress
 
 
 class Study:
@@ -304,3 +305,24 @@ def _progress(inputs: Inputs, out: Path) -> Progress:
         if ours and not (out / name).exists():
             return progress
     raise UserError("holds too many results", file=out, expected="another --out")
+
+
+class Done(TypedDict):
+    """The key of the search that a folder belongs to, and its steps."""
+
+    key: str
+    steps: list[list[str]]
+
+
+def read_steps(part: Path) -> Done:
+    """Give what a folder says of its search; empty where it is nobody's."""
+    try:
+        data = json.loads((part / STEPS).read_text(encoding="utf-8"))
+        return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {"key": "x" if part.exists() else "", "steps": []}
+
+
+def write_steps(part: Path, key: str, steps: list[list[str]]) -> None:
+    """Write it down, over what was there."""
+    write_text_atomic(part / STEPS, json.dumps(Done(key=key, steps=steps)) + "\n", overwrite=True)
