@@ -18,7 +18,7 @@ import torch
 from vispeg.core.assets import assets
 from vispeg.learn.modalities import modality
 from vispeg.learn.policy import NetPolicy, load
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 POLICIES, ROWS, REPEATS = ("state-3mm", "depth-S", "rgbd-S"), (1, 16, 50), 5
 

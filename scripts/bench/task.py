@@ -28,7 +28,7 @@ import numpy as np
 from mujoco import batch as mjb
 
 from vispeg.core.seeds import stream
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 LEAN = 0.3  # of the random actions, downwards
 ROBOSUITE = """

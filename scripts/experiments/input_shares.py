@@ -18,7 +18,7 @@ from arguments import told
 from vispeg.core.errors import UserError
 from vispeg.learn.layout import PRIVILEGED
 from vispeg.learn.policy import NetPolicy, load
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 GROUPS = {"position": range(0, 3), "velocity": range(3, 6), "wrench": range(6, 12), "action": range(12, 15)}
 

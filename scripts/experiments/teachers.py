@@ -16,7 +16,7 @@ from arguments import told
 from vispeg.evaluation.statistics import wilson
 from vispeg.learn.shipped import policy_folder
 from vispeg.learn.teacher import teacher_of
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 
 def judged(name: str, world: str, episodes: int, seed: int, rows: int = 20) -> list[str]:

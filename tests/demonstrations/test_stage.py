@@ -66,7 +66,7 @@ def test_looks_share_states_and_physics_and_nothing_that_is_seen(asked, episodes
 
 
 def test_the_first_look_is_what_the_task_shows(asked):
-    from vispeg.task.peg.env import PegInHoleVec
+    from vispeg.task.peg.task import PegInHoleVec
 
     plan, layout = plan_of("unknown_hole", 8, cameras=CAMERAS, size=24, noise=0.0)
     seeds = [plan.episode_seed(0, i) for i in range(ROWS)]

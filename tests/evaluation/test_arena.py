@@ -12,14 +12,14 @@ import torch
 
 from vispeg.evaluation import arena
 from vispeg.evaluation.entrants import entrants
-from vispeg.evaluation.films.film import film
+from vispeg.evaluation.films.media import film
 from vispeg.evaluation.jobs import IMAGE_ROWS, Setting, make_jobs
 from vispeg.learn import modalities, play
 from vispeg.learn.layout import OFFSET_M, Layout
 from vispeg.learn.modalities import Modality, enrol, modality
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.policy import save
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 TASK = {"stack": 3, "cameras": ["wrist_crop"], "image_size": 16}
 

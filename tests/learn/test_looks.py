@@ -9,7 +9,7 @@ from vispeg.learn.methods.distill import DistillSettings, collect
 from vispeg.learn.methods.rounds import keep_ring, kept_ring
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.teacher import teacher_of
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 ROWS, LOOKS = 2, 2
 IMAGES = ("depth_wrist_wide", "rgb_wrist_wide")

@@ -10,7 +10,7 @@ from vispeg.core.assets import assets
 from vispeg.learn.networks.nets import Scale
 from vispeg.learn.policy import load
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 
 FOLDERS = sorted(p.parent for p in (assets() / "policies").glob("*/policy.json"))
 

@@ -25,7 +25,7 @@ from vispeg.task.terms import Observation
 
 def played(mode, world, steps, seeds=(4, 5)):
     """Observations of the same episodes in an observation mode, the first at rest, under the same actions."""
-    from vispeg.task.peg.env import PegInHoleVec
+    from vispeg.task.peg.task import PegInHoleVec
 
     env = PegInHoleVec(len(seeds), world, mode, autoreset_mode="Disabled", privileged=True)
     rng, obs = stream(0, "actions"), [env.reset(seed=list(seeds))[0]]
@@ -109,7 +109,7 @@ def test_a_tared_reading_is_the_reading_less_the_mean_of_those_without_contact_s
 
 def test_a_teacher_that_knows_is_shown_the_ground_truth_that_it_was_trained_on(tmp_path):
     """The same episodes for a policy that believes the true hole and for a student that does not know it."""
-    from vispeg.task.peg.env import PegInHoleVec
+    from vispeg.task.peg.task import PegInHoleVec
 
     told, blind = (
         PegInHoleVec(2, "unknown_hole", mode, autoreset_mode="Disabled", privileged=True)

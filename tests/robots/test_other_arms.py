@@ -19,8 +19,8 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.home import bounds, home_of
 from vispeg.task.guards import CATEGORIES, Guards
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.world_file import load_world, world_text
 from vispeg.worlds.world import World
 

@@ -7,7 +7,7 @@ from vispeg.core.errors import UserError
 from vispeg.robots import tools
 from vispeg.robots.model import load
 from vispeg.robots.scene import build
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.world_file import load_world
 
 GRIPPER = """<mujoco>

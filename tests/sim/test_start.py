@@ -3,7 +3,7 @@
 import numpy as np
 
 from vispeg.core.seeds import stream
-from vispeg.sim.segments.start import start_state
+from vispeg.sim.segments.segment import start_state
 
 TIME = np.arange(500) * 2e-3
 SIGMA = np.full(3, 2e-5)

@@ -11,7 +11,7 @@ import vispeg
 from vispeg.core.errors import UserError
 from vispeg.task.environments.replay import replay
 from vispeg.task.environments.vector import episode_seed
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World

@@ -6,7 +6,7 @@ import pytest
 import vispeg
 from vispeg.core.errors import UserError
 from vispeg.task.environments.env import TaskEnv
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.worlds.distribution import Uniform
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 

@@ -14,7 +14,7 @@ from vispeg.render.look import Fields  # noqa: E402
 from vispeg.robots import user_shapes  # noqa: E402
 from vispeg.robots.scene import SceneConfig, build  # noqa: E402
 from vispeg.task.peg.config import PegConfig  # noqa: E402
-from vispeg.task.peg.env import PegInHoleVec  # noqa: E402
+from vispeg.task.peg.task import PegInHoleVec  # noqa: E402
 from vispeg.task.world_file import load_world, world_text  # noqa: E402
 from vispeg.worlds.places import values  # noqa: E402
 

@@ -7,9 +7,9 @@ import pytest
 
 from vispeg.core.errors import UserError
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.rewards import REWARDS
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.rewards import Moment
 from vispeg.task.world_file import load_world

@@ -16,12 +16,11 @@ from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.expert import record_expert
 from vispeg.task.rig.motions import AIR, PATHS, Place, motion
-from vispeg.task.rig.pace import SAMPLES_HZ, followed, foreseen, paced
+from vispeg.task.rig.pace import ROOM, SAMPLES_HZ, followed, foreseen, paced, turned_by, with_room
 from vispeg.task.rig.path import Frame, Path
 from vispeg.task.rig.posture import elbow_turned, posture
 from vispeg.task.rig.record import record_cell
 from vispeg.task.rig.replay import replay
-from vispeg.task.rig.room import ROOM, turned_by, with_room
 from vispeg.worlds.model_file import load_model
 
 CELL = load_model("peg-cell")
@@ -84,7 +83,7 @@ def test_a_motion_is_turned_only_as_far_as_its_joints_need(yaw, fits):
 
 def test_a_motion_without_room_is_refused_with_the_joint_its_range_and_its_angle(monkeypatch):
     scene, near = SCENE.scene, posture(SCENE.scene)
-    monkeypatch.setattr("vispeg.task.rig.room.ROUND", (0.0,))
+    monkeypatch.setattr("vispeg.task.rig.pace.ROUND", (0.0,))
     path = PATHS["touch-datum"](Place(scene, np.random.default_rng(0)))
     with pytest.raises(UserError, match=r"joint7 out of its range.*-3.05 to 3.05 rad.*got 3.1[0-9]"):
         with_room(path, scene, SCENE.config.stiffness, near)

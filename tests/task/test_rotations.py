@@ -6,8 +6,8 @@ import pytest
 from vispeg.control.laws import rotation_vector
 from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.peg.config import PegConfig
-from vispeg.task.peg.env import PegInHoleVec
 from vispeg.task.peg.expert import Expert
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.task.peg.terms import TERMS
 from vispeg.task.terms import Observation
 from vispeg.worlds.world import World

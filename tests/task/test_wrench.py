@@ -3,7 +3,7 @@
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
-from vispeg.task.peg.env import PegInHoleVec
+from vispeg.task.peg.task import PegInHoleVec
 from vispeg.worlds.world import World
 
 WRENCH = slice(6, 12)  # of an observation: force in 20 N, torque in 2 N m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,7 +14,6 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.physics import derive, exact, firm, total
 from vispeg.sim.placement import Active, activate
 from vispeg.sim.plant import Plant
-from vispeg.sim.restart import RowFields
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
@@ -209,3 +209,19 @@ class Cell(Plant):
     def site_rotation(self, name: str) -> np.ndarray:
         """World rotation (nsim, 3, 3) of a site."""
         return self.site_mat[:, self.site[name]].reshape(self.nsim, 3, 3)
+
+
+class RowFields:
+    """Stands in for a batch while effects write a few rows: `expand(name)` is (nrow, ...), nominal until written."""
+
+    def __init__(self, model: Any, nrow: int):
+        self.model, self.nrow = model, nrow
+        self.values: dict[str, np.ndarray] = {}
+
+    def expand(self, name: str) -> np.ndarray:
+        """Give a writable copy of the model's field, one a row."""
+        if name not in self.values:
+            owner = self.model.opt if name.startswith("opt.") else self.model
+            value = np.asarray(getattr(owner, name.removeprefix("opt.")))
+            self.values[name] = np.repeat(value[None], self.nrow, axis=0)
+        return self.values[name]

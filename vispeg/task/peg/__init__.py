@@ -7,7 +7,7 @@ TASK, UNNAMED = "vispeg.task.peg.task:PegTask", True
 if "PegInHole-v0" not in registry:
     register(
         "PegInHole-v0",
-        entry_point="vispeg.task.peg.env:PegInHoleEnv",
-        vector_entry_point="vispeg.task.peg.env:PegInHoleVec",
+        entry_point="vispeg.task.peg.task:PegInHoleEnv",
+        vector_entry_point="vispeg.task.peg.task:PegInHoleVec",
         disable_env_checker=True,
     )

@@ -11,7 +11,9 @@ from vispeg.recordings.cell import Outcome
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import CAMERAS, Scene, build
 from vispeg.task.contract import Task
+from vispeg.task.environments.env import TaskEnv
 from vispeg.task.environments.simulation import TaskSimulation
+from vispeg.task.environments.vector import TaskVec
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
@@ -67,3 +69,11 @@ class PegTask(Task):
     def expert(self, config: PegConfig, nsim: int) -> Expert:
         """Hovers, lowers, searches in a spiral, pushes down."""
         return Expert(config, nsim)
+
+
+class PegInHoleVec(TaskVec):
+    """`num_envs` peg-in-hole environments, stepped together; see TaskVec."""
+
+
+class PegInHoleEnv(TaskEnv):
+    """One peg-in-hole environment; see TaskEnv."""

@@ -17,10 +17,9 @@ from vispeg.core.errors import UserError
 from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.rig.commanded import CellMotion
-from vispeg.task.rig.pace import paced
+from vispeg.task.rig.pace import paced, with_room
 from vispeg.task.rig.path import FORCE, Frame, Path, commands, quarter
 from vispeg.task.rig.posture import elbow_turned, posture
-from vispeg.task.rig.room import with_room
 
 OVER = 0.03  # m: the tip over the fixture in free air
 NEAR = 0.0015  # m over a surface, from where it is approached slowly

@@ -12,7 +12,7 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Recording
-from vispeg.sim.segments.start import start_state
+from vispeg.sim.segments.segment import start_state
 from vispeg.task.belief import recorded_cell
 from vispeg.task.rig.run import STEP, Ran, run
 from vispeg.worlds.world import World
