@@ -56,7 +56,6 @@ __all__ = [
     "train",
 ]
 
-LIBRARY = ("vispeg.effects",)  # rooms that enrol effects, see vispeg.core.effect
 _PLACES = {
     "UserError": "vispeg.core.errors",
     "World": "vispeg.worlds.world",

@@ -11,10 +11,10 @@ import pytest
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.likely import intervals
 from vispeg.contact.selection.profile import places
+from vispeg.contact.touch import felt, touches
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.resolve import felt, touches
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.recordings.cell import CellBelief

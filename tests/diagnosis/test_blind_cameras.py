@@ -10,8 +10,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import vispeg
-from vispeg.api.pictures import border_evidence_of, diagnose
 from vispeg.api.recording.look import cameras_of, scene_of
+from vispeg.channels.channel import CHANNELS, How
+from vispeg.channels.pictures import border_evidence_of
 from vispeg.core.errors import UserError
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.identify.motions.look_motion import look_motion
@@ -25,6 +26,7 @@ from vispeg.worlds.world import World
 
 CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
 SCENE = scene_of(CELL)
+PICTURES = CHANNELS["pictures"]
 (HAND,) = (c.moved(name="my hand") for c in cameras_of(["wrist_wide"], SCENE, (80, 60)))
 SKY = HAND.moved(name="sky", parent="base", pos=(0.0, 0.0, 3.0), quat=(1.0, 0.0, 0.0, 0.0))  # looks up
 FLOOR = HAND.moved(name="floor", parent="base", pos=(0.6, 0.35, 0.4), quat=(0.0, 1.0, 0.0, 0.0), fx=400.0, fy=400.0)
@@ -47,7 +49,10 @@ def test_a_camera_that_sees_nothing_is_said_and_left_out():
 
 def test_where_no_camera_sees_anything_nothing_is_diagnosed_and_check_says_why():
     one, other = (seen_by(SKY, seed=k) for k in (0, 1))
-    for attempt in (lambda: diagnose(CELL, [one], [other]), lambda: border_evidence_of(CELL, [one], [other])):
+    for attempt in (
+        lambda: PICTURES.diagnose(CELL, ([one], [other]), How()),
+        lambda: border_evidence_of(CELL, [one], [other]),
+    ):
         with pytest.raises(UserError, match="no camera sees the cell: camera 'sky'"):
             attempt()
     assert excitations(SCENE, one, CELL) == []
@@ -96,4 +101,4 @@ def test_pictures_without_colour_are_refused_for_edges_are_found_in_it():
     assert rec.frames is not None
     deep = replace(rec.frames, frames=tuple(replace(f, rgb_source=None) for f in rec.frames))
     with pytest.raises(UserError, match="no colour"):
-        diagnose(CELL, [rec], [replace(rec, frames=deep)])
+        PICTURES.diagnose(CELL, ([rec], [replace(rec, frames=deep)]), How())

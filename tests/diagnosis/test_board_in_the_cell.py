@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from vispeg.api.pictures import border_evidence_of, diagnose
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
+from vispeg.channels.channel import CHANNELS, How
+from vispeg.channels.pictures import border_evidence_of
 from vispeg.core.effect import EffectInstance
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.recordings.cell import CellBelief
@@ -62,7 +63,7 @@ def test_corners_are_readings_that_the_truth_leaves_little_of():
 @pytest.mark.slow
 def test_an_offset_is_named_with_a_board_in_sight():
     hidden = EffectInstance.of("camera_offset", WRIST, x=0.004)
-    result = diagnose(CELL, [pictured(3, hidden)], [pictured(4, hidden)])
+    result = CHANNELS["pictures"].diagnose(CELL, ([pictured(3, hidden)], [pictured(4, hidden)]), How())
     (placed,) = result.world.effects
     assert result.record["verdict"] == "identified" and placed.effect == "camera_offset"
     assert placed.params["x"].low <= 0.004 <= placed.params["x"].high
@@ -70,6 +71,6 @@ def test_an_offset_is_named_with_a_board_in_sight():
 
 @pytest.mark.slow
 def test_a_bent_board_is_unexplained():
-    record = diagnose(CELL, [pictured(3, bend=0.006)], [pictured(4, bend=0.006)]).record
+    record = CHANNELS["pictures"].diagnose(CELL, ([pictured(3, bend=0.006)], [pictured(4, bend=0.006)]), How()).record
     assert record["verdict"] == "unexplained" and not record["effects"]
     assert record["unexplained"]["depends_on"][0]["input"] == "the board's shape"

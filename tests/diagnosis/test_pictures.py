@@ -12,8 +12,8 @@ from scipy import stats
 from scipy.interpolate import CubicSpline
 
 from vispeg.api.fit import fit
-from vispeg.api.pictures import diagnose
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
+from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.pictures.coverage import excitations
@@ -67,8 +67,12 @@ def pictured(
     return replace(rec, frames=shots, cell=CELL.cell)
 
 
+def diagnose(fitted, held_out):
+    return CHANNELS["pictures"].diagnose(CELL, (fitted, held_out), How())
+
+
 def diagnosed(*effects: EffectInstance):
-    return diagnose(CELL, [pictured(3, *effects)], [pictured(4, *effects)])
+    return diagnose([pictured(3, *effects)], [pictured(4, *effects)])
 
 
 def test_an_offset_and_a_focal_error_are_named_and_fitted():
@@ -138,14 +142,14 @@ def test_a_fixture_that_was_moved_between_the_recordings_is_said_to_be():
     moved = EffectInstance.of("hole_offset", "fixture", x=0.005)
     for some in (((), (moved,)), ((moved,), ())):
         fitted, held_out = (pictured(seed, *e) for seed, e in zip((3, 4), some, strict=True))
-        record = diagnose(CELL, [fitted], [held_out]).record
+        record = diagnose([fitted], [held_out]).record
         assert record["verdict"] == "unexplained" and "mm elsewhere" in record["reason"], record["reason"]
 
 
 @pytest.mark.slow
 def test_a_short_rolling_shutter_is_no_error_of_the_arm_and_lies_in_its_interval():
     hidden = EffectInstance.of("rolling_shutter", WRIST, readout=0.015)
-    found = diagnose(CELL, *([pictured(s, hidden, motion="look-fast", errs=1.25e-4)] for s in (3, 4)))
+    found = diagnose(*([pictured(s, hidden, motion="look-fast", errs=1.25e-4)] for s in (3, 4)))
     (placed,) = found.world.effects
     readout = placed.params["readout"]
     assert placed.effect == "rolling_shutter" and readout.low < 0.015 < readout.high < 0.02
@@ -170,7 +174,7 @@ def smeared(rec: Recording, px: float = 1.0) -> Recording:
 
 @pytest.mark.slow
 def test_a_smear_on_the_lens_is_no_error_of_the_joints():
-    record = diagnose(CELL, *([smeared(pictured(seed, frames=8))] for seed in (3, 4))).record
+    record = diagnose(*([smeared(pictured(seed, frames=8))] for seed in (3, 4))).record
     assert record["verdict"] == "unexplained" and "not the joints: a smear" in record["reason"], record["reason"]
     assert record["views"]["robot_rad"] == 0.0 and record["views"]["field_px"] > 0.2
 

@@ -10,22 +10,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vispeg.api.channels import diagnose_channels
 from vispeg.api.inputs import Inputs, Model, Reading, Source, of_cell, read_inputs, silent, windows
 from vispeg.api.objects import diagnose_tosses, object_world
 from vispeg.api.result import Result
 from vispeg.api.stress.remainder import Price
+from vispeg.channels import conduct
+from vispeg.channels.channel import How
+from vispeg.channels.resolve import resolve
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed
 from vispeg.diagnosis.change import diagnose_change
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.resolve import ChannelName, resolve
 from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import SECONDS
-from vispeg.report.live.arm import arm_arrays
+from vispeg.report.live.arm import with_arms
 from vispeg.report.text.summary import Block
 from vispeg.report.text.terminal import diagnosis_summary
 from vispeg.report.write import finite, write_diagnosis
@@ -109,8 +110,8 @@ def diagnose(
     cell: str | Path = "nominal",
     episodes: int = 100,
     part: str | Path | None = None,
-    channels: Sequence[ChannelName] = (),
-    rooms: Sequence[ChannelName] = (),
+    channels: Sequence[str] = (),
+    rooms: Sequence[str] = (),
     say: Callable[[str], None] = lambda text: None,
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
@@ -172,20 +173,18 @@ def diagnose(
     stamp = inputs.provenance(seed)
     progress = None if part is None else progress_of(inputs, seconds, seed, Path(part), before)
     say("going on" if progress is not None and progress.resumed else "simulating")
-    options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
     both = inputs.fitted, inputs.held_out
     if before is None:
         looking = resolve(inputs.world, *both, asked=channels)
-        result = diagnose_channels(looking, inputs.world, *both, seconds=seconds, likely=likely, **options)
+        how = How(seconds, seed, threads, say, likely, Progress() if progress is None else progress)
+        result = conduct.diagnose(looking, inputs.world, both, how)
     else:
         if channels and tuple(channels) != ("joints",):
             raise UserError("a change is told in the joints alone", key="--channels", got=" ".join(channels))
         was = (*before.fitted, *before.held_out)
-        result = diagnose_change(inputs.world, was, *both, likely=likely, **options)
-    for at in ("", "channel/joints/"):
-        if f"{at}joints" in result.arrays:
-            drawn = arm_arrays(inputs.world, result.arrays[f"{at}joints"])
-            result.arrays.update({f"{at}{key}": value for key, value in drawn.items()})
+        options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
+        result = diagnose_change(inputs.world, was, *both, **options)
+    with_arms(inputs.world, result.arrays)
     remainder = result.record.get("remainder", [])
     paid = {}
     if price is not None:
@@ -198,7 +197,7 @@ def diagnose(
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
 
 
-def renamed(channels: Sequence[ChannelName], rooms: Sequence[ChannelName]) -> Sequence[ChannelName]:
+def renamed(channels: Sequence[str], rooms: Sequence[str]) -> Sequence[str]:
     """Give the channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
     if not rooms:
         return channels

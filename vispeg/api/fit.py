@@ -11,31 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vispeg.api.channels import arm_of, carrying
 from vispeg.api.inputs import Model, Reading, Source, read_inputs, silent, windows
-from vispeg.api.pictures import border_evidence_of
 from vispeg.api.result import Result
-from vispeg.contact.evidence import ContactEvidence
-from vispeg.contact.run import evidence_of
-from vispeg.contact.selection.likely import intervals
+from vispeg.channels.channel import CHANNELS, Both, How
+from vispeg.channels.resolve import fitted_in, resolve
 from vispeg.core.cluster import Engine, cluster
 from vispeg.core.effect import EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import check_seed
 from vispeg.core.several import several
-from vispeg.diagnosis.evidence.starts import begun
-from vispeg.diagnosis.record import arrays
-from vispeg.diagnosis.resolve import ChannelName, fitted_in, resolve
 from vispeg.identify.calibrate import ITERATIONS, Method, calibrate
 from vispeg.identify.checkpoint import Checkpoint, Trace
 from vispeg.identify.evidence import Evidence
-from vispeg.identify.inverse import evidence_for
 from vispeg.identify.spread import spread
 from vispeg.kernels.threads import one_blas_thread
 from vispeg.recordings.recording import Recording
-from vispeg.recordings.windows import SECONDS, choose
+from vispeg.recordings.windows import SECONDS
 from vispeg.report.fitted import fit_record, fit_summary
-from vispeg.report.live.arm import arm_arrays
+from vispeg.report.live.arm import with_arms
 from vispeg.report.text.summary import Block
 from vispeg.report.write import finite, write_fit
 from vispeg.robots.scene import Scene
@@ -106,7 +99,7 @@ def fit(
     effects: str | EffectInstance | Sequence[str | EffectInstance] = (),
     validate: Source | Sequence[Source] = (),
     *,
-    channels: Sequence[ChannelName] = (),
+    channels: Sequence[str] = (),
     seconds: float = SECONDS,
     method: Method = "auto",
     iterations: int | None = None,
@@ -170,82 +163,47 @@ def fit(
     checkpoint = None
     if part is not None:
         checkpoint = Checkpoint(Path(part) / "checkpoint.json", key, starts, resume, watch)
-    whole, world, free, unstated = world, *_shown(world, channel, free, unstated)
-    evidence, judged = _both(world, both, channel, threads, seconds)
-    assert evidence is not None  # read_inputs refuses an empty list
-    make = partial(_fitted, world, both, channel, seconds)
-    if channel == "joints":
-        world = begun(evidence, world, unstated)
+    whole, looked_in = world, CHANNELS[channel]
+    evidence, judged = looked_in.evidence(whole, both, How(seconds, threads=threads))
+    world, free, unstated = _shown(whole, channel, free, unstated)
+    world = looked_in.begin(evidence, world, unstated)
+    make = partial(_fitted, whole, both, channel, How(seconds))
     options = {"method": method, "starts": starts, "iterations": iterations, "checkpoint": checkpoint}
     with cluster(threads) if engine == "ray" else nullcontext():
         evaluate = spread(make, threads) if engine == "ray" else None
         result = calibrate(evidence, world, free, seed=seed, evaluate=evaluate, **options)
-    if isinstance(evidence, ContactEvidence):  # a squared residual of contact is no parabola
-        result = replace(result, fit=replace(result.fit, world=intervals(evidence, result.fit)[0]))
-    given = inputs.world if channel != "joints" else arm_of(inputs.world)
+    result = replace(result, fit=looked_in.finish(evidence, result.fit))
+    given = looked_in.part(inputs.world)
     record, final = fit_record(given, result, free, evidence, judged)
     record = finite(record | {"channel": channel, "provenance": stamp})
-    drawn = {}
-    if channel == "joints":
-        judge = evidence if judged is None else judged
-        drawn = arrays(judge, judge.simulated([given, final]))
-        drawn |= arm_arrays(given, drawn["joints"])
+    drawn = looked_in.drawn(evidence if judged is None else judged, [given, final])
+    with_arms(given, drawn)
     named = tuple(final.effects[i] for i in free)
     return FitResult(record, whole.add(*named), named, inputs.files, drawn, checkpoint)
 
 
 def _shown(
-    world: World, channel: ChannelName, free: tuple[int, ...], unstated: tuple[int, ...]
+    world: World, channel: str, free: tuple[int, ...], unstated: tuple[int, ...]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
     """Give the part of the world that a channel can show, and the same effects' places in it.
 
     Raises:
         UserError: an effect to be fitted that it does not show.
     """
-    if channel != "joints":
-        return world, free, unstated
-    arm = arm_of(world)
-    at = {e.label: i for i, e in enumerate(arm.effects)}
+    part = CHANNELS[channel].part(world)
+    at = {e.label: i for i, e in enumerate(part.effects)}
     for i in free:
         if (label := world.effects[i].label) not in at:
             expected = "effects of one channel at a time; --channels chooses it"
-            raise UserError("does not show in the joints", key="--effects", got=label, expected=expected)
+            raise UserError(f"does not show in the channel {channel}", key="--effects", got=label, expected=expected)
     free, unstated = (tuple(at[world.effects[i].label] for i in some) for some in (free, unstated))
-    return arm, free, unstated
+    return part, free, unstated
 
 
-def _fitted(
-    world: World, both: tuple[Sequence[Recording], Sequence[Recording]], channel: ChannelName, seconds: float
-) -> Evidence:
+def _fitted(world: World, both: Both, channel: str, how: How) -> Evidence:
     """Of the fitted recordings, for a worker of its own."""
-    evidence, _ = _both(world, both if channel == "pictures" else (both[0], ()), channel, 1, seconds)
-    assert evidence is not None
-    return evidence
-
-
-def _both(
-    world: World,
-    both: tuple[Sequence[Recording], Sequence[Recording]],
-    channel: ChannelName,
-    threads: int,
-    seconds: float,
-) -> tuple[Evidence | None, Evidence | None]:
-    """Of the fitted and of the held-out recordings."""
-    if channel == "pictures":
-        return border_evidence_of(world, *both)
-    first, second = (_evidence(world, recs, channel, threads, seconds) for recs in both)
-    return first, second
-
-
-def _evidence(
-    world: World, recordings: Sequence[Recording], channel: ChannelName, threads: int, seconds: float
-) -> Evidence | None:
-    """Of the wrench or of the joints; None without recordings."""
-    if not recordings:
-        return None
-    if channel == "contact":
-        return evidence_of(recordings, threads)
-    return evidence_for(world, [choose(carrying(rec, world), seconds) for rec in recordings], threads, 1e-3)
+    own = both if channel == "pictures" else (both[0], ())  # which edges are trusted depends on both
+    return CHANNELS[channel].evidence(world, own, how)[0]
 
 
 def _free(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NotRequired, TypedDict
@@ -18,6 +18,7 @@ from vispeg.core.provenance import Provenance, digest, here
 from vispeg.core.several import several
 from vispeg.recordings.frames.files import FOLDER
 from vispeg.recordings.load import load, needed
+from vispeg.recordings.progress import Reading, silent
 from vispeg.recordings.recording import Recording, in_order
 from vispeg.recordings.schema import Header
 from vispeg.recordings.windows import SECONDS, choose, split
@@ -34,13 +35,6 @@ from vispeg.worlds.world import World
 
 Model = World | str | Path
 Source = Recording | str | Path
-Share = Callable[[float], None]  # called with the share that is read, 0 to 1
-Reading = Callable[[Path], AbstractContextManager[Share]]
-
-
-def silent(path: Path) -> AbstractContextManager[Share]:
-    """Show nothing while a recording is read."""
-    return nullcontext(lambda share: None)
 
 
 @dataclass(frozen=True)

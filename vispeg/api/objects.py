@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from vispeg.channels.channel import CHANNELS, How
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import Provenance, digest, here
-from vispeg.diagnosis.objects import diagnose_object
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.objects import ObjectRecording, load_object_recording
@@ -77,8 +77,8 @@ def diagnose_tosses(
             part / "progress.json", [model_text(world), digest(world.robot), read, seed, stamp["versions"]]
         )
     say("going on" if progress is not None and progress.resumed else "simulating")
-    options = {"seed": seed, "nthread": threads, "say": say, "progress": progress}
-    result = diagnose_object(world, model, fitted, held_out, **options)
+    how = How(seed=seed, threads=threads, say=say, progress=Progress() if progress is None else progress)
+    result = CHANNELS["tosses"].diagnose(world, (fitted, held_out), how)  # type: ignore[arg-type]  # tosses
     return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp, progress)
 
 

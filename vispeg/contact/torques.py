@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.contact.touch import refuse_numb
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.resolve import refuse_numb
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene

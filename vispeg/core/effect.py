@@ -3,70 +3,24 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-import vispeg
 from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 from vispeg.core.params import Param, Value
+from vispeg.core.registry import Registry
 
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
 ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
 STAGES = ("free air", "geometry", "compliance", "friction", "impact")  # of a diagnosis of contact
 OPTICAL = ("camera", "appearance")  # families that are only seen; the others are felt
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
-Item = TypeVar("Item")
-
-
-class Registry(MutableMapping[str, Item]):
-    """Items by name. Looking up loads `vispeg.LIBRARY`; enrolling one does not."""
-
-    def __init__(self) -> None:
-        self._items: dict[str, Item] = {}
-
-    def enrol(self, name: str, item: Item) -> None:
-        """Keep an item under its name, in place of one of the same class, as when a module is loaded anew.
-
-        Raises:
-            UserError: the name is another class's.
-        """
-        kind = type(item)
-        if not kind.__module__.startswith(vispeg.LIBRARY):
-            self._load()  # of a user's own: a name that the library has is refused where it is defined
-        if type(self._items.get(name, item)).__qualname__ != kind.__qualname__:
-            raise UserError(f"effect '{name}' is registered twice", got=kind.__qualname__, choices=sorted(self._items))
-        self._items[name] = item
-
-    def _load(self) -> None:
-        for room in vispeg.LIBRARY:
-            import_module(room)  # at once where it is loaded, or is just being loaded
-
-    def __getitem__(self, name: str) -> Item:
-        self._load()
-        return self._items[name]
-
-    def __setitem__(self, name: str, item: Item) -> None:
-        self._items[name] = item
-
-    def __delitem__(self, name: str) -> None:
-        del self._items[name]
-
-    def __iter__(self) -> Iterator[str]:
-        self._load()
-        return iter(self._items)
-
-    def __len__(self) -> int:
-        self._load()
-        return len(self._items)
-
-
-REGISTRY: Registry[Effect] = Registry()
+REGISTRY: Registry[Effect] = Registry("effect", "vispeg.effects")
 
 
 class Effect(ABC):

@@ -14,7 +14,6 @@ from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
 from vispeg.diagnosis.selection.state import State, Trial
-from vispeg.identify.channels import UNITS
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
@@ -219,7 +218,7 @@ def arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndar
 def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
     """Floor and held-out error before and after of each channel; of torques also what `least` (residuals) leaves."""
     out, names = [], evidence.items[0].robot.joints
-    for j, kind in enumerate(c.kind for c in evidence.items[0].channels for _ in names):
+    for j, (kind, unit) in enumerate((c.kind, c.unit) for c in evidence.items[0].channels for _ in names):
         column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]
         size = max(sum(int(v.sum()) for *_, v in column), 1)
         error = [np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in (0, 1)]
@@ -229,7 +228,7 @@ def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.nda
             "floor": float(evidence.floors[j]),
             "before": float(error[0]),
             "after": float(error[1]),
-            "unit": f"{UNITS[kind]} RMS",
+            "unit": f"{unit} RMS",
         }
         if least is not None:
             row["least_squares"] = float(np.sqrt(sum(np.sum(r[:, j] ** 2) for r in least) / size))

@@ -38,17 +38,19 @@ class Channel:
         measured: (m, nj) in the kind's unit.
         sigma: (nj,) noise.
         valid: (m, nj) bool.
+        stated: unit of a signal that is none of these kinds.
     """
 
     kind: str
     measured: np.ndarray
     sigma: np.ndarray
     valid: np.ndarray
+    stated: str = ""
 
     @property
     def unit(self) -> str:
         """Unit of the measured values."""
-        return UNITS[self.kind]
+        return self.stated or UNITS[self.kind]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ what they measure.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,7 +60,7 @@ class Evidence(Freedom):
         self.h_max = max(h_max, SERVO_STEP) if servo else h_max
         touched = [(rec, contact_of(rec, robot_of(rec))) for rec in self.recordings]
         every = _every(self.recordings)
-        self.items = [i for (rec, contact), n in zip(touched, every, strict=True) for i in _items(rec, contact, n)]
+        self.items = [i for (rec, contact), n in zip(touched, every, strict=True) for i in self._items(rec, contact, n)]
         groups: dict[tuple, list[int]] = {}
         for i, item in enumerate(self.items):
             c = item.recording.control
@@ -171,7 +171,59 @@ class Evidence(Freedom):
                 items[0].robot, worlds, [i.segment for i in items], h_max=h_max, nthread=nthread, along=True
             )
             for i, item, response in zip(group, items, responses, strict=True):
-                out[i] = np.concatenate([_predicted(c, item, response) for c in item.channels], axis=2)
+                out[i] = np.concatenate([self.predicted(c, item, response, worlds) for c in item.channels], axis=2)
+        return out
+
+    def compared(
+        self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
+    ) -> tuple[Channel, ...]:
+        """Give what is compared of a recording at some of its samples, where `late` (m, 1): the principal one first.
+
+        `noise` is that of its own signals, `noise_of`.
+        """
+        q = rec.q[rows]
+        kind = "servo" if rec.control.mode == "servo" else "angle"
+        channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
+        if rec.tau is not None and rec.torque_sensor != "none":
+            channels.append(Channel("torque", rec.tau[rows], noise["tau"], np.isfinite(rec.tau[rows]) & late))
+        if rec.load is not None and kind == "servo":
+            load = rec.load[rows]
+            channels.append(Channel("load", load, load_noise(rec.load), np.isfinite(load) & late))
+        return tuple(channels)
+
+    def predicted(self, channel: Channel, item: Item, response: Response, worlds: Sequence[World]) -> np.ndarray:
+        """Give what rollouts of worlds say of a channel, (nworld, m, nj)."""
+        if channel.kind == "load":
+            return np.abs(response.tau_motor) if unsigned(item.recording) else response.tau_motor
+        if channel.kind == "torque":
+            return response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
+        return response.q
+
+    def _items(self, rec: Recording, contact: Contact | None, every: int) -> list[Item]:
+        robot, settle, noise, out = robot_of(rec), _settle(rec), noise_of(rec), []
+        for segment in segments(rec):
+            if segment.time[-1] <= 2 * settle:
+                continue
+            thin = slice(None, None, every)
+            segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
+            late = (segment.time >= settle)[:, None]
+            if contact is not None:
+                free = contact.free[segment.rows]
+                if not free.any():
+                    continue
+                segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # what follows is not compared
+                late = (late & free[:, None])[: len(segment.time)]
+                grid = np.arange(segment.ticks) * segment.tick
+                torque = contact.torque[segment.rows].T
+                segment.cache[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
+            channels = self.compared(rec, segment.rows, late, noise)
+            if channels[0].valid.any():
+                out.append(Item(rec, segment, robot, channels))
+        if not out and contact is not None:
+            what = "the tool touches something all the time: nothing of the joints can be compared"
+            raise UserError(what, file=rec.path, expected="a second or more in free air")
+        if not out:
+            raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
         return out
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
@@ -260,15 +312,6 @@ def _stops(recordings: Sequence[Recording]) -> list[str]:
     return [f"{j} was measured beyond its range in the model, so that stop is left out" for j in dict.fromkeys(beyond)]
 
 
-def _predicted(channel: Channel, item: Item, response: Response) -> np.ndarray:
-    """Give what a rollout says of a channel, (nworld, m, nj)."""
-    if channel.kind == "load":
-        return np.abs(response.tau_motor) if unsigned(item.recording) else response.tau_motor
-    if channel.kind == "torque":
-        return response.tau_joint if item.recording.torque_sensor == "joint" else response.tau_motor
-    return response.q
-
-
 def _settle(rec: Recording) -> float:
     """Seconds at the start of a segment that are not compared."""
     return RULES.settle if rec.control.mode in ("position", "servo") else RULES.settle_observed
@@ -280,40 +323,3 @@ def _every(recordings: Sequence[Recording]) -> list[int]:
     readings = sum(n * r.q.size for n, r in zip(signals, recordings, strict=True))
     most = int(np.ceil(readings / READINGS))
     return [max(1, min(most, int(r.rate_hz / LEAST_HZ))) for r in recordings]
-
-
-def _items(rec: Recording, contact: Contact | None, every: int) -> list[Item]:
-    robot, noise = robot_of(rec), noise_of(rec)
-    out = []
-    settle = _settle(rec)
-    for segment in segments(rec):
-        if segment.time[-1] <= 2 * settle:
-            continue
-        thin = slice(None, None, every)
-        segment = replace(segment, time=segment.time[thin], rows=segment.rows[thin])
-        late = (segment.time >= settle)[:, None]
-        if contact is not None:
-            free = contact.free[segment.rows]
-            if not free.any():
-                continue
-            segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # what follows is not compared
-            late = (late & free[:, None])[: len(segment.time)]
-            grid = np.arange(segment.ticks) * segment.tick
-            torque = contact.torque[segment.rows].T
-            segment.cache[EXTERNAL] = np.stack([np.interp(grid, segment.time, joint) for joint in torque], axis=1)
-        q, kind = rec.q[segment.rows], "servo" if rec.control.mode == "servo" else "angle"
-        channels = [Channel(kind, q, np.hypot(noise["q"], MODEL_SIGMA), np.isfinite(q) & late)]
-        if rec.tau is not None and rec.torque_sensor != "none":
-            tau = rec.tau[segment.rows]
-            channels.append(Channel("torque", tau, noise["tau"], np.isfinite(tau) & late))
-        if rec.load is not None and kind == "servo":
-            load = rec.load[segment.rows]
-            channels.append(Channel("load", load, load_noise(rec.load), np.isfinite(load) & late))
-        if channels[0].valid.any():
-            out.append(Item(rec, segment, robot, tuple(channels)))
-    if not out and contact is not None:
-        what = "the tool touches something all the time: nothing of the joints can be compared"
-        raise UserError(what, file=rec.path, expected="a second or more in free air")
-    if not out:
-        raise UserError(f"too short to compare: every episode lasts under {2 * settle} s", file=rec.path)
-    return out

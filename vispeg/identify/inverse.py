@@ -59,7 +59,9 @@ class TorqueEvidence(Evidence):
         self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
-        # one weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike
+        # One weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike.
+        # On a held-out recording of a KUKA LWR4+ a diagnosis with it ends at .181 N m; with each joint's own noise as
+        # its weight at .249, with 5 % of each joint's torque beside it at .358 (scripts/bench/real_arms.py).
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
         self.notes += [rec.chosen.said(rec.name) for rec in recordings if rec.chosen]
         self.notes += [line for rec in recordings for line in missing.said(rec)]

@@ -32,7 +32,13 @@ class Axis:
 
 
 class Freedom:
-    """What of an effect a fit moves, and how far it goes for a derivative: all parameters, as their Params say."""
+    """What of an effect a fit moves, and how far it goes for a derivative: all parameters, as their Params say.
+
+    Attributes:
+        held: parameters (effect, name) that a fit leaves.
+    """
+
+    held: frozenset[tuple[str, str]] = frozenset()
 
     def frees(self, kind: Effect, name: str) -> bool:
         """Whether a fit moves this parameter of an effect."""

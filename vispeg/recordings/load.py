@@ -17,8 +17,8 @@ from vispeg.recordings.frames.camera import RecordedCamera
 from vispeg.recordings.frames.files import read_frames
 from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.load_cell import cell, outcomes, wrench
-from vispeg.recordings.recording import Control, Nullspace, Recording
-from vispeg.recordings.schema import ControlSection, Header, plain, read_header
+from vispeg.recordings.recording import Control, Nullspace, Recording, Signal
+from vispeg.recordings.schema import ControlSection, Header, SignalSection, plain, read_header
 from vispeg.recordings.tables.read import read_table
 from vispeg.recordings.tables.table import Reading, Table
 from vispeg.recordings.validate import check_angles, check_episodes, check_finite, check_share, check_time, check_unit
@@ -43,6 +43,7 @@ def _example(folder: Path) -> Path:
         "wrench": WrenchSensor(tared="weight"),
         "outcomes": (Outcome(True, 1, "success", 9.0),),
     }
+    rest["signals"] = {"current": Signal(q + 1.0, "A", 0.02)}
     rest["cell"] = CellBelief("nominal", {"friction": 0.2}, None, ({"effect": "contact_friction", "where": "fixture"},))
     rec = Recording(folder / "rig", "iiwa14", ("a", "b"), 100.0, control, time, q, tau=q, q_cmd=q, ee=ee, **rest)
     return write(rec, folder / "rig")
@@ -77,7 +78,7 @@ def load(
     header_file, samples_file = _files(folder)
     header = read_header(header_file)
     keep = None if signals is None else signals(header)
-    table = read_table(samples_file, _reading(header.joints, keep, progress))
+    table = read_table(samples_file, _reading(header, keep, progress))
     rec = assemble(header, table, folder, header_file, keep)
     frames = read_frames(folder, rec.time, rec.episode)
     _warn_unknown(table, header)  # last, so that an error stands alone
@@ -94,9 +95,10 @@ def needed(header: Header) -> tuple[str, ...]:
     return (*NEEDED[header.control.mode], *rates, *torque, *wrench)
 
 
-def _reading(joints: list[str], keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
+def _reading(header: Header, keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
     """Read the columns of the signals; those that are not kept are looked at block by block."""
-    retained = SIGNALS if keep is None else tuple(s for s in SIGNALS if s == "q" or s in keep)
+    joints = header.joints
+    retained = (*(s for s in SIGNALS if keep is None or s == "q" or s in keep), *header.signals)
     passing = tuple(s for s in SIGNALS if s not in retained)
 
     def look(block: Table) -> None:
@@ -145,6 +147,7 @@ def assemble(
         time=time,
         q=q,
         **signals,  # type: ignore[arg-type]
+        signals={name: _own(table, name, said, header) for name, said in header.signals.items()},
         episode=episode,
         tool=None if header.tool is None else plain(header.tool),
         base_tilt=(header.base.tilt_rad[0], header.base.tilt_rad[1]),
@@ -224,6 +227,17 @@ def _torque_limit(limit: list[float] | None, nj: int, file: Path) -> np.ndarray 
     return None if limit is None else np.array(limit, float)
 
 
+def _own(table: Table, name: str, said: SignalSection, header: Header) -> Signal:
+    """Give a signal that the header declares. Raises UserError where a column is not there."""
+    values = _signal(table, name, header.joints, True)
+    if values is None:
+        expected = columns_of(name, header.joints)[0]
+        raise UserError(
+            f"has no column of the signal {name}, which its header declares", file=table.file, expected=expected
+        )
+    return Signal(values, said.unit, said.noise)
+
+
 def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarray | None:
     """One signal (n, width), or None where none of its columns is there or it is not kept. A set must be complete.
 
@@ -280,7 +294,7 @@ def _warn_unknown(table: Table, header: Header) -> None:
     expected = {
         "time",
         "episode",
-        *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS) for c in columns_of(s, header.joints)),
+        *(c for s in (*JOINT_SIGNALS, *SPATIAL_SIGNALS, *header.signals) for c in columns_of(s, header.joints)),
     }
     unknown = [name for name in table.names if name not in expected]
     if unknown:

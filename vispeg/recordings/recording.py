@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
-from vispeg.recordings.columns import JOINT_SIGNALS
+from vispeg.recordings.columns import JOINT_SIGNALS, SIGNALS
 from vispeg.recordings.frames.frames import Frames
 from vispeg.recordings.windows import Chosen
 
@@ -41,6 +41,21 @@ class Control:
 
 
 @dataclass(frozen=True)
+class Signal:
+    """A measured signal of a channel of one's own, one column a joint.
+
+    Attributes:
+        values: (n, nj) in `unit`, NaN where a reading is missing.
+        unit: as the header states it.
+        noise: 1-sigma, or None where nothing is stated.
+    """
+
+    values: np.ndarray
+    unit: str
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
 class Recording:
     """One folder of RECORDING.md.
 
@@ -65,6 +80,7 @@ class Recording:
         wrench: the wrist's force sensor; None where nothing is said of it.
         outcomes: how trials ended, of those episodes that say so.
         motion, notes: free text.
+        signals: by name what else was measured in every joint, as the header declares it.
         frames: pictures beside the samples, or None where there are none.
         chosen: which windows of a longer recording this is (`recordings.windows`), or None where it is whole.
     """
@@ -95,6 +111,7 @@ class Recording:
     outcomes: tuple[Outcome, ...] = ()
     motion: str = ""
     notes: str = ""
+    signals: Mapping[str, Signal] = field(default_factory=dict)
     frames: Frames | None = None
     chosen: Chosen | None = None
 
@@ -102,6 +119,12 @@ class Recording:
     def name(self) -> str:
         """The folder's name."""
         return self.path.name
+
+    def some(self, rows: Any) -> Recording:
+        """Give a recording of some of its samples, which `rows` indexes; its frames stay."""
+        columns = {k: v[rows] for k in ("time", "episode", *SIGNALS) if (v := getattr(self, k)) is not None}
+        signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
+        return replace(self, signals=signals, **columns)
 
     def __repr__(self) -> str:
         arrays = [key for key, value in vars(self).items() if isinstance(value, np.ndarray) and key != "time"]
@@ -124,4 +147,5 @@ def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
         control = replace(control, torque_limit=control.torque_limit[order])
     if control.nullspace is not None:
         control = replace(control, nullspace=replace(control.nullspace, q=control.nullspace.q[order]))
-    return replace(rec, joints=wanted, control=control, **signals)
+    more = {name: replace(s, values=s.values[:, order]) for name, s in rec.signals.items()}
+    return replace(rec, joints=wanted, control=control, signals=more, **signals)

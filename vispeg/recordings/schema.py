@@ -13,6 +13,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 from vispeg.formats.typed import typed
 from vispeg.formats.yaml_data import read_yaml
+from vispeg.recordings.columns import SIGNALS
 
 FORMAT = "vispeg-recording/1"
 MAX_JOINTS = 64
@@ -140,6 +141,13 @@ class OutcomeSection(_Section):
     depth_m: Finite | None = None
 
 
+class SignalSection(_Section):
+    """A signal of a channel of one's own: a column a joint, `NAME.JOINT`."""
+
+    unit: Annotated[str, Field(min_length=1)]
+    noise: Positive | None = None
+
+
 class Header(CellOf):
     """recording.yaml as a whole."""
 
@@ -154,8 +162,17 @@ class Header(CellOf):
     noise: NoiseSection = NoiseSection()
     wrench: WrenchSection | None = None
     outcome: Annotated[list[OutcomeSection], OneOutcome] = []
+    signals: dict[str, SignalSection] = {}
     motion: str = ""
     notes: str = ""
+
+    @field_validator("signals")
+    @classmethod
+    def _own(cls, signals: dict[str, SignalSection]) -> dict[str, SignalSection]:
+        for name in signals:
+            if not name.isidentifier() or name in (*SIGNALS, "time", "episode"):
+                raise ValueError(f"cannot name a signal of one's own: {name!r}")
+        return signals
 
     @field_validator("joints")
     @classmethod
@@ -194,7 +211,8 @@ def _unknown(section: BaseModel, prefix: str = "") -> list[str]:
     keys = [f"{prefix}{key}" for key in section.model_extra or {}]
     for name in type(section).model_fields:
         value = getattr(section, name)
-        for part in value if isinstance(value, list) else [value]:
+        parts = value if isinstance(value, list) else [value]
+        for part in [*value.values()] if isinstance(value, dict) else parts:
             if isinstance(part, BaseModel):
                 keys += _unknown(part, f"{prefix}{name}.")
     return keys

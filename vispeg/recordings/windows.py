@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vispeg.core.errors import UserError
-from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.differentiate import episodes, smooth
 
 if TYPE_CHECKING:
@@ -138,8 +137,7 @@ def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
         raise UserError("leaves nothing to fit or to judge on", key="--hold-out", expected="0.2 to 0.5", got=share)
     parts = []
     for rows, name in ((~late, "first part"), (late, "last part")):
-        cut = {n: value[rows] for n in ("time", "episode", *SIGNALS) if (value := getattr(rec, n)) is not None}
-        parts.append(replace(rec, path=rec.path.with_name(f"{rec.path.name}, {name}"), **cut))
+        parts.append(replace(rec.some(rows), path=rec.path.with_name(f"{rec.path.name}, {name}")))
     return parts[0], parts[1]
 
 
@@ -147,8 +145,7 @@ def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
     """Give the recording with these spans of its rows (first, stop) alone, each an episode, each in its own time."""
     rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
     number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
-    cut = {name: value[rows] for name in ("time", *SIGNALS) if (value := getattr(rec, name)) is not None}
-    return replace(rec, episode=number, **cut)
+    return replace(rec.some(rows), episode=number)
 
 
 def _runs(episode: np.ndarray) -> list[np.ndarray]:

@@ -67,8 +67,8 @@ def _samples(rec: Recording) -> dict[str, np.ndarray]:
     columns = {"time": rec.time}
     if rec.episode is not None:
         columns["episode"] = np.asarray(rec.episode, np.int64)
-    for signal in SIGNALS:
-        values = getattr(rec, signal)
+    own = {name: signal.values for name, signal in rec.signals.items()}
+    for signal, values in ({name: getattr(rec, name) for name in SIGNALS} | own).items():
         if values is None:
             continue
         names = columns_of(signal, rec.joints)
@@ -119,7 +119,13 @@ def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
         head["wrench"] = {"pos_m" if key == "pos" else key: value for key, value in sensor.items()}
     if rec.outcomes:
         head["outcome"] = [_outcome(outcome) for outcome in rec.outcomes]
+    if rec.signals:
+        head["signals"] = {k: {"unit": s.unit, **_stated(s.noise)} for k, s in rec.signals.items()}
     return head | {"motion": rec.motion, "notes": rec.notes}
+
+
+def _stated(noise: float | None) -> Mapping[str, float]:
+    return {} if noise is None else {"noise": float(noise)}
 
 
 def _outcome(outcome: Outcome) -> Mapping[str, object]:

@@ -74,13 +74,13 @@ def diagnosed(frames: int, renderer: str, case: Any) -> dict[str, Any]:
     from plant import CELL, recording
     from score import judged
 
-    from vispeg.api.pictures import diagnose
+    from vispeg.channels.channel import CHANNELS, How
     from vispeg.core.effect import REGISTRY
 
     null = {f"{n}.{k}": p.null for n, e in REGISTRY.items() for k, p in e.params.items()}
     parts = [recording(case, k, frames, renderer) for k in (0, 1)]
     start = time.process_time()
-    record = diagnose(CELL, parts[:1], parts[1:]).record
+    record = CHANNELS["pictures"].diagnose(CELL, (parts[:1], parts[1:]), How()).record
     ends = [record["ladder"][k]["heldout_error"] for k in (0, -1)]
     result = {k: record[k] for k in ("verdict", "effects", "reason")} | {"before": ends[0], "after": ends[1]}
     result |= {"null": null, "not_excited": record["views"]["not_excited"]}

@@ -11,13 +11,13 @@ from typing import TypedDict
 
 from vispeg.api.recording.contact import check_contact
 from vispeg.api.result import Result
+from vispeg.channels.pictures import seen
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.core.provenance import here
 from vispeg.core.several import several
 from vispeg.diagnosis.pictures.coverage import excitations
 from vispeg.diagnosis.pictures.excited import Excitation
-from vispeg.diagnosis.resolve import seen
 from vispeg.identify.pictures.read import comparable
 from vispeg.recordings.checks.check import SIGNALS, CheckReport
 from vispeg.recordings.checks.check import check as examine

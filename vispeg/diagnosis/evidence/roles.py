@@ -15,7 +15,6 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.scale import floors
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
-from vispeg.recordings.columns import SIGNALS
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
@@ -71,8 +70,7 @@ def halves(rec: Recording) -> tuple[Recording, Recording]:
     """Give the first and the second half of a recording."""
     middle, out = len(rec.time) // 2, []
     for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
-        cut = {key: value[rows] for key in ("time", "episode", *SIGNALS) if (value := getattr(rec, key)) is not None}
-        out.append(replace(rec, path=rec.path.with_name(f"{rec.name}, {name} half"), **cut))
+        out.append(replace(rec.some(rows), path=rec.path.with_name(f"{rec.name}, {name} half")))
     return out[0], out[1]
 
 

@@ -72,6 +72,11 @@ class ColumnMap:
     motors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """Signals of channels of one's own that the header declares."""
+        return tuple(map(str, self.recording.get("signals", ())))
+
+    @property
     def names(self) -> set[str]:
         """All columns of the source that are asked for."""
         return set[str]().union(*(source.names for source in self.columns.values())) - {""}
@@ -114,7 +119,9 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
     for joint in renamed:
         if joint not in names:
             raise UserError("no such joint", file=file, key="joints", got=joint, choices=map(str, names))
-    targets = ["time", "episode", *SIGNALS, *(c for s in SIGNALS for c in columns_of(s, list(map(str, names))))]
+    own = _section(recording, "signals", file)  # of a channel of one's own
+    every = (*SIGNALS, *map(str, own))
+    targets = ["time", "episode", *every, *(c for s in every for c in columns_of(s, list(map(str, names))))]
     columns, rate = {}, None
     for target, value in data.items():
         if target in OTHER:
@@ -224,6 +231,8 @@ def _source(value: Any, target: str, file: Path) -> Source:
 def _check_current(value: dict, target: str, file: Path) -> None:
     """Refuse a current without its torque constant, a constant without a current, and a current that is no torque."""
     constant, amperes = value.get("torque_constant"), value.get("unit") in AMPERES
+    if target.partition(".")[0] not in SIGNALS and constant is None:
+        return  # a channel of one's own may compare currents
     if amperes and target.partition(".")[0] not in ("tau", "tau_cmd"):
         raise UserError("a current is no reading of this", file=file, key=target, expected="tau.JOINT or tau_cmd.JOINT")
     if amperes and constant is None:

@@ -41,7 +41,7 @@ def import_table(
         UserError: a mapped column is absent or not numeric, or the recording would not pass `load`.
     """
     mapping = mapping or ColumnMap()
-    targets = _targets(joints_of(joints, mapping))
+    targets = _targets(joints_of(joints, mapping), mapping)
     wanted = {*targets, *mapping.names}
     table = read_table(source, Reading(keep=lambda _: wanted, progress=progress, dialect=mapping.dialect))
     return from_table(table, source, robot, joints, mapping, **header)
@@ -51,7 +51,7 @@ def from_table(
     table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap, **header: Any
 ) -> Recording:
     """Give a recording from a table that is read; see `import_table`."""
-    targets = _targets(joints_of(joints, mapping))
+    targets = _targets(joints_of(joints, mapping), mapping)
     columns = {}
     for target, origin in mapping.columns.items():
         if target not in targets:  # a whole signal can only come from an array
@@ -83,5 +83,5 @@ def summed(table: Table, origin: Source) -> np.ndarray:
     return sum((summed(table, term) for term in origin.plus), start=own)
 
 
-def _targets(names: list[str]) -> list[str]:
-    return ["time", "episode", *(c for s in SIGNALS for c in columns_of(s, names))]
+def _targets(names: list[str], mapping: ColumnMap) -> list[str]:
+    return ["time", "episode", *(c for s in (*SIGNALS, *mapping.own) for c in columns_of(s, names))]

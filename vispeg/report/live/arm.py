@@ -19,6 +19,15 @@ FACES, FEWEST = 12_000, 60  # in all, and of one shape
 KEYS = ("parent", "pos", "quat", "joint", "axis", "anchor", "zero", "vertex", "face", "colour", "body")
 
 
+def with_arms(world: World, arrays: dict[str, np.ndarray]) -> None:
+    """Add to the arrays of a result the arm that they move: of a result, and of its joints where it has several
+    channels.
+    """
+    for at in ("", "channel/joints/"):
+        if f"{at}joints" in arrays:
+            arrays.update({f"{at}{key}": value for key, value in arm_arrays(world, arrays[f"{at}joints"]).items()})
+
+
 def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
     """Give the arm of a world, without its effects, as arrays `arm/KEY`; empty for a robot that has nothing to draw.
 

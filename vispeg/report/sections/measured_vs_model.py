@@ -30,6 +30,8 @@ POINTS, NARROW_POINTS = 20_000, 160  # on paper: in all, and of a narrow line
 SHARE = 0.15  # of the worst joint's residual: joints below it are folded away at first
 SHOWN, LARGEST = 0.3, 500  # rad that the greatest error turns a joint by on the page; times at most
 
+WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # by the unit of a trace
+
 
 def context(record: Record) -> Mapping[str, object]:
     """Give a picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
@@ -86,7 +88,7 @@ def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
 
 def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
     """Give the signals themselves, and what is left of them."""
-    name = "torque" if unit == "N m" else "motion"
+    name = WHAT.get(unit, "signal")
     first = last if last == "model" else "model before"
     ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
     signals = [Line("measured", f"measured{of}", "ink", width=2.0)]
@@ -172,7 +174,7 @@ def _row(trace: Trace) -> Mapping[str, object]:
         cells.append((quantity(before, trace.unit), None if trace.after is None else quantity(after, trace.unit)))
     total = quantity(rms(trace.before - trace.measured), trace.unit)
     last = None if trace.after is None else quantity(_final(trace), trace.unit)
-    return {"name": trace.name, "what": "torque" if trace.unit == "N m" else "motion", "cells": [*cells, (total, last)]}
+    return {"name": trace.name, "what": WHAT.get(trace.unit, "signal"), "cells": [*cells, (total, last)]}
 
 
 def _final(trace: Trace) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vispeg.api.inputs import Inputs
-from vispeg.api.pictures import border_evidence_of
+from vispeg.channels.pictures import border_evidence_of
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.progress import Progress
 from vispeg.identify.pictures.evidence import BorderEvidence, Item

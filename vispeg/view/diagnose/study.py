@@ -10,27 +10,30 @@ import json
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
 
-from vispeg.api.channels import arm_of, carrying, part_of
-from vispeg.api.compare import compared_pictures
 from vispeg.api.diagnose import diagnose, progress_of
 from vispeg.api.inputs import Inputs, read_inputs, windows
+from vispeg.channels.channel import CHANNELS, How
+from vispeg.channels.conduct import part_of
+from vispeg.channels.pictures import compared_pictures
+from vispeg.channels.resolve import resolve
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.beginning import ANEW
 from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.resolve import ChannelName, resolve
 from vispeg.diagnosis.selection.state import State, Trial
-from vispeg.recordings.windows import SECONDS, choose
+from vispeg.recordings.windows import SECONDS
 from vispeg.report.text import effect_words
 from vispeg.view.diagnose.borders import Borders
 from vispeg.view.diagnose.contact import Contact
 from vispeg.view.diagnose.joints import Joints
+from vispeg.view.diagnose.plain import Plain
 from vispeg.view.diagnose.standing import Candidate, Pictured, Rung, Standing, Tried
 from vispeg.view.diagnose.subject import Steps
 from vispeg.view.diagnose.telling import key as key_of
@@ -66,7 +69,7 @@ class Study:
         held_out: tuple[Path, ...],
         out: Path,
         threads: int = 2,
-        channel: ChannelName | None = None,
+        channel: str | None = None,
     ):
         self.tell, self.threads = tell, threads
         self.asked = model, fitted, held_out
@@ -86,12 +89,13 @@ class Study:
         self.others = list[list[str]]()  # steps of other channels in the same folder
         if progress is not None and len(self.channels) > 1:
             progress = part_of(progress, self.channel, given)
-        if self.channel == "joints":  # recordings with pictures came whole
-            fit, judge = (tuple(choose(carrying(rec, given), SECONDS) for rec in some) for some in both)
-            inputs = replace(inputs, world=arm_of(given), fitted=fit, held_out=judge)
-            self.world = inputs.world
+        looked_in, how = CHANNELS[self.channel], How()
+        fit, judge = (tuple(looked_in.read(rec, given, how) for rec in some) for some in both)
+        inputs = replace(inputs, world=looked_in.part(given), fitted=fit, held_out=judge)
+        self.world = inputs.world
         self.aside = tuple(e for e in given.effects if e not in self.world.effects)
-        self.subject = SUBJECTS[self.channel](inputs, threads, lambda text: tell("say", text), progress)
+        subject = SUBJECTS.get(self.channel, partial(Plain, looked_in))
+        self.subject = subject(inputs, threads, lambda text: tell("say", text), progress)
         self.search = self.subject.search
         begin = self.subject.begin(self.world)
         self.world, self.n_given, self.n_fixed = begin.world, begin.n_given, begin.n_fixed

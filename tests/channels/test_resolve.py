@@ -12,9 +12,9 @@ import pytest
 from vispeg.api import compare as of_compare
 from vispeg.api import diagnose as of_diagnose
 from vispeg.api import fit as of_fit
+from vispeg.channels.resolve import available, fitted_in, resolve
 from vispeg.cli.main import main
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.resolve import available, fitted_in, resolve
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
 from vispeg.recordings.cell import CellBelief, WrenchSensor

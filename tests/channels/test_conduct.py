@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vispeg.api.channels import _read_right, _seen, carrying
+from vispeg.channels.channel import CHANNELS, How
+from vispeg.channels.conduct import conduct, joined
+from vispeg.channels.joints import carrying
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.errors import UserError
-from vispeg.diagnosis.conduct import Member, conduct, joined
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.recording import Control, Recording
@@ -61,22 +62,18 @@ class Channels:
 
     def __init__(self, joints=(), pictures=(), contact=()):
         self.asked: list[tuple[str, tuple[str, ...]]] = []
-        heeds = {"joints": lambda e: False, "pictures": _seen, "contact": lambda e: e.name == "encoder_offset"}
-        said = {"joints": joints, "pictures": pictures, "contact": contact}
-        self.members = [Member(name, heeds[name], self._answer(name, said[name])) for name in said]  # type: ignore[arg-type]
+        self.said = {"joints": joints, "pictures": pictures, "contact": contact}
 
-    def _answer(self, name, said):
-        def diagnose(world: World) -> Diagnosis:
-            given = tuple(e.label for e in world.effects)
-            self.asked.append((name, given))
-            told = said(given) if callable(said) else said
-            verdict = "unexplained" if any(e.partial for e in told) else ""
-            return answer(world, tuple(e for e in told if e.label not in given), name, verdict)
-
-        return diagnose
+    def _answer(self, channel, world: World) -> Diagnosis:
+        given, said = tuple(e.label for e in world.effects), self.said[channel.name]
+        self.asked.append((channel.name, given))
+        told = said(given) if callable(said) else said
+        verdict = "unexplained" if any(e.partial for e in told) else ""
+        return answer(world, tuple(e for e in told if e.label not in given), channel.name, verdict)
 
     def run(self) -> Diagnosis:
-        return joined(conduct(self.members, ARM, lambda text: None), ARM)
+        channels = [CHANNELS[name] for name in self.said]
+        return joined(conduct(channels, ARM, self._answer, lambda text: None), ARM)
 
 
 def test_channels_that_have_nothing_to_tell_each_other_are_searched_once():
@@ -145,7 +142,7 @@ def test_the_page_and_the_terminal_have_every_channel(tmp_path):
 def test_what_the_encoders_misread_is_taken_off():
     scene = believed(ARM.cell).scene
     rec = Recording(Path("r"), "iiwa14", scene.joints, 100.0, Control(), np.arange(4) / 100, np.ones((4, 7)))
-    q = _read_right(rec, ARM.add(OFFSET, CAMERA)).q
+    q = CHANNELS["contact"].read(rec, ARM.add(OFFSET, CAMERA), How()).q
     assert np.allclose(q[:, 5], 1 - 0.004) and np.allclose(np.delete(q, 5, 1), 1.0) and (rec.q == 1).all()
 
 
@@ -164,12 +161,12 @@ def test_what_the_wrench_weighed_is_what_the_arm_carries():
 
 @pytest.mark.parametrize("name", ["hole_offset", "hole_tilt", "grip_pose", "encoder_offset"])
 def test_what_moves_a_picture_is_heeded_by_it(name):
-    assert _seen(effect(name))
+    assert CHANNELS["pictures"].heeds(effect(name))
 
 
 @pytest.mark.parametrize("name", ["contact_friction", "contact_stiffness", "payload", "camera_offset", "tool_mass"])
 def test_what_does_not_is_not(name):
-    assert not _seen(effect(name))
+    assert not CHANNELS["pictures"].heeds(effect(name))
 
 
 def test_a_channel_without_evidence_is_refused():

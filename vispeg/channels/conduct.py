@@ -1,4 +1,4 @@
-"""One diagnosis over several channels: joints, contact and pictures each look for the cause with what the others named.
+"""One diagnosis over several channels: each looks for the cause with what the others named.
 
 A channel is searched among its own effects, as it is alone. What it names beyond doubt and another channel heeds (an
 encoder's offset moves what a camera predicts; a goal that stands elsewhere, too) is part of that channel's model when
@@ -8,40 +8,76 @@ it is searched again. So no evidence is searched for an effect that another has 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from vispeg.core.effect import Effect, EffectInstance, effect
+from vispeg.channels.channel import CHANNELS, Both, Channel, How
+from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.resolve import ChannelName
+from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ChannelRecord, DiagnosisRecord
+from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 FIRM = ("identified", "ambiguous")  # verdicts whose effects other channels may build on
 ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any channel says is said of all
 
 
-@dataclass(frozen=True)
-class Member:
-    """One channel of a diagnosis over several.
+def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Diagnosis:
+    """Name what a model lacks, the cause looked for in every channel.
 
-    Attributes:
-        name: of the channel.
-        heeds: whether an effect that another channel named changes what this one predicts.
-        diagnose: a model -> what this channel says of the recordings under it.
+    A channel in which nothing of the model shows is left out, with a note, where there is another one.
+
+    Args:
+        channels: of `resolve`.
+        world: of an arm, of a cell, or of a robot whose own file shows what stands about.
+        both: the recordings.
+        how: to go about it.
+
+    Raises:
+        UserError: recordings that cannot be compared in a channel.
     """
+    chosen = [CHANNELS[name] for name in channels]
+    blind = {c.name: c.blind(world, *both) if len(chosen) > 1 else "" for c in chosen}
+    looked_in = [c for c in chosen if not blind[c.name]] or chosen[:1]
+    left_out = [f"{c.name} are left out: {blind[c.name]}" for c in chosen if c not in looked_in]
+    if len(looked_in) == 1:
+        return _noted(whole(looked_in[0].diagnose(world, both, how), looked_in[0], world), left_out)
 
-    name: ChannelName
-    heeds: Callable[[Effect], bool]
-    diagnose: Callable[[World], Diagnosis]
+    def ask(c: Channel, start: World) -> Diagnosis:
+        return c.diagnose(start, both, replace(how, plan_next=False, progress=part_of(how.progress, c.name, start)))
+
+    return _noted(joined(conduct(looked_in, world, ask, how.say), world), left_out)
+
+
+def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
+    """Give a channel's diagnosis with what of the model the channel cannot show."""
+    began = channel.part(world)
+    aside = [e for e in world.effects if e not in began.effects]
+    found = diagnosis.world
+    return replace(diagnosis, world=replace(found, cell=world.cell, effects=(*aside, *found.effects)))
+
+
+def part_of(progress: Progress, channel: str, start: World) -> Progress:
+    """Give what a channel of several asks from a start: the same question is another one given what others named."""
+    return progress.part(f"{channel} {model_text(start)}")
+
+
+def _noted(diagnosis: Diagnosis, left_out: Sequence[str]) -> Diagnosis:
+    """Give the diagnosis with a note on each channel that was left out."""
+    if not left_out:
+        return diagnosis
+    record = diagnosis.record
+    lacks = [*record.get("missing", []), *left_out]
+    return replace(diagnosis, record={**record, "missing": lacks, "notes": [*record["notes"], *left_out]})
 
 
 @dataclass(frozen=True)
 class Said:
     """What a channel said, and the other channels' effects that it was given."""
 
-    member: Member
+    channel: Channel
     diagnosis: Diagnosis
     assumed: tuple[EffectInstance, ...]
 
@@ -58,28 +94,34 @@ class Said:
         return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
 
 
-def conduct(members: Sequence[Member], world: World, say: Callable[[str], None]) -> list[Said]:
+def conduct(
+    channels: Sequence[Channel],
+    world: World,
+    ask: Callable[[Channel, World], Diagnosis],
+    say: Callable[[str], None],
+) -> list[Said]:
     """Ask channel after channel, and again while another has named what one heeds; what each said last, in their order.
 
     Args:
-        members: the channels that the recordings have.
+        channels: those that the recordings have.
         world: the user's model.
+        ask: gives what a channel says of the recordings under a model.
         say: is told what is being done.
     """
     said: dict[str, Said] = {}
     for _ in range(RULES.channel_rounds):
         news = False
-        for member in members:
-            others = [s for name, s in said.items() if name != member.name]
-            assumed = tuple(e for s in others for e in s.firm if member.heeds(effect(e.effect)))
-            if member.name in said and _alike(said[member.name].assumed, assumed):
+        for c in channels:
+            others = [s for name, s in said.items() if name != c.name]
+            assumed = tuple(e for s in others for e in s.firm if c.heeds(effect(e.effect)))
+            if c.name in said and _alike(said[c.name].assumed, assumed):
                 continue
-            beside = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
-            say(f"{member.name}{beside}")
-            said[member.name], news = Said(member, member.diagnose(world.add(*assumed)), assumed), True
+            given = f", with {', '.join(e.label for e in assumed)} as others found them" if assumed else ""
+            say(f"{c.name}{given}")
+            said[c.name], news = Said(c, ask(c, world.add(*assumed)), assumed), True
         if not news:
             break
-    return [said[member.name] for member in members]
+    return [said[c.name] for c in channels]
 
 
 def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
@@ -98,14 +140,14 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         for e, row in zip(s.added, s.diagnosis.record["effects"], strict=True):
             if e.label not in added:
                 added[e.label] = e
-                listed.append({**row, "channel": s.member.name})
+                listed.append({**row, "channel": s.channel.name})
     records = [s.diagnosis.record for s in said]
     lead = max(records, key=_fall)
     rest = [r for r in records if r["unexplained"]]
     record = {
         "format": "vispeg-diagnosis/1",
         "verdict": min((r["verdict"] for r in records), key=ORDER.index),
-        "reason": "; ".join(f"{s.member.name}: {s.diagnosis.record['reason']}" for s in said),
+        "reason": "; ".join(f"{s.channel.name}: {s.diagnosis.record['reason']}" for s in said),
         "effects": listed,
         "ladder": lead["ladder"],
         "noise_floor": lead["noise_floor"],
@@ -116,16 +158,16 @@ def joined(said: Sequence[Said], world: World) -> Diagnosis:
         "recordings": lead["recordings"],
         "channels": [c for r in records for c in r.get("channels", [])],
         "remainder": [entry for r in records for entry in r.get("remainder", [])],
-        "notes": [f"{s.member.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
+        "notes": [f"{s.channel.name}: {note}" for s in said for note in s.diagnosis.record["notes"]],
         "by_channel": [_row(s) for s in said],
     }
-    arrays = {f"channel/{s.member.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
+    arrays = {f"channel/{s.channel.name}/{key}": v for s in said for key, v in s.diagnosis.arrays.items()}
     return Diagnosis(cast("DiagnosisRecord", record), world.add(*added.values()), arrays)
 
 
 def _row(s: Said) -> ChannelRecord:
     assumed = [{"effect": e.effect, "where": e.where} for e in s.assumed]
-    return cast("ChannelRecord", {"channel": s.member.name, "given": assumed, "record": s.diagnosis.record})
+    return cast("ChannelRecord", {"channel": s.channel.name, "given": assumed, "record": s.diagnosis.record})
 
 
 def _fall(record: Mapping[str, Any]) -> float:

@@ -1,0 +1,190 @@
+"""A channel of one's own: a class in one file, and every command, the page and Python have it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vispeg
+from vispeg.channels.channel import CHANNELS
+from vispeg.channels.resolve import available, resolve
+from vispeg.channels.signal import SignalChannel
+from vispeg.cli.main import main
+from vispeg.core.effect import REGISTRY, EffectInstance
+from vispeg.core.errors import UserError
+from vispeg.identify.excitation import motion
+from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.load import load
+from vispeg.recordings.noise import NOISE
+from vispeg.recordings.recording import Signal, in_order
+from vispeg.recordings.windows import split
+from vispeg.recordings.write import write
+from vispeg.robots import model
+from vispeg.view.diagnose.study import Study
+from vispeg.worlds.world import World
+
+PER_AMPERE, SIGMA = 8.0, 0.03  # N m/A at the joint; A
+HIDDEN = EffectInstance.of("coulomb_friction", "joint4", torque=1.5)
+
+
+class Current(SignalChannel):
+    """The current of each motor."""
+
+    name = "current"
+
+    def shows(self, kind):
+        """Look for what loads a motor."""
+        return kind.family in ("joint", "body") and kind.searchable and "torque" in kind.channels()
+
+    def predict(self, response, item, worlds):
+        """Give the torque of each motor in amperes."""
+        return response.tau_motor / PER_AMPERE
+
+
+@pytest.fixture(scope="module", autouse=True)
+def enrolled():
+    """The class enrols itself where it is defined; other modules' tests do not have it."""
+    yield
+    del CHANNELS["current"]
+
+
+@pytest.fixture(scope="module")
+def sides(tmp_path_factory):
+    """Two recordings of an arm whose current was measured, and no torque."""
+    robot, out = model.load("iiwa14"), []
+    for name, seed in (("a", 1), ("b", 2)):
+        rng = np.random.default_rng(seed)
+        servo = controller(robot, "position", 100.0, centre_of(robot))
+        move = motion("fourier", robot, 100.0, 3.0, rng)
+        quiet = {**NOISE, "tau": 0.0}
+        rec = record(World("iiwa14").add(HIDDEN), move, servo, quiet, rng, name=name, torque_sensor="motor")
+        values = rec.tau / PER_AMPERE + SIGMA * rng.standard_normal(rec.tau.shape)
+        rec = replace(rec, tau=None, torque_sensor="none", signals={"current": Signal(values, "A", SIGMA)})
+        out.append(write(rec, tmp_path_factory.mktemp("current") / name))
+    return out
+
+
+def test_it_is_looked_in_beside_the_joints(sides):
+    both = [(load(side),) for side in sides]
+    assert available(World("iiwa14"), *both) == resolve(World("iiwa14"), *both) == ("joints", "current")
+    bare = [(replace(rec, signals={}),) for (rec,) in both]
+    assert available(World("iiwa14"), *bare) == ("joints",)
+    with pytest.raises(UserError, match="have this channel"):
+        resolve(World("iiwa14"), *bare, asked=("current",))
+
+
+def test_diagnosis_names_what_was_hidden_by_the_signal_alone(sides, tmp_path):
+    out = tmp_path / "out"
+    asked = ["--recording", str(sides[0]), "--validate", str(sides[1]), "--channels", "current", "--quiet"]
+    assert main(["diagnose", "iiwa14", *asked, "--out", str(out)]) == 0
+    said = json.loads((out / "diagnosis.json").read_text())
+    (found,) = said["effects"]
+    assert (said["verdict"], found["effect"], found["where"]) == ("identified", HIDDEN.effect, HIDDEN.where)
+    torque = found["params"]["torque"]
+    assert torque["low"] < 1.5 < torque["high"] and abs(torque["value"] - 1.5) < 0.05
+    assert said["noise_floor"] == {"value": pytest.approx(SIGMA), "unit": "A RMS", "from": "stated noise"}
+    assert said["ladder"][-1]["heldout_error"] == pytest.approx(SIGMA, rel=0.1)
+    assert any(row["effect"] == "payload" for row in said["shows_from"])
+    page = (out / "report.html").read_text()
+    assert "A RMS" in page and "signal residual" in page
+    again = vispeg.compare(out / "model.yaml", [sides[1]], channels=["current"])
+    assert again.error == pytest.approx(said["ladder"][-1]["heldout_error"], rel=1e-9), "command and comparison agree"
+
+
+def test_a_fit_by_it_agrees_with_the_joints(sides):
+    ways = [
+        vispeg.fit("iiwa14", sides[0], ["coulomb_friction:joint4"], sides[1], channels=[name])
+        for name in ("joints", "current")
+    ]
+    for way in ways:
+        (torque,) = (e.params["torque"] for e in way.effects)
+        assert torque.low < 1.5 < torque.high
+    assert [way.record["channel"] for way in ways] == ["joints", "current"]
+
+
+def test_a_comparison_has_both_and_the_page_goes_step_by_step(sides, tmp_path):
+    said = vispeg.compare("iiwa14", [sides[1]])
+    (other,) = said.record["by_channel"]
+    rows = {row["joint"]: row["times_floor"] for row in other["record"]["joints"]}
+    assert other["channel"] == "current" and max(rows, key=rows.get) == "joint4" and rows["joint4"] > 3
+    page = Study(lambda *said: None, "iiwa14", (sides[0],), (sides[1],), tmp_path, 1, "current")
+    page.show()
+    before = page.standing()
+    assert before.channels == ("joints", "current") and before.unit == "A" and np.isfinite(before.ladder[0].error)
+    page.fit("coulomb_friction:joint4")
+    after = page.standing()
+    assert [e.words for e in after.effects] == ["Coulomb friction in joint 4"]
+    assert after.ladder[-1].error == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_a_signal_is_kept_bit_for_bit_cut_with_the_samples_and_put_in_order(sides, tmp_path):
+    rec = load(sides[0])
+    again = load(write(rec, tmp_path / "again")).signals["current"]
+    mine = rec.signals["current"]
+    assert np.array_equal(again.values, mine.values) and (again.unit, again.noise) == (mine.unit, mine.noise)
+    first, last = (part.signals["current"].values for part in split(rec, 0.25))
+    assert np.array_equal(np.vstack([first, last]), mine.values)
+    turned = in_order(rec, rec.joints[::-1])
+    assert np.array_equal(turned.signals["current"].values, mine.values[:, ::-1])
+
+
+def test_what_a_header_declares_must_be_there(sides, tmp_path, capsys):
+    header = sides[0] / "recording.yaml"
+    text, samples = header.read_text(), (sides[0] / "samples.csv").read_text()
+    for name, header_text, samples_text, expected in (
+        ("none", text.replace("current:", "heat:"), samples, "heat.joint1"),
+        ("taken", text.replace("current:", "tau:"), samples, "cannot name a signal of one's own"),
+        ("unit", text.replace("unit: A", "unit: ''"), samples, "signals.current.unit"),
+        ("column", text, samples.replace("current.joint3", "other"), "current.joint3"),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "recording.yaml").write_text(header_text)
+        (folder / "samples.csv").write_text(samples_text)
+        with pytest.raises(UserError) as caught:
+            load(folder)
+        assert expected in str(caught.value), name
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["compare", "iiwa14", "--recording", str(sides[0]), "--channels", "curent", *out]) == 2
+    said = capsys.readouterr().err
+    assert "unknown channel" in said and "joints, current, pictures, contact, tosses" in said
+
+
+def test_a_log_with_it_comes_in_by_a_map(sides, tmp_path):
+    """The same readings from a table of other names and units."""
+    rec, table = load(sides[0]), tmp_path / "log.csv"
+    columns = {"t": rec.time} | {f"angle{j}": q for j, q in enumerate(rec.q.T)}
+    columns |= {f"i{j}": 1e3 * v for j, v in enumerate(rec.signals["current"].values.T)}
+    np.savetxt(
+        table, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments="", fmt="%.17g"
+    )
+    lines = [f"q.{joint}: angle{j}\ncurrent.{joint}: {{column: i{j}, unit: mA}}" for j, joint in enumerate(rec.joints)]
+    header = "recording: {signals: {current: {unit: A, noise: 0.03}}}\n"
+    (tmp_path / "map.yaml").write_text("\n".join(["time: t", *lines, header]))
+    vispeg.convert(table, "iiwa14", tmp_path / "out", mapping=tmp_path / "map.yaml")
+    again = load(tmp_path / "out").signals["current"]
+    assert np.allclose(again.values, rec.signals["current"].values, rtol=1e-12) and again.unit == "A"
+
+
+def test_a_name_is_one_channels(sides):
+    with pytest.raises(UserError, match="channel 'joints' is registered twice"):
+        type("Other", (SignalChannel,), {"name": "joints"})
+
+
+@pytest.mark.parametrize("name", ["joints", "contact", "pictures", "tosses"])
+def test_every_channel_keeps_the_contract(name):
+    """What a channel shows of a model is left by itself; recordings without its signal have it not."""
+    channel, world = CHANNELS[name], World("iiwa14").add(HIDDEN)
+    part = channel.part(world)
+    assert channel.part(part) == part and all(e in world.effects for e in part.effects)
+    assert channel.name == name and isinstance(channel.order, int)
+    assert any(map(channel.shows, REGISTRY.values()))
+
+
+def test_every_effect_is_looked_for_somewhere_but_chance():
+    channels = [CHANNELS[name] for name in ("joints", "contact", "pictures", "tosses")]
+    nowhere = {name for name, kind in REGISTRY.items() if not any(c.shows(kind) for c in channels)}
+    assert nowhere == {"torque_noise", "encoder_noise", "dropped_readings", "goal_imprecision"}

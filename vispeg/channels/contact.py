@@ -1,0 +1,80 @@
+"""Contact: the wrench at the wrist that keeps the hand on its measured path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vispeg.channels.channel import Both, Channel, How
+from vispeg.channels.joints import READINGS
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.picture import worst_moment
+from vispeg.contact.run import compare_contact, diagnose_contact, evidence_of
+from vispeg.contact.selection.likely import intervals
+from vispeg.contact.touch import felt
+from vispeg.core.effect import Effect
+from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit
+from vispeg.recordings.recording import Recording
+from vispeg.robots.objects import is_object
+from vispeg.worlds.world import World
+
+
+class Contact(Channel):
+    """A tool in a task's cell. Last of several: its path is that of an arm that reads right."""
+
+    name = "contact"
+    order = 30
+    lead = 10
+
+    def has(self, world: World, recordings: Sequence[Recording]) -> bool:
+        """All have a wrench, or torques to tell it from, and the model has a cell: nothing else is touched."""
+        return world.cell is not None and not is_object(world.robot) and felt(recordings)
+
+    def shows(self, kind: Effect) -> bool:
+        """Look for what changes the wrench."""
+        return "wrench" in kind.channels()
+
+    def heeds(self, kind: Effect) -> bool:
+        """Heed what encoders misread, which moves the hand's path."""
+        return kind.name == READINGS
+
+    def part(self, world: World) -> World:
+        """Give the model without what encoders misread, which is taken off the recordings."""
+        return world.only(lambda e: e.effect != READINGS)
+
+    def read(self, recording: Recording, world: World, how: How) -> Recording:
+        """Give its joint angles where they are, as far as the model says what encoders misread."""
+        q = recording.q.copy()
+        for e in world.effects:
+            if e.effect == READINGS:
+                rows = range(len(recording.joints)) if e.where == "all" else [recording.joints.index(e.where)]
+                q[:, list(rows)] -= e.params["offset"].value
+        return replace(recording, q=q)
+
+    def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
+        """Give the hand driven along its measured path."""
+        first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
+        return evidence_of(first, how.threads), evidence_of(second, how.threads) if second else None
+
+    def finish(self, evidence: Evidence, fit: Fit) -> Fit:
+        """Give intervals of the profile: a squared residual of contact is no parabola."""
+        assert isinstance(evidence, ContactEvidence)
+        return replace(fit, world=intervals(evidence, fit)[0])
+
+    def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
+        """Say how far the wrench is off, axis by axis and phase by phase."""
+        some = [self.read(rec, world, how) for rec in recordings]
+        result = compare_contact(self.part(world), some, nthread=how.threads, label=world.label)
+        result.arrays.update(worst_moment(result.arrays, some))
+        return result
+
+    def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
+        """Find what the contact lacks."""
+        some = [[self.read(rec, world, how) for rec in recordings] for recordings in both]
+        options = {"nthread": how.threads, "say": how.say, "progress": how.progress}
+        diagnosis = diagnose_contact(self.part(world), *some, **options)
+        diagnosis.arrays.update(worst_moment(diagnosis.arrays, some[1]))
+        return diagnosis

@@ -1,0 +1,141 @@
+"""Pictures: where the borders of what stands about lie, and what depth and light look like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vispeg.channels.channel import Both, Channel, How
+from vispeg.channels.joints import READINGS, moved
+from vispeg.core.effect import OPTICAL, Effect, effect
+from vispeg.core.errors import UserError
+from vispeg.diagnosis.compare import Comparison
+from vispeg.diagnosis.pictures.run import diagnose_pictures
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.schema import ComparisonRecord, Rung
+from vispeg.identify.pictures.build import border_evidence, seeing
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.read import sights_of
+from vispeg.recordings.progress import Reading, silent
+from vispeg.recordings.recording import Recording
+from vispeg.robots.bench import shows
+from vispeg.robots.objects import is_object
+from vispeg.robots.scene import Scene
+from vispeg.task import belief
+from vispeg.task.belief import bench_of, cell_of, recorded_cell
+from vispeg.vision.compare import Compared, border_rms, compare_frames
+from vispeg.vision.show import pictures
+from vispeg.worlds.words import place
+from vispeg.worlds.world import World
+
+STANDS = {"body_pos", "body_quat"}  # fields by which fixture and held part stand elsewhere
+
+
+class Pictures(Channel):
+    """What cameras see of a cell, or of a robot whose own file shows more than the arm."""
+
+    name = "pictures"
+    order = 20
+    lead = 60
+
+    def has(self, world: World, recordings: Sequence[Recording]) -> bool:
+        """All hold pictures of something that the model knows more of than its arm."""
+        if is_object(world.robot) or not all(rec.frames is not None and len(rec.frames) > 0 for rec in recordings):
+            return False
+        return all(seen(world, rec) for rec in recordings)
+
+    def shows(self, kind: Effect) -> bool:
+        """Look for what is only seen, and for what moves borders."""
+        return kind.family in OPTICAL or "border" in kind.channels()
+
+    def heeds(self, kind: Effect) -> bool:
+        """Heed what encoders misread, and where fixture and held part stand."""
+        return kind.name == READINGS or (kind.family in ("task", "contact") and bool(kind.writes & STANDS))
+
+    def blind(self, world: World, *both: Sequence[Recording]) -> str:
+        """Say why no camera of the recordings sees anything of what the model shows."""
+        scene = scene_of(world, [rec for recordings in both for rec in recordings])
+        (mine, _), unseen = seeing(scene, tuple(sights_of(recordings) for recordings in both), world)
+        return "" if mine else f"no camera sees the cell: {'; '.join(unseen)}"
+
+    def evidence(self, world: World, both: Both, how: How) -> tuple[BorderEvidence, BorderEvidence | None]:
+        """Give the edges in the pictures."""
+        return border_evidence_of(world, *both, progress=how.progress)
+
+    def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
+        """Say how far borders, depth and colour are off, predicted at the measured angles."""
+        compared = [frame for rec in recordings for frame in compared_pictures(rec, world, how.reading)]
+        rung: Rung = {"model": world.label, "fit_error": None, "heldout_error": border_rms(compared), "unit": "px RMS"}
+        note = "neither commands nor torques to compare the joints by: pictures alone are compared"
+        if all(map(moved, recordings)):
+            note = "pictures alone are compared; the channel `joints` compares the joints"
+        said, drawn = pictures(compared)
+        record: ComparisonRecord = {
+            "format": "vispeg-compare/1",
+            "ladder": [rung],
+            "recordings": {"fit": [], "validate": [rec.name for rec in recordings]},
+            "notes": [note],
+            "pictures": said,
+        }
+        return Comparison(record, drawn)
+
+    def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
+        """Find what the cameras, or the arm that carries them, do to the pictures."""
+        scene = scene_of(world, [rec for recordings in both for rec in recordings])
+        return diagnose_pictures(world, scene, *both, seed=how.seed, say=how.say, progress=how.progress)
+
+
+def seen(world: World, rec: Recording) -> bool:
+    """Whether a model has something for the cameras of a recording to see."""
+    return cell_of(world, rec) is not None or shows(bench_of(world))
+
+
+def border_evidence_of(
+    world: World,
+    fitted: Sequence[Recording],
+    held_out: Sequence[Recording],
+    progress: Progress | None = None,
+) -> tuple[BorderEvidence, BorderEvidence | None]:
+    """Give the edges in the pictures of recordings to fit, and of those to judge on if there are any.
+
+    `progress` keeps where they were found.
+
+    Raises:
+        UserError: recordings of different cells, or of which one's pictures cannot be compared.
+    """
+    scene, kept = scene_of(world, (*fitted, *held_out)), Progress() if progress is None else progress
+    (mine, theirs), unseen = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
+    if not mine:
+        raise UserError(f"no camera sees the cell: {'; '.join(unseen)}", file=fitted[0].path)
+    evidence, judged = border_evidence(scene, mine, theirs, world, recall=kept.recall)
+    evidence.notes += unseen
+    evidence.recordings, judged.recordings = list(fitted), list(held_out)
+    return evidence, judged if held_out else None
+
+
+def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
+    """Give the one scene that the recordings show under a model.
+
+    Raises:
+        UserError: they are of different cells.
+    """
+    cells = [cell_of(world, rec) for rec in recordings]
+    for rec, cell in zip(recordings, cells, strict=True):
+        if cell != cells[0]:
+            raise UserError("is of another cell", file=rec.path / "recording.yaml", key="cell", expected=cells[0])
+    return belief.scene_of(world, recordings[0])
+
+
+def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
+    """Give the frames of a recording against what a model shows: its cell, or its robot's own bench."""
+    scene = replace(belief.scene_of(world, rec), cameras=tuple(rec.frames.names) if rec.frames is not None else ())
+    assumed = () if cell_of(world, rec) is None else recorded_cell(rec).world.effects
+    for placed in world.effects:
+        if effect(placed.effect).family == "camera":
+            try:
+                place(effect(placed.effect), placed.where, scene)
+            except UserError as error:
+                raise UserError(str(error), file=rec.path / "frames/cameras.yaml") from error
+    with reading(rec.path) as progress:
+        return compare_frames(rec, scene, World(rec.robot).add(*assumed, *world.effects), progress=progress)

@@ -1,0 +1,91 @@
+"""A channel of a measured signal, one column a joint, that rollouts under the known controller predict."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from vispeg.channels.channel import Both, Channel, How
+from vispeg.channels.joints import Joints
+from vispeg.core.effect import Effect
+from vispeg.core.errors import UserError
+from vispeg.identify.channels import Channel as Column
+from vispeg.identify.channels import Item
+from vispeg.identify.evidence import Evidence
+from vispeg.recordings.noise import highpass_sigma
+from vispeg.recordings.recording import Recording
+from vispeg.sim.rollout import Response
+from vispeg.worlds.world import World
+
+JOINTS = Joints()  # what a rollout needs of a recording is what joints need
+
+
+class SignalChannel(Channel):
+    """A signal that a recording's header declares under `signals`; a subclass says what predicts it.
+
+    Its name is the signal's. What it could show is searched as in any channel (`diagnosis.selection.plain`).
+    """
+
+    order = 15  # behind the joints, whose controller it needs
+
+    @abstractmethod
+    def predict(self, response: Response, item: Item, worlds: Sequence[World]) -> np.ndarray:
+        """Give the signal (nworld, m, nj) in the recording's unit that worlds would have shown.
+
+        Args:
+            response: of the worlds' rollouts: angles, speeds, torques at the samples that are compared.
+            item: the stretch of a recording that they are compared with.
+            worlds: whose rollouts these are, with the values of their effects.
+        """
+
+    def has(self, world: World, recordings: Sequence[Recording]) -> bool:
+        """Say whether all have the signal and a known controller."""
+        return all(self.name in rec.signals and rec.control.mode != "unknown" for rec in recordings)
+
+    def part(self, world: World) -> World:
+        """Give the model as an arm alone can show it."""
+        return JOINTS.part(world)
+
+    def read(self, recording: Recording, world: World, how: How) -> Recording:
+        """Give its most informative windows, with the load that the model's cell says it carried."""
+        return JOINTS.read(recording, world, how)
+
+    def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
+        """Give rollouts of which this signal is compared, and nothing else."""
+        first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
+        judged = SignalEvidence(second, self, h_max=1e-3, nthread=how.threads) if second else None
+        return SignalEvidence(first, self, h_max=1e-3, nthread=how.threads), judged
+
+
+class SignalEvidence(Evidence):
+    """Rollouts compared by one signal of a channel; the arguments of `Evidence`."""
+
+    def __init__(self, recordings: Sequence[Recording], channel: SignalChannel, *, h_max: float, nthread: int):
+        self.channel = channel
+        super().__init__(recordings, h_max=h_max, nthread=nthread)
+        stated = all(rec.signals[channel.name].noise is not None for rec in recordings)
+        self.floor_from = "stated noise" if stated else "estimated"
+
+    def sees(self, kind: Effect) -> bool:
+        """Ask the channel."""
+        return self.channel.shows(kind)
+
+    def compared(
+        self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
+    ) -> tuple[Column, ...]:
+        """Give the signal's columns, with the noise that its header states, else that of its high frequencies."""
+        signal = rec.signals[self.channel.name]
+        values = signal.values[rows]
+        sigma = highpass_sigma(signal.values) if signal.noise is None else np.full(values.shape[1], signal.noise)
+        if not (sigma > 0).all():
+            joint = rec.joints[int(np.argmin(sigma))]
+            what = "does not vary, so that its noise cannot be told"
+            expected = f"signals.{self.channel.name}.noise"
+            raise UserError(what, file=rec.path, key=f"{self.channel.name}.{joint}", expected=expected)
+        return (Column(self.channel.name, values, sigma, np.isfinite(values) & late, signal.unit),)
+
+    def predicted(self, channel: Column, item: Item, response: Response, worlds: Sequence[World]) -> np.ndarray:
+        """Ask the channel."""
+        return self.channel.predict(response, item, worlds)

@@ -1,0 +1,63 @@
+"""What enrols itself by name, such as effects; its rooms are loaded when a name is first looked up, in whatever order
+modules are imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, MutableMapping
+from importlib import import_module
+from typing import TypeVar
+
+from vispeg.core.errors import UserError
+
+Item = TypeVar("Item")
+
+
+class Registry(MutableMapping[str, Item]):
+    """Items by name. Looking one up loads the rooms; enrolling one does not.
+
+    Args:
+        what: what an item is called in an error.
+        rooms: packages whose import enrols the items that are the project's own.
+    """
+
+    def __init__(self, what: str, *rooms: str) -> None:
+        self.what, self.rooms = what, rooms
+        self._items: dict[str, Item] = {}
+
+    def enrol(self, name: str, item: Item) -> None:
+        """Keep an item under its name, in place of one of the same class, as when a module is loaded anew.
+
+        Raises:
+            UserError: the name is another class's.
+        """
+        kind = type(item)
+        if not kind.__module__.startswith(self.rooms):
+            self._load()  # of a user's own: a name that the project has is refused where it is defined
+        if type(self._items.get(name, item)).__qualname__ != kind.__qualname__:
+            raise UserError(
+                f"{self.what} '{name}' is registered twice", got=kind.__qualname__, choices=sorted(self._items)
+            )
+        self._items[name] = item
+
+    def _load(self) -> None:
+        for room in self.rooms:
+            import_module(room)  # at once where it is loaded, or is just being loaded
+
+    def __getitem__(self, name: str) -> Item:
+        self._load()
+        return self._items[name]
+
+    def __setitem__(self, name: str, item: Item) -> None:
+        self._items[name] = item
+
+    def __delitem__(self, name: str) -> None:
+        del self._items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        self._load()
+        return len(self._items)

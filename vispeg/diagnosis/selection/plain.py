@@ -1,0 +1,252 @@
+"""Forward selection with backward deletion over any evidence: fitted on some recordings, accepted on others.
+
+What every channel can be searched by. The tests of a trial are those of all (`selection.accept`). Joints and contact
+have searches of their own, which know more of what they compare.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
+from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
+from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
+from vispeg.diagnosis.evidence.screen import Score, shortlist
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.schema import ShowsFrom
+from vispeg.diagnosis.selection.accept import equal, ranked
+from vispeg.diagnosis.selection.judge import Judge, present
+from vispeg.diagnosis.selection.loop import Loop
+from vispeg.diagnosis.selection.shown import Shown
+from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.identify.fit import Fit, fit_job
+from vispeg.identify.pool import run_together
+from vispeg.worlds.model_file import model_text
+from vispeg.worlds.world import World
+
+
+class PlainSearch(Loop[State, Trial], Shown):
+    """The loop over one evidence, fitted and held out.
+
+    Args:
+        evidence, judged: of what is fitted and of what judges.
+        say: is told what is being done.
+        progress: remembers where each fit ended.
+    """
+
+    asks = "plain"  # what its questions begin with where their answers are kept
+
+    def __init__(
+        self,
+        evidence: Any,
+        judged: Any,
+        say: Callable[[str], None] = lambda _: None,
+        progress: Progress | None = None,
+    ):
+        self.evidence, self.judged, self.say = evidence, judged, say
+        self.progress = Progress() if progress is None else progress
+        self.judge = Judge(judged)
+
+    @property
+    def least_share(self) -> float:
+        """Share of what effects so far removed that a later one must: what a form leaves is not another effect."""
+        return RULES.later
+
+    def targets(self, kind: Effect) -> list[str]:
+        """Give the places of an effect."""
+        return kind.targets(self.evidence.items[0].robot)
+
+    def places(self, world: World) -> list[tuple[str, str]]:
+        """Give every effect that the evidence can show, at every place that the world has it not at yet."""
+        have = {(e.effect, e.where) for e in world.effects}
+        kinds = [(name, kind) for name, kind in sorted(REGISTRY.items()) if self.evidence.sees(kind)]
+        open_ = [(name, t) for name, kind in kinds if (name, "all") not in have for t in self.targets(kind)]
+        return [at for at in open_ if at not in have]
+
+    def start(self, world: World, n_fixed: int | None = None) -> State:
+        """Where a search for what `world` lacks begins."""
+        loss = self.judge.losses([world])[0]
+        return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
+
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
+        """Give what `step` tries."""
+        trials = self.step(state, n_fixed)
+        state.screening = [t.score for t in trials]
+        return trials
+
+    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
+        """Take out what the effect that came in made superfluous."""
+        self._prune(state, n_fixed)
+
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
+        """Add what a trial tried, one of `trials`."""
+        self.say(f"{trial.score.label}: {self.error(trial.fit.world):.3g} {self.judged.unit} left")
+        state.steps.append((trial, trials))
+        state.take(trial.fit, trial.loss)
+
+    def scored(self, state: State) -> list[Score]:
+        """Every place's effect beside a state, best first by what secants over typical sizes explain of the residual.
+
+        Nothing is fitted, so a score is a promise only: of the part that the effects of the state cannot make.
+        """
+        return self._scored(state, self.places(state.world))
+
+    def _scored(self, state: State, places: Sequence[tuple[str, str]]) -> list[Score]:
+        asked = [(where, [*self._secants(*where).values()]) for where in places]
+        worlds = [state.world.add(e) for _, tries in asked for e in tries]
+        rows = iter(self.evidence.each_residual(worlds))
+        fitted = np.zeros((len(state.residual), 0)) if state.fit is None else state.fit.jacobian
+        basis = np.linalg.qr(fitted)[0]
+        base = state.residual - basis @ (basis.T @ state.residual)
+        out = []
+        for (name, where), tries in asked:
+            columns = np.stack([next(rows) - state.residual for _ in tries], axis=1)
+            columns -= basis @ (basis.T @ columns)
+            rest = base - columns @ np.linalg.lstsq(columns, base, rcond=1e-6)[0]
+            out.append(Score(self._start(name, where), float(base @ base - rest @ rest)))
+        return sorted(out, key=lambda s: -s.gain)
+
+    def shows_from(self, state: State) -> list[ShowsFrom]:
+        """For each effect that a state has not, the values of its magnitudes that these recordings do not show."""
+
+        def tried() -> list[Tried]:
+            out = []
+            for at in self.shown_at(state.world):
+                secants = self._secants(*at)
+                worlds = [state.world.add(e) for e in secants.values()]
+                columns = np.stack([state.residual - r for r in self.evidence.residuals(worlds)], axis=1)
+                for k, ((name, placed), world) in enumerate(zip(secants.items(), worlds, strict=True)):
+                    out.append(Tried(placed, name, columns, k, self.least_times(placed, world, state.world)))
+            return out
+
+        return shows_from(self, state, tried)
+
+    def shown_at(self, world: World) -> list[tuple[str, str]]:
+        """Give the places of which `shows_from` tells, also those that no step would try."""
+        return PlainSearch.places(self, world)
+
+    def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
+        """Give the multiple of an effect, which one of two worlds has more than the other, below which it is no name
+        whatever its trace.
+        """
+        return 0.0
+
+    def tested(self, state: State) -> int:
+        """How many places share the level of the test where one of them is tried beside a state."""
+        return len(self.places(state.world))
+
+    def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
+        """Fits the best of the places' effects beside what was accepted and judges them; those that pass come first."""
+        places = self.places(state.world) if places is None else list(places)
+        scores = [s for s in self._scored(state, places) if s.gain > 0]
+        return self.try_all(state, shortlist(scores, RULES.fitted), n_fixed, len(places))
+
+    def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
+        """Fits each score's effect beside what was accepted and judges all; those that pass come first.
+
+        `tested` places share the level of the test.
+        """
+        if not scores:
+            return []
+        self.say(f"fitting {', '.join(dict.fromkeys(s.label for s in scores))}")
+        fits = self.fits([state.world.add(s.placed) for s in scores], n_fixed)
+        losses = self.judge.losses([f.world for f in fits])
+        trials = []
+        for score, fit, loss in zip(scores, fits, losses, strict=True):
+            gain = self.judge.gain(state.loss, loss)
+            trials.append(Trial(replace(score, gain=gain.mean * self.judged.count), fit, loss, gain))
+        judged = ranked(self, state, trials, tested)  # type: ignore[arg-type]  # what it asks, `Shown` answers
+        out = [replace(t, rejected=t.rejected or self.small(t)) for t in judged]
+        return sorted(out, key=lambda t: bool(t.rejected))
+
+    def error(self, world: World) -> float:
+        """Give the RMS error of what judges, in its unit."""
+        return self.judged.errors([world])[0]
+
+    def small(self, trial: Trial) -> str:
+        """Why what a trial adds changes too little to be a name; empty where it does not."""
+        return ""
+
+    def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
+        """Whether an effect of a state, which `rest` is without, is no name for a reason of this channel's own."""
+        return False
+
+    def fits(self, worlds: Sequence[World], n_fixed: int, evidence: Any = None) -> list[Fit]:
+        """Fits everything after the first `n_fixed` effects of each world; where each ended is remembered."""
+        chosen, fresh = self.evidence if evidence is None else evidence, list[Fit]()
+        if not worlds:
+            return []
+
+        def job(world: World, ended: tuple[Sequence[float], bool] | None = None):
+            return fit_job(chosen, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
+
+        def work_out() -> list:
+            fresh.extend(run_together([job(w) for w in worlds], chosen.residuals, length=chosen.length))
+            return [[f.u.tolist(), f.converged] for f in fresh]
+
+        which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds ask alike
+        question = [self.asks, which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
+        ends = self.progress.recall(question, work_out)
+        again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
+        return fresh or run_together(again, chosen.residuals, length=chosen.length)
+
+    def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
+        """For every accepted effect, what the recordings to judge on cannot tell from it, the others fitted anew."""
+        out = []
+        for placed in state.world.effects[n_fixed:]:
+            reduced = self._without(state, placed, n_fixed)
+            places = [p for p in self.places(reduced.world) if p != (placed.effect, placed.where)]
+            trials = self.step(reduced, n_fixed, places)
+            without = self.judge.mean(reduced.loss)
+            equals = [
+                t
+                for t in trials
+                if equal(self.judge, t.loss, state.loss, without)
+                and present(t.fit, -1)
+                and t.gain.relative > 0
+                and not merely_richer(self.judge, t, state, placed.label)
+            ]
+            out.append(Rivals(placed.label, tuple(equals), tuple(trials)))
+        return out
+
+    def _without(self, state: State, placed: EffectInstance, n_fixed: int) -> State:
+        world, fit = state.world.without(placed.effect, placed.where), None
+        if len(world.effects) > n_fixed:
+            (fit,) = self.fits([world], n_fixed)
+            world = fit.world
+        loss = self.judge.losses([world])[0]
+        residual = self.evidence.residuals([world])[0]
+        return State(world, loss, residual, fit, state.first, state.steps)
+
+    def _prune(self, state: State, n_fixed: int) -> None:
+        """Take out, one by one, what the others have made superfluous."""
+        while len(state.world.effects) - n_fixed > 1:
+            rests = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
+            gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]
+            idle = [
+                i
+                for i, ((e, r), g) in enumerate(zip(rests, gains, strict=True))
+                if g.relative < self.evidence.least_gain or g.z < RULES.drop_single or self.idle(e, state, r, n_fixed)
+            ]
+            if not idle:
+                return
+            placed, rest = rests[min(idle, key=lambda i: gains[i].mean)]
+            self.say(f"{placed.label} is not needed any more")
+            state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
+
+    def _secants(self, name: str, where: str) -> dict[str, EffectInstance]:
+        """Give an effect with one magnitude after the other at a typical size, by that magnitude; the others absent."""
+        kind = effect(name)
+        rest = {k: p.null for k, p in kind.params.items() if not p.shape}
+        sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}
+        return {k: EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()}
+
+    def _start(self, name: str, where: str) -> EffectInstance:
+        """Where a fit of an effect starts: at a typical size."""
+        return EffectInstance.of(name, where, **{k: p.start for k, p in effect(name).params.items() if not p.shape})

@@ -1,0 +1,65 @@
+"""Any channel that brings no page of its own: its signal of every joint, measured and predicted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vispeg.api.inputs import Inputs
+from vispeg.channels.channel import Channel, How
+from vispeg.diagnosis.progress import Progress
+from vispeg.diagnosis.selection.plain import PlainSearch
+from vispeg.recordings.recording import Recording
+from vispeg.robots.model import RobotModel
+from vispeg.view.diagnose.standing import Field, Track
+from vispeg.view.diagnose.subject import Say, Subject, over_time
+from vispeg.view.diagnose.telling import track
+from vispeg.worlds.world import World
+
+
+class Plain(Subject):
+    """Recordings in a channel; its other arguments are those of `Joints`."""
+
+    shows = "How far the signal is off"
+
+    def __init__(self, channel: Channel, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
+        both = inputs.fitted, inputs.held_out if progress is not None else ()
+        evidence, judged = channel.evidence(inputs.world, both, How(seconds=0.0, threads=threads))
+        self.judged = evidence if judged is None else judged
+        self.search = None if judged is None else PlainSearch(evidence, judged, say, progress)
+        self.unit, self.columns = self.judged.unit, self.joints
+        self.units = (self.unit,) * len(self.columns)
+
+    @property
+    def floor(self) -> float:
+        """RMS of the noise."""
+        return self.judged.floor
+
+    @property
+    def body(self) -> RobotModel:
+        """The arm."""
+        return self.judged.items[0].robot
+
+    def error(self, world: World) -> float:
+        """RMS over joints."""
+        return self.judged.errors([world])[0]
+
+    def tracks(self, first: World, now: World) -> tuple[Track, ...]:
+        """Give a track a segment."""
+        before, after = self.judged.simulated([first]), self.judged.simulated([now])
+        return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
+
+    def maps(self, first: World, now: World) -> dict[str, Field]:
+        """Over time."""
+        items, rows = self.judged.items, []
+        for world in (first, now):
+            predicted = zip(items, self.judged.simulated([world]), strict=True)
+            white = [np.where(i.valid, self.judged.whiten(i, y[0]), np.nan)[:, : i.nj] for i, y in predicted]
+            rows.append(np.concatenate(white))
+        time = [item.segment.time for item in items]
+        moment = np.concatenate([np.column_stack([np.full(len(t), float(k)), t]) for k, t in enumerate(time)])
+        return {"time": over_time(rows[0], rows[1], moment)}
+
+    def recorded(self, track: int) -> tuple[Recording, float]:
+        """Give a segment's recording and start."""
+        item = self.judged.items[track]
+        return item.recording, float(item.recording.time[item.segment.rows[0]])
