@@ -148,7 +148,7 @@ def test_what_a_header_declares_must_be_there(sides, tmp_path, capsys):
             load(folder)
         assert expected in str(caught.value), name
     out = ["--out", str(tmp_path / "out")]
-    assert main(["compare", "iiwa14", "--recording", str(sides[0]), "--channels", "curent", *out]) == 2
+    assert main(["compare", "iiwa14", "--recording", str(sides[0]), "--channels", "amperes", *out]) == 2
     said = capsys.readouterr().err
     assert "unknown channel" in said and "joints, current, pictures, contact, tosses" in said
 
