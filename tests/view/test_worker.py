@@ -4,8 +4,11 @@ import threading
 import time
 
 import pytest
+import viser
 
 from vispeg.core.errors import UserError
+from vispeg.view.job import Job
+from vispeg.view.place import Place
 from vispeg.view.worker import Worker
 
 
@@ -17,6 +20,9 @@ class Counter:
         self.tell("adding", number)
         self.count += number
         return self.count
+
+    def add_one(self):
+        return self.add(1)
 
     def refuse(self):
         raise UserError("no", key="--number")
@@ -73,3 +79,26 @@ def test_it_is_stopped_in_the_middle(worker, ears):
     worker.stop()
     ears.until("stopped", "sleep")
     assert time.monotonic() - start < 10 and not worker.alive and not worker.busy
+
+
+def test_a_page_that_is_slow_to_draw_ends_idle(tmp_path):
+    """A click draws that work has begun, and takes longer than the work: buttons must not stay off for it."""
+    server, drawn = viser.ViserServer(host="127.0.0.1", port=0, verbose=False), []
+
+    def idle(free):
+        if not free:
+            time.sleep(0.5)
+        drawn.append(free)
+
+    job = Job(Place(server, tmp_path, 1), lambda name, value: None, idle)
+    try:
+        job.begin(Counter, (3,), "add_one")
+        until = time.monotonic() + 60
+        while not (drawn and drawn[-1]) and time.monotonic() < until:
+            time.sleep(0.05)
+        job.ask("add", 1)  # done within milliseconds
+        time.sleep(1.5)
+        assert drawn[-1] is True, drawn
+    finally:
+        job.end()
+        server.stop()

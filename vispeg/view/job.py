@@ -103,11 +103,15 @@ class Job:
         self.trouble.content, self.trouble.visible = html.error(text), True
 
     def _shown(self) -> None:
-        busy = self.worker is not None and self.worker.busy
-        self.bar.visible = self.button.visible = busy
-        if busy:
-            self.trouble.visible = False
-            if not self.line.visible:
-                self.line.content = html.note("beginning")
-        self.line.visible = busy
-        self.idle(not busy)
+        """Show whether something runs. A click and the worker's answer come in threads of their own: the one that comes
+        last asks last.
+        """
+        with self.lock:
+            busy = self.busy
+            self.bar.visible = self.button.visible = busy
+            if busy:
+                self.trouble.visible = False
+                if not self.line.visible:
+                    self.line.content = html.note("beginning")
+            self.line.visible = busy
+            self.idle(not busy)
