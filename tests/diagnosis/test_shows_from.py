@@ -10,8 +10,18 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.least_sizes import Needs, Trace, between, least_coefficient
+from vispeg.diagnosis.conclusion.least_sizes import REACH, Needs, Trace, between, least_coefficient
+from vispeg.diagnosis.conclusion.shows_from import STEP, Tried, needed, of_joints, shows_from
+from vispeg.diagnosis.evidence.localise import joint_data
+from vispeg.diagnosis.evidence.screen import candidates
+from vispeg.diagnosis.evidence.signatures import Probe, probes, signatures
 from vispeg.diagnosis.run import diagnose
+from vispeg.diagnosis.selection.bic import correlation_time
+from vispeg.diagnosis.selection.cross import on_held_out
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State
+from vispeg.identify.inverse import evidence_for
 from vispeg.report.text.unseen import sentence, unseen
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
@@ -99,6 +109,64 @@ def test_what_is_larger_is_found_and_what_is_smaller_is_not():
     for times, named in ((0.4, []), (1.5, [("viscous_friction", "hinge")])):
         hidden = EffectInstance.of("viscous_friction", "hinge", damping=times * ends[1])
         assert [(e["effect"], e["where"]) for e in found(swung(hidden, seed=9))["effects"]] == named
+
+
+def one_by_one(search: Search, state: State) -> dict[tuple[str, str, str], float]:
+    """Give the least distances from none trial by trial: each with its own columns and its own residual.
+
+    Without the drop of the mean squared residual under which no search begins.
+    """
+    evidence, judge, fit = search.evidence, search.judge, state.fit
+    assert fit is not None
+    asked = probes(
+        candidates(evidence, state.world, list(evidence.items[0].robot.joints)),
+        evidence.items[0],
+        joint_data(search.missing(state.world), evidence.items),
+    )
+    (held,) = judge.evidence.residuals([state.world])
+    slopes, level = on_held_out(judge, fit).jacobian, stats.norm.isf(RULES.discoveries / search.tested(state))
+    sizes: dict[tuple[str, str, str], float] = {}
+    for signature in signatures(evidence, state.world, state.residual, asked):
+        rest = signature.columns - fit.jacobian @ np.linalg.lstsq(fit.jacobian, signature.columns)[0]
+        for k, name in enumerate(signature.names):
+            placed, column = Probe(signature.probe, signature.names, ()).variants[k], signature.columns[:, k]
+            seen = Trace.of(rest[:, k], np.delete(rest, k, axis=1), state.residual, evidence.blocks(RULES.block))
+            t, needs = Tried(placed, name), needed(search, state, placed, 0.0, float(level))
+            times = least_coefficient(seen, seen, needs)
+            if np.isfinite(t.distance(times)):
+                (moved,) = judge.evidence.residuals([state.world.add(t.at(times))])
+                scale = 1.0 if t.at(2.0) == placed else times
+                taken = np.linalg.lstsq(fit.jacobian, column)[0]
+                alone = Trace.of((held - moved) / scale - slopes @ taken, np.zeros((len(held), 0)), held, judge.blocks)
+                times = least_coefficient(seen, alone, needs)
+                while times < REACH[1] and not gains(search, state, column, times, len(effect(t.key[0]).params)):
+                    times *= STEP
+            sizes[t.key] = max(sizes.get(t.key, 0.0), t.distance(times))
+    return sizes
+
+
+def gains(search: Search, state: State, column: np.ndarray, times: float, more: int) -> bool:
+    """Whether BIC prefers a model without a residual of so many times a column, which costs so many parameters."""
+    before = state.residual + times * column
+    n = max(2.0, search.evidence.count / (2.0 * correlation_time(search.evidence, before)))
+    return n * np.log(before @ before / (state.residual @ state.residual)) > more * np.log(n)
+
+
+def test_sizes_are_those_of_each_trial_by_itself():
+    """What is worked out for all trials together, and what is left out, changes none of them; beside a fit."""
+    recordings = swung(EffectInstance.of("viscous_friction", "hinge", damping=0.5), seed=5)
+    world = World(recordings[0].robot)
+    search = Search(evidence_for(world, recordings[:2], 1), Judge(evidence_for(world, recordings[2:], 1, h_max=1e-3)))
+    state = search.start(world.add(EffectInstance.of("viscous_friction", "hinge", damping=0.1)), 0)
+    assert state.fit is not None and state.fit.cost < 2.0
+    least = one_by_one(search, state)
+    assert len(least) > 10 and np.inf in least.values()
+    rows = shows_from(search, state, lambda: of_joints(search, state))
+    assert [(r["effect"], r["where"], name) for r in rows for name in r["between"]] == [*least]
+    for row in rows:
+        hidden = between(row["effect"], {n: least[row["effect"], row["where"], n] for n in row["between"]})
+        for name, ends in hidden.items():
+            assert row["between"][name] == (None if ends is None else pytest.approx(ends, rel=1e-4)), (row, name)
 
 
 SMALL = {  # of a shoulder and an elbow

@@ -143,6 +143,9 @@ class _Run:
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
         motor = np.zeros_like(q0)
         self.wild = np.zeros(self.rows.nsim, bool)
+        ends: dict[int, list[int]] = {}
+        for i, s in enumerate(self.rows.segments):
+            ends.setdefault(s.ticks - 1, []).append(i)
         for k in range(ticks):
             plant.read()
             if noise is not None and noise.sensed:
@@ -161,16 +164,15 @@ class _Run:
                 if sub:
                     plant.read()
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
-            self._ends(k)
+            for i in ends.get(k, ()):
+                self._end(i)
         out[2:, 0] = out[2:, 1]  # nothing was measured before the first step
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
 
-    def _ends(self, k: int) -> None:
-        """Note which rows ran wild in the segments that end at tick k: what a shorter one does later says nothing."""
-        for i, s in enumerate(self.rows.segments):
-            if s.ticks == k + 1:
-                rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)
-                self.wild[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)
+    def _end(self, i: int) -> None:
+        """Note which rows ran wild in a segment that ends: what a shorter one does later says nothing."""
+        rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)
+        self.wild[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)
 
     def _response(self, i: int, out: np.ndarray, true_q: np.ndarray | None) -> Response:
         nworld, s = self.rows.nworld, self.rows.segments[i]

@@ -66,13 +66,14 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
     least = max(least, ends * fitted.error / np.sqrt(max(fitted.alone, 1e-300)), REACH[0])
-    return _least_that(lambda times: _ranks(fitted, held_out, needs, times), float(least))
+    return _least_that(_ranks(fitted, held_out, needs), float(least))
 
 
 def least_alone(trace: Trace, drop: float, level: float) -> float:
     """Give the same where the readings that judge decide alone: by the drop of their squares and ranks over blocks."""
     least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
-    return _least_that(lambda times: _passes(_gains(trace, times, np.random.default_rng(0)), level), least)
+    errors = _errors(trace, np.random.default_rng(0))
+    return _least_that(lambda times: _passes(_gains(trace, times, errors), level), least)
 
 
 def _least_that(passes: Callable[[float], bool], least: float) -> float:
@@ -121,19 +122,29 @@ def _surely(trace: Trace, drop: float) -> float:
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 
-def _ranks(fitted: Trace, held_out: Trace, needs: Needs, times: float) -> bool:
-    """Whether Wilcoxon's signed ranks over blocks pass, of all blocks and of the held-out ones alone."""
-    large = times**2 * held_out.square.sum() >= RULES.large * (needs.loss + times**2 * held_out.square.sum())
-    level = float(stats.norm.isf(RULES.large_level)) if large else needs.level
+def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bool]:
+    """Whether Wilcoxon's signed ranks over blocks pass at a multiple, of all blocks and of the held-out ones alone."""
     draw = np.random.default_rng(0)  # the same errors for every size, so that a greater one shows no less
-    gains = [_gains(t, times, draw) for t in (held_out, fitted)]
-    alone = RULES.held_out_large if large else RULES.held_out
-    return _passes(np.concatenate(gains, axis=1), level) and _passes(gains[0], alone)
+    held_errors, errors = _errors(held_out, draw), _errors(fitted, draw)
+
+    def passes(times: float) -> bool:
+        large = times**2 * held_out.square.sum() >= RULES.large * (needs.loss + times**2 * held_out.square.sum())
+        level = float(stats.norm.isf(RULES.large_level)) if large else needs.level
+        gains = _gains(held_out, times, held_errors)
+        if not _passes(gains, RULES.held_out_large if large else RULES.held_out):
+            return False
+        return _passes(np.concatenate([gains, _gains(fitted, times, errors)], axis=1), level)
+
+    return passes
 
 
-def _gains(trace: Trace, times: float, draw: np.random.Generator) -> np.ndarray:
-    """(draws, nblock) drops of the blocks' squared residuals, with errors drawn."""
-    errors = trace.error * np.sqrt(trace.square) * draw.normal(size=(DRAWS, len(trace.square)))
+def _errors(trace: Trace, draw: np.random.Generator) -> np.ndarray:
+    """(draws, nblock) errors of the blocks' residuals along the trace, times its length there."""
+    return trace.error * np.sqrt(trace.square) * draw.normal(size=(DRAWS, len(trace.square)))
+
+
+def _gains(trace: Trace, times: float, errors: np.ndarray) -> np.ndarray:
+    """(draws, nblock) drops of the blocks' squared residuals."""
     return times**2 * trace.square + 2.0 * times * errors
 
 
@@ -142,7 +153,7 @@ def _passes(gains: np.ndarray, level: float) -> bool:
     n = gains.shape[1]
     if not n:
         return False
-    ranks = np.argsort(np.argsort(np.abs(gains), axis=1), axis=1) + 1.0
-    total = np.sum(ranks * (gains > 0), axis=1)
+    positive = np.take_along_axis(gains > 0, np.argsort(np.abs(gains), axis=1), axis=1)
+    total = positive @ np.arange(1.0, n + 1)
     scores = (total - n * (n + 1) / 4) / np.sqrt(n * (n + 1) * (2 * n + 1) / 24)
     return float(np.quantile(scores, 1.0 - RULES.power)) >= level

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,14 +12,21 @@ from scipy import stats
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.least_sizes import REACH, Needs, Trace, between, distance, least_coefficient
+from vispeg.diagnosis.conclusion.least_sizes import (
+    REACH,
+    Needs,
+    Trace,
+    between,
+    distance,
+    least_coefficient,
+)
 from vispeg.diagnosis.evidence.localise import joint_data
 from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import probes
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import ShowsFrom
 from vispeg.diagnosis.selection.accept import same_kind
-from vispeg.diagnosis.selection.bic import correlation_time
+from vispeg.diagnosis.selection.bic import correlations, spectra, time_of
 from vispeg.diagnosis.selection.cross import on_held_out
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
@@ -31,30 +38,22 @@ STEP = 1.15  # by which a size grows until its gain is worth its parameters
 
 @dataclass(frozen=True)
 class Tried:
-    """One magnitude of an effect at a size, the others absent, and what it does to the fitted recordings.
+    """One magnitude of an effect at a size, the others absent.
 
     Attributes:
         placed: the effect.
         name: the magnitude.
-        columns: (n, k) the traces, whitened, of all that a fit of the effect moves; `index` is of the magnitude's own.
         least: multiple of the size below which a search does not take it, whatever its trace.
     """
 
     placed: EffectInstance
     name: str
-    columns: np.ndarray
-    index: int
     least: float = 0.0
 
     @property
-    def column(self) -> np.ndarray:
-        """The trace of the magnitude, (n,), whitened."""
-        return self.columns[:, self.index]
-
-    @property
-    def others(self) -> np.ndarray:
-        """The traces of what else a fit of the effect moves, (n, k - 1); made anew, as there are many trials."""
-        return np.delete(self.columns, self.index, axis=1)
+    def key(self) -> tuple[str, str, str]:
+        """(effect, where, magnitude); of one there may be several trials."""
+        return self.placed.effect, self.placed.where, self.name
 
     def at(self, times: float) -> EffectInstance:
         """Give the effect at a multiple of the size; a logarithmic one as it is, for no line leads from null to it."""
@@ -63,6 +62,10 @@ class Tried:
             return self.placed
         value = param.null + times * (self.placed.params[self.name].value - param.null)
         return self.placed.with_values(**{self.name: float(np.clip(value, param.low, param.high))})
+
+    def distance(self, times: float) -> float:
+        """Give how far from none it is at a multiple of the size; infinite where nothing shows so far."""
+        return distance(self.placed, self.name, times)
 
 
 class Searched(Protocol):
@@ -87,40 +90,46 @@ def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
 
     By the signatures of the screen, taken at the values that the data suggest; an effect that they rule out has no row.
     """
-
-    def tried() -> list[Tried]:
-        items = search.evidence.items
-        places = candidates(search.evidence, state.world, list(items[0].robot.joints))
-        asked = probes(places, items[0], joint_data(search.missing(state.world), items))
-        out = []
-        for s, p in zip(search.signatures_of(state.world, state.residual, asked), asked, strict=True):
-            for k, name in enumerate(p.names):
-                out.append(Tried(p.variants[k], name, s.columns, k))
-        return out
-
     count = float(search.judge.size.sum())
     over = float(state.loss.sum()) / count - search.judge.floor(state.world)
     chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # of the mean square of so many readings' noise
-    return shows_from(search, state, tried, RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0)
+    worth = RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0
+    return shows_from(search, state, lambda: of_joints(search, state), worth)
+
+
+def of_joints(search: Search, state: State) -> Iterator[tuple[list[Tried], np.ndarray]]:
+    """Yield what is tried of recordings of joints: of every candidate its signature."""
+    items = search.evidence.items
+    places = candidates(search.evidence, state.world, list(items[0].robot.joints))
+    asked = probes(places, items[0], joint_data(search.missing(state.world), items))
+    for p, signature in zip(asked, search.each_signature(state.world, state.residual, asked), strict=True):
+        yield [Tried(p.variants[k], name) for k, name in enumerate(p.names)], signature.columns
 
 
 def shows_from(
-    search: Searched, state: State, tried: Callable[[], Sequence[Tried]], worth: float = 0.0
+    search: Searched,
+    state: State,
+    tried: Callable[[], Iterable[tuple[Sequence[Tried], np.ndarray]]],
+    worth: float = 0.0,
 ) -> list[ShowsFrom]:
     """For each effect that is tried beside a state, the values of its magnitudes that these recordings do not show.
 
     To first order beside the state: in the fitted recordings by the trace of each, in the held-out ones by that of the
-    size that the former promise. Of several trials of one magnitude the one that shows last counts. `worth` is the drop
-    of the mean squared held-out residual below which a search does not begin.
+    size that the former promise. Of several trials of one magnitude the one that shows last counts.
+
+    Args:
+        search: what could have found them.
+        state: beside which.
+        tried: one effect after another its magnitudes, with the traces (n, k), whitened, of all that a fit of the
+            effect moves, theirs first; none of them is kept, for they are as long as the recordings.
+        worth: drop of the mean squared held-out residual below which a search does not begin.
     """
 
     def work_out() -> list:
-        least: dict[tuple[str, str], dict[str, float]] = {}
-        every = list(tried())
-        for t, times in zip(every, _least(search, state, every, worth), strict=True):
-            sizes = least.setdefault((t.placed.effect, t.placed.where), {})
-            sizes[t.name] = max(sizes.get(t.name, 0.0), distance(t.placed, t.name, times))
-        return [[*key, {k: v if np.isfinite(v) else None for k, v in sizes.items()}] for key, sizes in least.items()]
+        rows: dict[tuple[str, str], dict[str, float | None]] = {}
+        for (name, where, parameter), size in _least(search, state, tried(), worth).items():
+            rows.setdefault((name, where), {})[parameter] = size if np.isfinite(size) else None
+        return [[*key, sizes] for key, sizes in rows.items()]
 
     which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask alike
     rows = search.progress.recall(["shows from", which, model_text(state.world)], work_out)
@@ -130,41 +139,77 @@ def shows_from(
     ]
 
 
-def _least(search: Searched, state: State, tried: Sequence[Tried], worth: float) -> list[float]:
-    """Give the least multiple of each trial's size that is found; infinite where none is."""
-    fit, residual = state.fit, state.residual
-    slopes = np.zeros((len(residual), 0)) if fit is None else fit.jacobian
-    basis, upper = np.linalg.qr(slopes)
-    blocks, held_blocks = search.evidence.blocks(RULES.block), search.judge.blocks
-
-    def fitted(t: Tried) -> Trace:
-        own = [c - basis @ (basis.T @ c) for c in (t.column.astype(float), t.others.astype(float))]
-        return Trace.of(own[0], own[1], residual, blocks)
-
-    traces = [fitted(t) for t in tried]
+def _least(
+    search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]], worth: float
+) -> dict[tuple[str, str, str], float]:
+    """Give the least distance from none at which each magnitude is found; infinite where it is at none."""
     level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
-    needs = [_needs(search, state, t.placed, worth, level) for t in tried]
-    promised = [max(t.least, least_coefficient(a, a, n)) for t, a, n in zip(tried, traces, needs, strict=True)]
-    out = [np.inf] * len(tried)
-    shown = [k for k, times in enumerate(promised) if np.isfinite(distance(tried[k].placed, tried[k].name, times))]
+    every = []
+    for seen in _seen(search, state, tried):
+        needs = needed(search, state, seen.tried.placed, worth, level)
+        promised = max(seen.tried.least, least_coefficient(seen.trace, seen.trace, needs))
+        every.append((seen, needs, promised, seen.tried.distance(promised)))
+    sizes = {seen.tried.key: 0.0 for seen, *_ in every}
+    sizes |= {seen.tried.key: np.inf for seen, _, _, size in every if not np.isfinite(size)}
+    # of a magnitude that one of its trials shows at no size the others need not be asked
+    shown = [(seen, needs, promised) for seen, needs, promised, _ in every if np.isfinite(sizes[seen.tried.key])]
+    for (seen, needs, _), held_out in zip(shown, _held_out(search, state, shown), strict=True):
+        t = seen.tried
+        times = max(t.least, least_coefficient(seen.trace, held_out, needs))
+        while times < REACH[1] and not seen.worth_it(times):
+            times *= STEP
+        sizes[t.key] = max(sizes[t.key], t.distance(times))
+    return sizes
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a trial does to the fitted recordings.
+
+    Attributes:
+        tried: the trial.
+        trace: of it.
+        taken: (naxis,) what the parameters of the model take of it, by the fitted recordings, as of any fit.
+        worth_it: whether the gain at a multiple is worth the effect's parameters (`selection.bic`).
+    """
+
+    tried: Tried
+    trace: Trace
+    taken: np.ndarray
+    worth_it: Callable[[float], bool]
+
+
+def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]]) -> Iterator[_Seen]:
+    """Yield what each trial does to the fitted recordings."""
+    residual, blocks = state.residual, search.evidence.blocks(RULES.block)
+    basis, upper = np.linalg.qr(np.zeros((len(residual), 0)) if state.fit is None else state.fit.jacobian)
+    worth = _Worth(search.evidence, residual)
+    for group, columns in tried:
+        columns = columns.astype(float)
+        along = basis.T @ columns
+        own = columns - basis @ along
+        taken = np.linalg.lstsq(upper, along, rcond=1e-9)[0]
+        for k, t in enumerate(group):
+            trace = Trace.of(own[:, k], np.delete(own, k, axis=1), residual, blocks)
+            yield _Seen(t, trace, taken[:, k], worth.test(columns[:, k], len(effect(t.placed.effect).params)))
+
+
+def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs, float]]) -> Iterator[Trace]:
+    """Yield the trace of each trial in the held-out recordings, at the size that the fitted ones promise."""
     if not shown:
-        return out
-    judged = search.judge.evidence
-    (held,) = judged.residuals([state.world])
-    slopes_held = np.zeros((len(held), 0)) if fit is None else on_held_out(search.judge, fit).jacobian
-    moved = iter(judged.each_residual([state.world.add(tried[k].at(promised[k])) for k in shown]))
-    for k in shown:
-        t, scale = tried[k], 1.0 if tried[k].at(2.0) == tried[k].placed else promised[k]
-        taken = np.linalg.lstsq(upper, basis.T @ t.column, rcond=1e-9)[0]  # by the fitted recordings, as of any fit
-        column = (held - next(moved)) / scale - slopes_held @ taken
-        trace = Trace.of(column, np.zeros((len(held), 0)), held, held_blocks)
-        out[k] = max(t.least, least_coefficient(traces[k], trace, needs[k]))
-        while out[k] < REACH[1] and not _worth_it(search, state, t, out[k]):
-            out[k] *= STEP
-    return out
+        return
+    judge, fit = search.judge, state.fit
+    (residual,) = judge.evidence.residuals([state.world])
+    none = np.zeros((len(residual), 0))
+    slopes = none if fit is None else on_held_out(judge, fit).jacobian
+    worlds = [state.world.add(seen.tried.at(promised)) for seen, _, promised in shown]
+    for (seen, _, promised), moved in zip(shown, judge.evidence.each_residual(worlds), strict=True):
+        scale = 1.0 if seen.tried.at(2.0) == seen.tried.placed else promised
+        column = (residual - moved) / scale - slopes @ seen.taken
+        yield Trace.of(column, none, residual, judge.blocks)
 
 
-def _needs(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
+def needed(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
     """Give what a search asks for before it accepts an effect beside a state (`selection.accept.refusal`)."""
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
     share = search.evidence.least_gain
@@ -177,10 +222,30 @@ def _needs(search: Searched, state: State, placed: EffectInstance, worth: float,
     return Needs(drop, level, loss)
 
 
-def _worth_it(search: Searched, state: State, t: Tried, times: float) -> bool:
-    """Whether the gain of an effect in the fitted recordings is worth its parameters (`selection.bic`)."""
-    before = state.residual + times * t.column
-    n = max(2.0, search.evidence.count / (2.0 * correlation_time(search.evidence, before)))
-    more = len(effect(t.placed.effect).params)
-    drop = np.log(float(before @ before) / float(state.residual @ state.residual))
-    return bool(n * drop > more * np.log(n))
+class _Worth:
+    """Whether gains in some fitted recordings are worth an effect's parameters, by BIC (`selection.bic`).
+
+    The residual that a trial would have left there is linear in its multiple, so that what BIC asks of it, its square
+    and its correlations, is worked out once.
+    """
+
+    def __init__(self, evidence: Any, residual: np.ndarray):
+        self.evidence, self.residual = evidence, residual
+        self.spectra = spectra(evidence, residual)
+        self.correlations = correlations(self.spectra, self.spectra)
+
+    def test(self, column: np.ndarray, more: int) -> Callable[[float], bool]:
+        """Give the test of a multiple of a trace (n,) that takes so many parameters."""
+        changed = spectra(self.evidence, column)
+        mixed, own = correlations(self.spectra, changed), correlations(changed, changed)
+        square = float(self.residual @ self.residual)
+        slope, curve = float(self.residual @ column), float(column @ column)
+
+        def passes(times: float) -> bool:
+            parts = zip(self.correlations, mixed, own, strict=True)
+            time = time_of([a + 2.0 * times * b + times**2 * c for a, b, c in parts])
+            n = max(2.0, self.evidence.count / (2.0 * time))
+            drop = np.log1p(times * (2.0 * slope + times * curve) / square)
+            return bool(n * drop > more * np.log(n))
+
+        return passes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,14 +115,19 @@ def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[J
 
 def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]) -> list[Signature]:
     """Give what each probe takes off the `residual` of `world` on this evidence."""
+    return [*each_signature(evidence, world, residual, probes)]
+
+
+def each_signature(
+    evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]
+) -> Iterator[Signature]:
+    """Yield the same one by one."""
     after = evidence.each_residual([world.add(v) for probe in probes for v in probe.variants])
-    out = []
     for probe in probes:
         columns = [_drop(residual, next(after)) for _ in probe.variants]
         count = len(probe.names)
         columns = columns[:count] + [c - columns[0] for c in columns[count:]]
-        out.append(Signature(probe.placed, probe.names, np.stack(columns, axis=1), probe.moments))
-    return out
+        yield Signature(probe.placed, probe.names, np.stack(columns, axis=1), probe.moments)
 
 
 def _drop(before: np.ndarray, after: np.ndarray) -> np.ndarray:

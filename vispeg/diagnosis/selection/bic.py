@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from vispeg.diagnosis.selection.judge import parameters
@@ -23,6 +25,11 @@ def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -
 
 def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
     """Integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
+    return time_of([_lags((np.abs(f) ** 2).sum(axis=1)) for f in spectra(evidence, residual)])
+
+
+def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
+    """Give the transform (n + 1, nch) of each item's n residuals, the mean of each channel left out."""
     out, start = [], 0
     for item in evidence.items:
         r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
@@ -30,10 +37,27 @@ def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
         if len(r) < 16:
             continue
         r = r - r.mean(axis=0)
-        f = np.abs(np.fft.rfft(r, 2 * len(r), axis=0)) ** 2
-        acf = np.fft.irfft(f.sum(axis=1))[: len(r)]
-        acf /= max(acf[0], 1e-300)
+        out.append(np.fft.rfft(r, 2 * len(r), axis=0))
+    return out
+
+
+def correlations(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Give the even part of the correlation (n,) by lag of two residuals, by their `spectra`; that of a sum is the sum
+    of all pairs'.
+    """
+    return [_lags(np.real(np.sum(np.conj(f) * g, axis=1))) for f, g in zip(a, b, strict=True)]
+
+
+def _lags(power: np.ndarray) -> np.ndarray:
+    return np.fft.irfft(power)[: len(power) - 1]
+
+
+def time_of(correlation: Sequence[np.ndarray]) -> float:
+    """Integrated autocorrelation time, in samples, by each item's autocorrelation."""
+    out = []
+    for acf in correlation:
+        acf = acf / max(acf[0], 1e-300)
         tau = 0.5 + np.cumsum(acf[1:])
-        window = np.flatnonzero(np.arange(1, len(r)) >= 5 * tau)  # Sokal's self-consistent window
+        window = np.flatnonzero(np.arange(1, len(acf)) >= 5 * tau)  # Sokal's self-consistent window
         out.append(tau[window[0]] if len(window) else tau[-1])
     return float(max(0.5, np.mean(out))) if out else 0.5

@@ -7,7 +7,7 @@ have searches of their own, which know more of what they compare.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -115,15 +115,13 @@ class PlainSearch(Loop[State, Trial], Shown):
     def shows_from(self, state: State) -> list[ShowsFrom]:
         """For each effect that a state has not, the values of its magnitudes that these recordings do not show."""
 
-        def tried() -> list[Tried]:
-            out = []
+        def tried() -> Iterator[tuple[list[Tried], np.ndarray]]:
             for at in self.shown_at(state.world):
                 secants = self._secants(*at)
                 worlds = [state.world.add(e) for e in secants.values()]
                 columns = np.stack([state.residual - r for r in self.evidence.residuals(worlds)], axis=1)
-                for k, ((name, placed), world) in enumerate(zip(secants.items(), worlds, strict=True)):
-                    out.append(Tried(placed, name, columns, k, self.least_times(placed, world, state.world)))
-            return out
+                both = zip(secants.items(), worlds, strict=True)
+                yield [Tried(e, name, self.least_times(e, w, state.world)) for (name, e), w in both], columns
 
         return shows_from(self, state, tried)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from vispeg.diagnosis.evidence.constancy import Change, changes
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
 from vispeg.diagnosis.evidence.screen import Score, candidates, screen
-from vispeg.diagnosis.evidence.signatures import Probe, Signature, probes, signatures
+from vispeg.diagnosis.evidence.signatures import Probe, Signature, each_signature, probes, signatures
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.cross import Cross, on_held_out
 from vispeg.diagnosis.selection.judge import Judge
@@ -149,6 +149,16 @@ class Proposals:
         for key, signature in zip(fresh, signatures(self.evidence, world, residual, [*fresh.values()]), strict=True):
             self._taken[key] = signature
         return [self._taken[str(_plain(p.placed))] for p in asked]
+
+    def each_signature(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> Iterator[Signature]:
+        """Yield the same one by one, and keep none."""
+        if model_text(world) != self._beside:
+            self._taken = {}
+        held = [self._taken.get(str(_plain(p.placed))) for p in asked]
+        lacking = [p for p, signature in zip(asked, held, strict=True) if signature is None]
+        fresh = each_signature(self.evidence, world, residual, lacking)
+        for signature in held:
+            yield next(fresh) if signature is None else signature
 
     def _straight(self, world: World) -> list[tuple[str, str]]:
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
