@@ -17,9 +17,10 @@ from vispeg.evaluation.films.video import write_image, write_video
 from vispeg.evaluation.gap import gap
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.stress import exploit, perturb, sensitivity
-from vispeg.report.gap import exploit_page, perturb_page, suite_page, sweep_page, words
+from vispeg.report.gap import suite_page, words
 from vispeg.report.gap.build import render, write
 from vispeg.report.gap.headline import context
+from vispeg.report.gap.stress_pages import exploit_page, perturb_page, sensitivity_page
 
 WORLDS = {"S": 0.95, "V": 0.85, "P": 0.75, "VP": 0.5}
 
@@ -253,12 +254,12 @@ def test_the_smaller_pages_stand_alone_too():
     sweep = [
         e for v in what.values for e in episodes(worlds={"S": 0.9 - 10 * v}, configuration=sensitivity.tag(what, v))
     ]
-    alone(sweep_page.render({"sweeps": sensitivity.summarise(sweep, [what])}))
+    alone(sensitivity_page({"sweeps": sensitivity.summarise(sweep, [what])}))
     sides = [e for c in ("fixed", "randomized, 3 substeps") for e in episodes(worlds={"S": 0.9}, configuration=c)]
     sides = [replace(e, force_profile=(0.0, 5.0, 9.0, 12.0)) for e in sides]
-    alone(exploit_page.render(exploit.summarise(sides)))
+    alone(exploit_page(exploit.summarise(sides)))
     places = [e for c in ("edge", "edge, pushed", "anywhere") for e in episodes(worlds={"S": 0.8}, configuration=c)]
-    alone(perturb_page.render({**perturb.summarise(places), "force": (20, 60), "duration": 0.2}))
+    alone(perturb_page({**perturb.summarise(places), "force": (20, 60), "duration": 0.2}))
     runs = [e for i in range(9) for e in episodes(worlds={"S": 0.1 * i, "T": 0.1 * i}, configuration=f"c{i}")]
     version = suite.summarise(runs, "S", "T", "v1")
     alone(suite_page.render([version, {**version, "version": "v2"}], suite.regressions(runs, runs)))
@@ -269,15 +270,15 @@ def test_the_smaller_pages_speak_in_words():
     what = sensitivity.SWEEPS["friction"]
     tag = sensitivity.tag
     sweep = [e for v in what.values for e in episodes(worlds={"S": 1.0}, configuration=tag(what, v))]
-    html = sweep_page.render({"sweeps": sensitivity.summarise(sweep, [what])})
+    html = sensitivity_page({"sweeps": sensitivity.summarise(sweep, [what])})
     assert "Contact friction: scale" in html and "contact_friction.scale, 1<" not in html and "to 3 1" not in html
     kinds = [f"{place}{side}" for place in ("anywhere", "edge") for side in ("", ", pushed")]
     places = [e for c in kinds for e in episodes(worlds={"S": 1.0 if c != "edge" else 0.0}, configuration=c)]
     more = {"force": (20, 60), "duration": 0.2}
-    html = perturb_page.render({**perturb.summarise(places), **more})
+    html = perturb_page({**perturb.summarise(places), **more})
     assert "depth: weakest edge: 0 %" in html and "once an episode<" in html
     alike = [replace(e, success=True) for e in places]
-    assert "still, in every position" in perturb_page.render({**perturb.summarise(alike), **more})
+    assert "still, in every position" in perturb_page({**perturb.summarise(alike), **more})
 
 
 def test_text_has_no_negative_zero_and_no_false_certainty():

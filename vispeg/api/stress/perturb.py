@@ -17,7 +17,7 @@ from vispeg.evaluation.jobs import Pushes, make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.stress import perturb as pushed
 from vispeg.report.gap import words
-from vispeg.report.gap.perturb_page import render
+from vispeg.report.gap.stress_pages import perturb_page
 from vispeg.report.text.summary import Block
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.registry import config_of, task_of
@@ -37,7 +37,7 @@ class PerturbResult(Stressed):
         return [Sheet([Column(head) for head in HEADS], [_row(r) for r in self.record["rows"]])]
 
     def _render(self) -> str:
-        return render(self.record)
+        return perturb_page(self.record)
 
 
 def perturb(

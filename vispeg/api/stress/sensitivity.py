@@ -15,7 +15,7 @@ from vispeg.evaluation.folder import workplace
 from vispeg.evaluation.jobs import make_jobs, seeds_of
 from vispeg.evaluation.players import ready
 from vispeg.evaluation.stress import sensitivity as swept
-from vispeg.report.gap.sweep_page import render
+from vispeg.report.gap.stress_pages import sensitivity_page
 from vispeg.report.text.summary import Block, Line
 from vispeg.task.world_file import load_world
 
@@ -35,7 +35,7 @@ class SensitivityResult(Stressed):
         ]
 
     def _render(self) -> str:
-        return render(self.record)
+        return sensitivity_page(self.record)
 
 
 def sensitivity(
