@@ -1,1 +1,0 @@
-"""Layouts of other programs: BOP and plain files, written and read."""

@@ -1,1 +1,0 @@
-"""Rendering in shards: planned, made in processes, put in their place."""

@@ -1,1 +1,0 @@
-"""The types of what the JSON files of evaluations hold."""

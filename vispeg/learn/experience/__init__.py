@@ -1,1 +1,0 @@
-"""What a policy learns from: replay, demonstrations, datasets."""

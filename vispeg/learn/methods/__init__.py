@@ -1,1 +1,0 @@
-"""How a policy learns: reinforcement, imitation, both, by stages."""

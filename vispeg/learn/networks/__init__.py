@@ -1,1 +1,0 @@
-"""Actors, critics and what they are made of."""

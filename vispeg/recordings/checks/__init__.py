@@ -1,1 +1,0 @@
-"""What is wrong with a recording, and what its motion can tell."""

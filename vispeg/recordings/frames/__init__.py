@@ -1,1 +1,0 @@
-"""Pictures beside joint readings: `frames/` of a recording, in memory and on disk."""

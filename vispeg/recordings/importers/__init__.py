@@ -1,1 +1,0 @@
-"""From other people's files to a recording; one format a file."""

@@ -1,1 +1,0 @@
-"""Tables of numbers: text read block by block, Parquet, and one reader of both."""

@@ -1,1 +1,0 @@
-"""The page of `vispeg check`: recordings before anybody fits to them."""

@@ -1,1 +1,0 @@
-"""Figures of a page: curves, bars, pictures of the robot, and their colours."""

@@ -1,1 +1,0 @@
-"""Results as text: numbers, sentences and tables, for terminals of any width."""

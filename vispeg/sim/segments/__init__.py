@@ -1,1 +1,0 @@
-"""Stretches of a recording, as rows of a batch."""
