@@ -178,10 +178,10 @@ def test_the_learning_rate_falls_along_half_a_cosine_and_begins_anew_with_the_ne
     actor, ring = trained_pair()
     adam, settings = torch.optim.Adam(actor.parameters(), 1.0, fused=True), CloneSettings(batch=16)
     rates = []
+    adam.register_step_pre_hook(lambda *_: rates.append(adam.param_groups[0]["lr"]))
     for _ in range(2):
-        watch = lambda update, loss: rates.append(adam.param_groups[0]["lr"])  # noqa: E731
-        clone(actor, [(ring, 1.0)], 6, settings, stream(0, "y"), optimizer=adam, watch=watch)
-    expected = settings.lr * (1 + np.cos(np.pi * np.arange(1, 7) / 6)) / 2  # as it is left after each update
+        clone(actor, [(ring, 1.0)], 6, settings, stream(0, "y"), optimizer=adam)
+    expected = settings.lr * (1 + np.cos(np.pi * np.arange(6) / 6)) / 2  # of each update
     assert np.allclose(rates, [*expected, *expected])
 
 

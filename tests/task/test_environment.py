@@ -191,8 +191,8 @@ def test_a_diverged_row_ends_alone():
 
 @pytest.mark.parametrize("world", [VARIED, "randomized"], ids=["varied", "randomized"])
 def test_what_a_diverged_episode_leaves_plays_it_again_bit_by_bit(world, tmp_path):
-    env = PegInHoleVec(3, world=world, autoreset_mode="Disabled", dump=tmp_path, clearance_mm=2.0)
-    env.set_level(0.7, radius=0.01)
+    env = PegInHoleVec(3, world=world, autoreset_mode="Disabled", dump=tmp_path, clearance_mm=2.0, start_radius=0.01)
+    env.set_level(0.7)
     env.reset(seed=[21, 22, 23])
     env.push([1], [30.0, 0.0, 0.0], 0.2, 0.2)
     given = actions(3, 5)

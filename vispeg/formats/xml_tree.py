@@ -14,14 +14,14 @@ ELEMENTS = 100_000
 DEPTH = 250  # an arm may have a hundred bodies, each in the other
 
 
-def read_xml(path: str | Path, *, most: int = 64 * MB) -> ET.Element:
+def read_xml(path: str | Path) -> ET.Element:
     """Give the root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are
     refused.
 
     Raises:
         UserError: unreadable, not XML, nested too deeply, too many elements, or an entity.
     """
-    return _Tree(path).read(read_bytes(path, most))
+    return _Tree(path).read(read_bytes(path, 64 * MB))
 
 
 class _Tree:

@@ -56,8 +56,8 @@ def home(policy: Policy) -> str:
     return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
 
 
-def of_policy(policy: Policy, world: str, threads: int = 1) -> MakeEnv:
+def of_policy(policy: Policy, world: str) -> MakeEnv:
     """Make the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
     policy_settings = interface(policy.meta)
-    make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), threads)
+    make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), 1)
     return lambda rows, settings: make(rows, {**policy_settings, **settings})

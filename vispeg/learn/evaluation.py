@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, cast
 
@@ -42,9 +42,7 @@ class Outcome:
     info: EpisodeResult
 
 
-def run_episodes(
-    policy: Acts, env: VectorEnv, seeds: Sequence[int], watch: Callable[[Outcome], None] | None = None
-) -> list[Outcome]:
+def run_episodes(policy: Acts, env: VectorEnv, seeds: Sequence[int]) -> list[Outcome]:
     """One episode for every seed, in the order of `seeds`.
 
     A row that ends begins the next seed; every episode is waited for, so that short ones are not over-represented.
@@ -54,7 +52,6 @@ def run_episodes(
         policy: acts on all rows at once.
         env: takes `reset(seed=[...], options={"reset_mask": ...})`; its own way of resetting must be `DISABLED`.
         seeds: of the episodes.
-        watch: called with each outcome as it comes.
     """
     n, todo = env.num_envs, list(enumerate(seeds))
     number = np.full(n, -1)  # which episode each row plays, -1 for none
@@ -81,8 +78,6 @@ def run_episodes(
                     int(steps[row]),
                     record,
                 )
-                if watch is not None:
-                    watch(out[number[row]])  # type: ignore[arg-type]
             number[row], row_seeds[row] = todo.pop(0) if todo else (-1, row_seeds[row])
             total[row], steps[row] = 0.0, 0
         if ended.any() and (number >= 0).any():

@@ -9,8 +9,10 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 
+FPS = 6.25  # as many as the policy's steps a second
 
-def write_video(path: Path, frames: np.ndarray, fps: float = 6.25) -> Path:
+
+def write_video(path: Path, frames: np.ndarray) -> Path:
     """Write (T, H, W, 3) uint8 RGB frames; return the path, with the suffix .mp4.
 
     Raises:
@@ -24,7 +26,7 @@ def write_video(path: Path, frames: np.ndarray, fps: float = 6.25) -> Path:
         raise UserError("no ffmpeg here", expected="ffmpeg, see `vispeg doctor`", file=target)
     path.parent.mkdir(parents=True, exist_ok=True)
     size = f"{frames.shape[2]}x{frames.shape[1]}"
-    raw_input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(fps), "-i", "-"]
+    raw_input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(FPS), "-i", "-"]
     made = ["-c:v", "libx264", "-crf", "26", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [program, "-y", "-loglevel", "error", *raw_input, *made, str(target)]
     done = subprocess.run(command, input=np.ascontiguousarray(frames).tobytes(), capture_output=True)

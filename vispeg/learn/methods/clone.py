@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,6 @@ def clone(
     *,
     optimizer: torch.optim.Optimizer | None = None,
     frozen: int = 0,
-    watch: Callable[[int, float], None] | None = None,
 ) -> float:
     """Huber loss on actions, plus one on that estimate where actor and data have it. Moves `actor`.
 
@@ -69,7 +68,6 @@ def clone(
         rng: of the draws.
         optimizer: goes on with its moments if given.
         frozen: updates at the beginning in which image encoders stay as they are.
-        watch: called with the update's number and loss.
 
     Returns:
         Mean loss of the last tenth of the updates.
@@ -93,8 +91,6 @@ def clone(
         adam.step()
         falling.step()
         losses.append(float(loss.detach()))
-        if watch is not None:
-            watch(update, losses[-1])
     actor.encoders.requires_grad_(True)
     return float(np.mean(losses[-max(updates // 10, 1) :]))
 

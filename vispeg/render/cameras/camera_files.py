@@ -63,23 +63,19 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
     return cameras
 
 
-def load_camera(path: str | Path, name: str | None = None) -> Camera:
-    """One camera of a file: the one called `name`, or the only one. Raises UserError as `load_cameras` does."""
-    cameras = {camera.name: camera for camera in load_cameras(path)}
-    if name is None and len(cameras) == 1:
-        return next(iter(cameras.values()))
-    if name not in cameras:
-        raise UserError("which camera?", file=path, expected="the name of one", got=name, choices=cameras)
-    return cameras[name]
+def load_camera(path: str | Path) -> Camera:
+    """Give the only camera of a file. Raises UserError as `load_cameras` does, and for a file that holds several."""
+    camera, *others = load_cameras(path)
+    if others:
+        raise UserError("holds several cameras", file=path, expected="one", got=[c.name for c in (camera, *others)])
+    return camera
 
 
-def save_cameras(
-    path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg", overwrite: bool = False
-) -> Path:
+def save_cameras(path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg") -> Path:
     """Write cameras; `opencv` and `ros` files take one camera and drop its pose. Every number comes back bit for bit.
 
     Raises:
-        UserError: the file exists and `overwrite` is False, cannot be written, or cannot hold these cameras.
+        UserError: the file exists, cannot be written, or cannot hold these cameras.
     """
     many = [cameras] if isinstance(cameras, Camera) else list(cameras)
     if not many:
@@ -94,7 +90,7 @@ def save_cameras(
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     else:
         text = (_ros if style == "ros" else _opencv)(many[0])
-    return write_text_atomic(path, text, overwrite=overwrite)
+    return write_text_atomic(path, text)
 
 
 def to_record(camera: Camera) -> Mapping[str, object]:

@@ -21,7 +21,6 @@ def table(
     picture: str = "",
     caption: str = "",
     note: str = "",
-    anchor: str = "table",
 ) -> Section:
     """Give a heading with a picture (SVG text), a table and a note; any of the three may be empty."""
     values = {
@@ -31,7 +30,7 @@ def table(
         "caption": caption,
         "note": note,
     }
-    return anchor, heading, values
+    return "table", heading, values
 
 
 def origin(values: Mapping[str, Any]) -> Section:

@@ -35,9 +35,9 @@ def context(record: Record) -> Mapping[str, object]:
     }
 
 
-def effect_rows(record: Record, key: str = "effects") -> list[dict[str, str]]:
-    """Give the effects under `key` as rows of a table, one a parameter."""
-    listed = record.rows(key)
+def effect_rows(record: Record) -> list[dict[str, str]]:
+    """Give the effects that were found as rows of a table, one a parameter."""
+    listed = record.rows("effects")
     return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [_NOTHING]]
 
 

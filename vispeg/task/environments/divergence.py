@@ -31,7 +31,7 @@ def leave(folder: Path, env: TaskVec, row: int) -> Path:
     """
     sim, file = env.sim, env.file
     push, seed = sim.push[row], int(sim.seeds[row])
-    task: dict[str, Any] = json.loads(json.dumps(asdict(env.config))) | {"start_radius": float(sim.radius)}
+    task: dict[str, Any] = json.loads(json.dumps(asdict(env.config)))
     cameras, renderer = (dict(file.cameras), dict(file.renderer)) if file is not None else ({}, {})
     world = env.drawn(row)
     digest = world_hash(world, task, cameras, renderer)

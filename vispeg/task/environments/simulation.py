@@ -54,7 +54,6 @@ class TaskSimulation:
         self.scene = self.task.cell(config, cameras)
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
-        self.radius = config.start_radius
         self.drawn = [self.world.sample(0, self.scene)] * nsim  # of each row's present episode
         self.nthread = nthread
         posture = home(self.scene)
@@ -105,7 +104,7 @@ class TaskSimulation:
         worlds = []
         for row, seed in zip(rows, seeds, strict=True):
             rng = stream(int(seed), "start")
-            pos[row] = self.nominal_goal + self.task.start(self.config, self.radius, rng)
+            pos[row] = self.nominal_goal + self.task.start(self.config, self.config.start_radius, rng)
             drawn = self.world.sample(int(seed), self.scene, self.levels)
             worlds.append(self._begun(drawn, starts[row]) if row in starts else drawn)
             self.drawn[row], self.seeds[row] = worlds[-1], seed

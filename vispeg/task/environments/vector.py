@@ -304,11 +304,9 @@ class TaskVec(VectorEnv):
         return {int(row): self.sim.snapshot(int(row)) for row in rows} if self.eyes.cameras else {}
 
     # Knobs ----------------------------------------------------------------------------------------------------
-    def set_level(self, level: float | dict[str, float], radius: float | None = None) -> None:
-        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label); the start's radius, m."""
+    def set_level(self, level: float | dict[str, float]) -> None:
+        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label)."""
         self.sim.levels = level
-        if radius is not None:
-            self.sim.radius = radius
 
     def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
         """Pushes these rows' flanges in their present episode: `force` (3,) N for `duration` s from `start` s on."""
