@@ -13,8 +13,8 @@ from vispeg.core.errors import UserError
 from vispeg.formats.format import enrol
 from vispeg.formats.typed import typed
 from vispeg.task.environments.divergence import EPISODE, FORMAT, LEFT, WORLD
+from vispeg.task.environments.simulation import Push
 from vispeg.task.environments.vector import TaskVec
-from vispeg.task.push import Push
 from vispeg.task.world_file import load_world, world_text
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,20 @@ from vispeg.task.terms import LIMIT, POLICY, PRIVILEGED, Observation
 from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.split import physical
 from vispeg.worlds.world import World
+
+
+@dataclass(frozen=True)
+class Push:
+    """A constant force for a while.
+
+    Attributes:
+        force: (3,) N, world frame.
+        start, duration: s since the episode began.
+    """
+
+    force: np.ndarray
+    start: float
+    duration: float
 
 
 class TaskSimulation:

@@ -21,7 +21,7 @@ from vispeg.render.image_kinds import kind_of as kind_of_image
 from vispeg.render.snapshot import Snapshot
 from vispeg.task.config import TaskConfig
 from vispeg.task.environments.divergence import leave
-from vispeg.task.environments.simulation import TaskSimulation
+from vispeg.task.environments.simulation import Push, TaskSimulation
 from vispeg.task.eyes import image_spaces, rig_of
 from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.start import Start
@@ -310,8 +310,6 @@ class TaskVec(VectorEnv):
 
     def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
         """Pushes these rows' flanges in their present episode: `force` (3,) N for `duration` s from `start` s on."""
-        from vispeg.task.push import Push
-
         for i in rows:
             self.sim.push[i] = Push(np.asarray(force, float), start, duration)
 
