@@ -50,17 +50,17 @@ def rotated(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + 2.0 * np.cross(v, half)
 
 
-def task_inertia(mass: np.ndarray, jac: np.ndarray, damping: float = LOST) -> tuple[np.ndarray, np.ndarray]:
+def task_inertia(mass: np.ndarray, jac: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`Lambda = (J M^-1 J')^-1` (n, m, m) and `M^-1 J'` (n, nv, m).
 
-    Directions lost at a singularity (eigenvalues of J M^-1 J' under `damping` of the largest) get no task inertia
+    Directions lost at a singularity (eigenvalues of J M^-1 J' under `LOST` of the largest) get no task inertia
     instead of an infinite one, so no torque is asked for along them.
     """
     minv_jt = np.linalg.solve(mass, np.swapaxes(jac, 1, 2))  # (n, nv, m)
-    return _inverse(jac @ minv_jt, damping), minv_jt
+    return _inverse(jac @ minv_jt), minv_jt
 
 
-def _inverse(core: np.ndarray, damping: float) -> np.ndarray:
+def _inverse(core: np.ndarray) -> np.ndarray:
     """Pseudo-inverse (n, m, m) of symmetric matrices; the plain inverse where no eigenvalue can be under the cut-off:
     the product of a matrix's trace and its inverse's bounds its condition from above.
     """
@@ -68,13 +68,13 @@ def _inverse(core: np.ndarray, damping: float) -> np.ndarray:
         out = np.linalg.inv(core)
     except np.linalg.LinAlgError:  # some row is singular to the last bit: each on its own, as if it were alone
         if len(core) > 1:
-            return np.concatenate([_inverse(matrix[None], damping) for matrix in core])
-        return np.linalg.pinv(core, rcond=damping, hermitian=True)
+            return np.concatenate([_inverse(matrix[None]) for matrix in core])
+        return np.linalg.pinv(core, rcond=LOST, hermitian=True)
     condition = np.einsum("nii->n", core) * np.einsum("nii->n", out)
-    plain = (condition > 0) & (condition < 0.1 / damping)
+    plain = (condition > 0) & (condition < WORST)
     if not plain.all():
         for i in np.flatnonzero(~plain & np.isfinite(condition)):
-            out[i] = np.linalg.pinv(core[i], rcond=damping, hermitian=True)
+            out[i] = np.linalg.pinv(core[i], rcond=LOST, hermitian=True)
     return out
 
 
@@ -128,7 +128,6 @@ def osc(
     kp: np.ndarray,
     kd: np.ndarray,
     posture: np.ndarray | None = None,
-    dof: np.ndarray | None = None,
     force_limit: float | np.ndarray | None = None,
 ) -> np.ndarray:
     """Khatib's operational space law (IEEE J. Robotics and Automation 3(1), 1987, eqs. 17-20), no Coriolis, no gravity.
@@ -142,18 +141,15 @@ def osc(
         jac: (n, 6, nv) flange Jacobian, base frame.
         kp, kd: (n, 6) gains per unit mass, 1/s^2 and 1/s.
         posture: (n, nv) null-space torque tau_0, N m.
-        dof: (6,) bool, the Cartesian directions that are controlled; the others are left free.
         force_limit: greatest norm of the commanded force (first three components), N, one or (n,).
 
     Returns:
         (n, nv) N m.
     """
-    if dof is not None:
-        error, twist, jac, kp, kd = error[:, dof], twist[:, dof], jac[:, dof], kp[:, dof], kd[:, dof]
     lam, minv_jt = task_inertia(mass, jac)
     force = np.matmul(lam, (kp * error - kd * twist)[:, :, None])[:, :, 0]
     if force_limit is not None:
-        linear = force[:, : 3 if dof is None else int(np.sum(dof[:3]))]
+        linear = force[:, :3]
         norm = np.sqrt(np.einsum("ni,ni->n", linear, linear))
         linear *= np.minimum(1.0, force_limit / np.maximum(norm, 1e-12))[:, None]
     if posture is None:

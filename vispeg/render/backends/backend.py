@@ -137,22 +137,18 @@ class Renderer:
         if width > self._size[0] or height > self._size[1] or self._backend is None:
             self._open(max(width, self._size[0]), max(height, self._size[1]))
 
-    def refresh(self, textures: Sequence[int] | None = None) -> list[int]:
-        """Take over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded.
-
-        Args:
-            textures: ids to upload; default: those whose pixels differ from what was uploaded last.
-        """
+    def refresh(self) -> list[int]:
+        """Take over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded."""
         starts = self.model.tex_adr
         ends = np.append(starts[1:], len(self.model.tex_data))
         data, done = self.model.tex_data.reshape(-1), []
         last = self._uploaded.reshape(-1)
-        for i in range(self.model.ntex) if textures is None else textures:
+        for i in range(self.model.ntex):
             part = slice(int(starts[i]), int(ends[i]))
-            if textures is not None or not np.array_equal(data[part], last[part]):
+            if not np.array_equal(data[part], last[part]):
                 last[part] = data[part]
                 self._live().upload(i)
-                done.append(int(i))
+                done.append(i)
         return done
 
     def render(
