@@ -43,7 +43,7 @@ def test_frames_come_back(folder, tmp_path):
     there, truth = load(folder).frames, frames()
     again = load(write(load(folder), tmp_path / "again")).frames
     for read in (there, again):
-        assert read is not None and read.names == ["wrist", "room"] and read.ignored == 0
+        assert read is not None and read.names == ["wrist", "room"]
         for found, made in zip(read, truth, strict=True):
             assert (found.time, found.camera.name) == (made.time, made.camera.name)
             assert np.array_equal(found.rgb, made.rgb)
@@ -162,7 +162,7 @@ def test_what_a_camera_saw_outside_the_log_is_left_out(folder):
     edited(folder, "index.csv", "0.9,wrist", "1.9,wrist")
     with pytest.warns(UserWarning, match="1 of 6 frames lie outside the times of the samples and are left out"):
         there = load(folder).frames
-    assert len(there) == 5 and there.ignored == 1
+    assert len(there) == 5
 
 
 def test_a_recording_without_frames_has_none(folder):

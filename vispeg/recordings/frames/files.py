@@ -57,7 +57,7 @@ def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> F
         note(f"{place / INDEX}: no frame of the cameras {', '.join(spare)}")
     if unknown:
         note(f"{place / CAMERAS}: unknown keys are ignored: {', '.join(unknown[:8])}")
-    return Frames(cameras, tuple(frames), len(rows) - len(frames))
+    return Frames(cameras, tuple(frames))
 
 
 def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:

@@ -54,12 +54,10 @@ class Frames:
     Attributes:
         cameras: as calibrated, by name.
         frames: in order of episode (as the samples have them) and time.
-        ignored: frames that index.csv has and that lie outside the samples' times.
     """
 
     cameras: Mapping[str, RecordedCamera]
     frames: tuple[RecordedFrame, ...]
-    ignored: int = 0
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -77,7 +77,7 @@ class Album:
         if frames and not inside:
             span = f"{float(rec.time.min()):g} to {float(rec.time.max()):g} s"
             raise UserError("no picture lies within the times of the samples (another clock?)", expected=span)
-        return Frames(described, tuple(inside), len(frames) - len(inside)) if inside else None
+        return Frames(described, tuple(inside)) if inside else None
 
 
 Row = tuple[float, str, int, str, Path]
