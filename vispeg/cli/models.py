@@ -29,7 +29,7 @@ def compare(call: Call, out: Path, overwrite: bool = False) -> None:
         overwrite: replace `out` if it exists.
     """
     from vispeg.api.inputs import model_files
-    from vispeg.cli.reading import reading_bars
+    from vispeg.cli.progress import reading_bars
     from vispeg.report.text.terminal import report_line
 
     inputs = (*model_files(call.model), *call.recordings)
@@ -77,8 +77,7 @@ def diagnose(call: Call, out: Path, overwrite: bool = False) -> None:
         overwrite: replace `out` if it exists.
     """
     from vispeg.api.inputs import model_files
-    from vispeg.cli.progress import stages
-    from vispeg.cli.reading import reading_bars
+    from vispeg.cli.progress import reading_bars, stages
     from vispeg.report.text.proposal import likely
     from vispeg.report.text.terminal import written_lines
 
@@ -121,7 +120,7 @@ def fit(call: Call, out: Path, protocol: Literal["effects", "paper"] = "effects"
         overwrite: replace `out` if it exists.
     """
     from vispeg.api.inputs import model_files
-    from vispeg.cli.reading import reading_bars
+    from vispeg.cli.progress import reading_bars
     from vispeg.core.files import reserved
 
     inputs = (*model_files(call.model), *call.recordings, *call.validate)
@@ -134,7 +133,7 @@ def fit(call: Call, out: Path, protocol: Literal["effects", "paper"] = "effects"
 
 
 def _by_effects(call: Call, options: dict[str, Any]) -> Any:
-    from vispeg.cli.fit_progress import following
+    from vispeg.cli.progress import following
     from vispeg.identify.calibrate import ITERATIONS
 
     steps = ITERATIONS if call.iterations is None else call.iterations
@@ -144,7 +143,7 @@ def _by_effects(call: Call, options: dict[str, Any]) -> Any:
 
 def _by_paper(call: Call, options: dict[str, Any]) -> Any:
     from vispeg.api.fit_paper import fit_paper
-    from vispeg.cli.fit_progress import generations
+    from vispeg.cli.progress import generations
     from vispeg.identify.paper.protocol import GENERATIONS
 
     if call.effects:

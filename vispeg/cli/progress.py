@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,9 +15,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from vispeg.evaluation.jobs import Job
     from vispeg.evaluation.records import Episode
+    from vispeg.identify.checkpoint import Trace
 
 SHARE, SECONDS = 0.1, 10.0  # a line in a log is this much further than the last one, and so much later
 SURE = 5.0  # s of work, before which nothing is said of the time that remains
+LARGE = 50_000_000  # bytes that take long enough for a line
 
 
 class Pace:
@@ -218,3 +221,81 @@ def duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
+    """Show the optimizers' progress while the body runs; yield a function to call at each step.
+
+    An optimizer may end long before its last step, so nothing is said of the time that remains.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from vispeg.diagnosis.scale import floors
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[error]}"), TimeElapsedColumn())
+    log, last = not quiet and not sys.stderr.isatty(), time.monotonic()
+    done, best = [0.0] * starts, math.inf
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=quiet or log) as progress:
+        title = "fitting" if starts == 1 else f"fitting, {starts} starts"
+        bar = progress.add_task(title, total=starts * steps, error="")
+
+        def follow(i: int, trace: Trace) -> None:
+            nonlocal last, best
+            done[i] = trace.laps + min(len(trace.generations) / 10.0, steps - 1.0)
+            best = min(best, trace.cost)
+            error = f"{floors(best)} x noise"
+            progress.update(bar, completed=sum(done), error=error)
+            if log and time.monotonic() - last > SECONDS:
+                last = time.monotonic()
+                print(f"start {i + 1} of {starts}: {done[i]:.0f} of {steps} steps at most, {error}", file=sys.stderr)
+
+        yield follow
+
+
+@contextmanager
+def generations(steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
+    """Show the generations of one CMA-ES while the body runs; yield a function to call at each."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True, disable=quiet) as progress:
+        bar = progress.add_task("generations", total=steps)
+        yield lambda i, trace: progress.update(
+            bar, completed=len(trace.generations), description=f"cost {trace.cost:.4g} m"
+        )
+
+
+@contextmanager
+def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Callable[[float], None]]:
+    """Show progress on standard error while the body runs; yield a function of the share, 0 to 1.
+
+    Args:
+        title: what goes on, such as `reading rig-a`.
+        size: bytes that are read; where standard error is no terminal, large ones get one line.
+        quiet: nothing is shown.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    terminal = sys.stderr.isatty()
+    if size > LARGE and not terminal and not quiet:
+        print(f"{title}, {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=quiet or not terminal) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
+    """Give what shows how far a recording is read, for the functions that read several."""
+    return lambda path: progress_bar(f"reading {path}", size_of(path), quiet)
+
+
+def size_of(recording: Path) -> int:
+    """Bytes of a recording's samples; 0 where there are none."""
+    from vispeg.recordings.load import SAMPLES
+
+    return sum((recording / name).stat().st_size for name in SAMPLES if (recording / name).is_file())

@@ -29,7 +29,7 @@ def check(call: Call) -> None:
         vispeg check rig-a rig-b
         vispeg check rig-a slide-a --out checked
     """
-    from vispeg.cli.reading import progress_bar, size_of
+    from vispeg.cli.progress import progress_bar, size_of
 
     def watch(what: str, path: Path):
         return progress_bar(f"{what} {path}", size_of(path) if what == "reading" else 0, call.output.quiet)
@@ -95,7 +95,7 @@ def convert(
             (observation.images.wrist), or all.
     """
     from vispeg.api.recording.convert import placed
-    from vispeg.cli.reading import progress_bar
+    from vispeg.cli.progress import progress_bar
     from vispeg.recordings.columns import SIGNALS
     from vispeg.recordings.importers.rosbag import Topics
     from vispeg.robots.objects import is_object
@@ -218,7 +218,7 @@ def record(call: Call, out: Path, overwrite: bool = False) -> None:
         out: folder of the recording.
         overwrite: replace `out` if it exists.
     """
-    from vispeg.cli.reading import progress_bar
+    from vispeg.cli.progress import progress_bar
 
     cameras = [name for text in call.cameras for name in text.split(",") if name]
     watch = {"watch": lambda: progress_bar("taking pictures", quiet=call.output.quiet)}
