@@ -161,6 +161,8 @@ def test_sizes_are_those_of_each_trial_by_itself():
     assert state.fit is not None and state.fit.cost < 2.0
     least = one_by_one(search, state)
     assert len(least) > 10 and np.inf in least.values()
+    judged = search.judge.evidence.rollouts
+    assert on_held_out(search.judge, state.fit).jacobian.any() and search.judge.evidence.rollouts == judged
     rows = shows_from(search, state, lambda: of_joints(search, state))
     assert [(r["effect"], r["where"], name) for r in rows for name in r["between"]] == [*least]
     for row in rows:

@@ -40,7 +40,8 @@ PENALTY = 1e4  # whitened residual of a rollout that diverged
 READINGS = 150_000
 LEAST_HZ = 50.0  # that are compared whatever that comes to: a block of time (0.25 s) has a dozen samples then
 AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
-ROWS = 32  # worlds at once, a process: whatever effects are in a batch are asked of all its rows
+ROWS = 64  # rollouts at once, a process: whatever effects are in a batch are asked of all its rows
+WORLDS = 32  # that are simulated at once, however many segments each is run through
 
 
 class Evidence(Freedom):
@@ -235,7 +236,7 @@ class Evidence(Freedom):
         are.
         """
         size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals a rollout
-        some = max(1, min(ROWS, int(AT_ONCE / size))) * self.nthread
+        some = max(1, min(max(WORLDS, ROWS // len(self.items)), int(AT_ONCE / size))) * self.nthread
         for start in range(0, len(worlds), some):
             per_item = self.simulated(worlds[start : start + some])
             for w in range(len(per_item[0])):

@@ -52,6 +52,7 @@ class Judge:
         self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
         self.size = self._by_cell(self.valid)
         self.stretch = evidence.stretches(self.blocks)
+        self.last: tuple[Fit, Fit] | None = None  # a fit that was asked of, and the same on this evidence (`cross`)
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
         """Per world, the summed squared whitened residual of each block and joint (nblock, nj)."""
