@@ -8,6 +8,8 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+import numpy as np
+
 from vispeg.core.errors import UserError
 from vispeg.core.files import new_folder
 from vispeg.report.text.summary import Block, html, print_summary
@@ -17,7 +19,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from vispeg.diagnosis.traces import Trace
+
 LONGEST = 150  # letters of a result in one line
+
+
+class Drawn:
+    """A result with arrays of measured and predicted values."""
+
+    arrays: Mapping[str, np.ndarray]
+
+    @property
+    def traces(self) -> tuple[Trace, ...]:
+        """Measured values beside the models', of each stretch of a recording and each channel."""
+        from vispeg.report.evidence import evidence_of
+
+        return evidence_of(self.arrays).every
 
 
 class Result(ABC):

@@ -14,8 +14,8 @@ from vispeg.diagnosis import compare, run
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.drift import drifts
 from vispeg.diagnosis.evidence.starts import begun
-from vispeg.diagnosis.record import arrays
 from vispeg.diagnosis.run import Diagnosis
+from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
 from vispeg.recordings.recording import Recording
@@ -74,7 +74,7 @@ class Joints(Channel):
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
         """Give angles or torques of every joint."""
-        return arrays(evidence, evidence.simulated(worlds))
+        return arrays(traces(evidence.items, evidence.simulated(worlds)), evidence.items[0].robot.joints)
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
         """Say how far the arm is off, at which joint and in which regime, and whether it has changed."""

@@ -17,6 +17,8 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.least_sizes import between
 from vispeg.diagnosis.conclusion.verdict import Verdict
 from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
+from vispeg.diagnosis.traces import arrays as arrays_of
+from vispeg.diagnosis.traces import traces
 from vispeg.identify.channels import UNITS
 from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.world import World
@@ -118,15 +120,9 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
-    out: dict[str, np.ndarray] = {"joints": np.array(COLUMNS[:3]), "unit": np.array("N")}
-    worst = (-1.0, 0, 0)
+    drawn = traces(judged.items, predicted, [item.phase.code for item in judged.items])
+    out, worst = arrays_of(drawn, COLUMNS[:3], NAMES), (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
-        out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name), f"{r}/phase": item.phase.code}
-        out |= {f"{r}/measured": item.measured[:, :3], f"{r}/measured_tau": item.measured[:, 3:]}
-        for w, key in zip(range(len(y)), ("before", "after"), strict=False):
-            compared = np.where(item.valid, y[w], np.nan)  # so that a plot shows what the errors are of
-            out |= {f"{r}/{key}": compared[:, :3], f"{r}/{key}_tau": compared[:, 3:]}
-        out[f"{r}/sigma"] = item.sigma
         size = (judged.whiten(item, y[0]) ** 2).sum(axis=1)
         k = int(np.argmax(np.where(item.phase.resting | _leaving(item.phase.code), -1.0, size)))
         worst = max(worst, (float(size[k]), r, k))
@@ -134,7 +130,6 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
     seconds, name = item.segment.time[worst[2]], NAMES[item.phase.code[worst[2]]]
     out["worst/moment"] = np.array(f"{item.name} at {seconds:.1f} s, {name}")
     out["worst/recording"], out["worst/q"] = np.array(item.name), item.recording.q[item.segment.rows[worst[2]]]
-    out["phases"] = np.array(NAMES)
     return out
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from vispeg.diagnosis.conclusion.subsets import subsets
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.schema import ComparisonRecord, JointError, Lost
+from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import evidence_for
@@ -69,10 +70,10 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
         "windows": records(recordings),
         "notes": list(evidence.notes),
     }
-    arrays = _arrays(evidence, predicted) | subsets(evidence, world, len(world.effects))
+    drawing = arrays(traces(evidence.items, predicted), joints) | subsets(evidence, world, len(world.effects))
     for axis, (edges, grid) in drawn.items():
-        arrays[f"map/{axis}/edges"], arrays[f"map/{axis}/before"] = edges, grid
-    return Comparison(record, arrays)
+        drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
+    return Comparison(record, drawing)
 
 
 def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) -> list[Lost]:
@@ -122,17 +123,3 @@ def _rms(pairs: Pairs, channel: int) -> float:
         total += float(np.sum((item.measured[valid, channel] - y[0][valid, channel]) ** 2))
         count += int(valid.sum())
     return float(np.sqrt(total / max(count, 1)))
-
-
-def _arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndarray]:
-    out = {"joints": np.array(evidence.items[0].robot.joints), "unit": np.array(evidence.unit)}
-    for r, (item, y) in enumerate(zip(evidence.items, predicted, strict=True)):
-        nj = item.nj
-        before = np.where(item.valid, y[0], np.nan)  # what is not compared is not drawn: one error on a page
-        out |= {f"{r}/time": item.segment.time, f"{r}/name": np.array(item.name)}
-        out |= {f"{r}/measured": item.measured[:, :nj], f"{r}/before": before[:, :nj]}
-        if evidence.unit != "rad":
-            out[f"{r}/posture"] = item.posture
-        if item.beside == "torque":
-            out |= {f"{r}/measured_tau": item.measured[:, nj:], f"{r}/before_tau": before[:, nj:]}
-    return out

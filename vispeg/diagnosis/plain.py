@@ -11,7 +11,6 @@ from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
-    arrays,
     candidates,
     channels,
     correlations,
@@ -24,6 +23,7 @@ from vispeg.diagnosis.record import (
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.plain import PlainSearch
+from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
@@ -37,7 +37,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
         world: the part of a model that the evidence shows.
         label: of the model.
     """
-    predicted = evidence.simulated([world])
+    predicted, joints = evidence.simulated([world]), evidence.items[0].robot.joints
     (error,), (residual,) = evidence.errors([world]), evidence.residuals([world])
     unit, rows = f"{evidence.unit} RMS", channels(evidence, [np.concatenate([y, y]) for y in predicted], None)
     record: ComparisonRecord = {
@@ -54,7 +54,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
         "recordings": {"fit": [], "validate": [r.name for r in evidence.recordings]},
         "notes": list(evidence.notes),
     }  # fmt: skip
-    return Comparison(record, arrays(evidence, [np.concatenate([y, y]) for y in predicted]))
+    return Comparison(record, arrays(traces(evidence.items, predicted), joints))
 
 
 def diagnose_plain(
@@ -106,4 +106,4 @@ def diagnose_plain(
         "parameters_moved": moved(state),
         "notes": list(dict.fromkeys([*evidence.notes, *judged.notes])),
     }
-    return Diagnosis(record, final, arrays(judged, predicted))
+    return Diagnosis(record, final, arrays(traces(judged.items, predicted), judged.items[0].robot.joints))

@@ -186,35 +186,6 @@ def moved(state: State) -> list[Moved]:
     return out
 
 
-def arrays(evidence: Evidence, predicted: list[np.ndarray]) -> dict[str, np.ndarray]:
-    """Measured signals beside what the first and the last model predict, NaN where they are not compared: the start,
-    which is uncertain, and what could not be read. So a plot's errors are those of the record.
-    """
-    out: dict[str, np.ndarray] = {
-        "joints": np.array(evidence.items[0].robot.joints),
-        "unit": np.array(evidence.unit),
-    }
-    for r, (item, y) in enumerate(zip(evidence.items, predicted, strict=True)):
-        nj = item.nj
-        before, after = (np.where(item.valid, world, np.nan) for world in (y[0], y[1]))
-        out |= {
-            f"{r}/time": item.segment.time,
-            f"{r}/name": np.array(item.name),
-            f"{r}/measured": item.measured[:, :nj],
-            f"{r}/before": before[:, :nj],
-            f"{r}/after": after[:, :nj],
-        }
-        if evidence.unit != "rad":
-            out[f"{r}/posture"] = item.posture
-        if item.beside == "torque":
-            out |= {
-                f"{r}/measured_tau": item.measured[:, nj:],
-                f"{r}/before_tau": before[:, nj:],
-                f"{r}/after_tau": after[:, nj:],
-            }
-    return out
-
-
 def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
     """Floor and held-out error before and after of each channel; of torques also what `least` (residuals) leaves."""
     out, names = [], evidence.items[0].robot.joints

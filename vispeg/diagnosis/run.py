@@ -24,7 +24,6 @@ from vispeg.diagnosis.evidence.roles import recast
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import propose
 from vispeg.diagnosis.record import (
-    arrays,
     candidates,
     channels,
     coarse_encoders,
@@ -39,6 +38,7 @@ from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.soft import near
@@ -138,7 +138,7 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(judged, predicted) | subsets(judged, state.world, n_given, equals)
+    drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, state.world, n_given, equals)
     drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid

@@ -4,38 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 
 from vispeg.core.errors import UserError
+from vispeg.diagnosis.traces import Trace
 from vispeg.formats.arrays import read_arrays
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import as_written
 from vispeg.report.live.arm import picked
 
 AXES = ("speed", "load", "position", "phase", "time", "frequency")
-
-
-@dataclass(frozen=True)
-class Trace:
-    """One channel of one held-out recording; arrays (n, nj) in `unit`, `after` None where no model was added.
-
-    Attributes:
-        name: the recording's name.
-        unit: "rad" or "N m".
-        time: (n,) s; episodes are laid end to end.
-        measured, before, after: measured, given model, final model.
-        posture: (n, nj) rad, where what is compared is no angle and the angles were kept.
-    """
-
-    name: str
-    unit: str
-    time: np.ndarray
-    measured: np.ndarray
-    before: np.ndarray
-    after: np.ndarray | None
-    posture: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -100,12 +81,17 @@ class Evidence:
     choices: Choices | None = None
     pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
     views: Mapping[str, np.ndarray] = field(default_factory=dict)  # of a diagnosis of pictures: `sections.views`
-    phases: tuple[np.ndarray, ...] = ()  # of contact, of each trace: (n,) index into `phase_names`
-    phase_names: tuple[str, ...] = ()
+    phase_names: tuple[str, ...] = ()  # of contact: of a trace's regimes
     worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
     worst_moment: str = ""
     arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # `vispeg.report.live.arm`
     by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # of several channels, each one's own
+
+    @property
+    def every(self) -> tuple[Trace, ...]:
+        """All traces, of all channels."""
+        mine = [t for pair in zip_longest(self.traces, self.torques) for t in pair if t is not None]
+        return (*mine, *(t for other in self.by_channel.values() for t in other.every))
 
 
 def _example(folder: Path) -> Path:
@@ -132,18 +118,22 @@ def load_evidence(path: Path) -> Evidence:
         return Evidence()
     arrays = read_arrays(path)
     with as_written(path, "vispeg diagnose"):
-        channels: dict[str, dict[str, np.ndarray]] = {}
-        for key, value in arrays.items():
-            if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # a room is what a channel was called
-                _, name, rest = key.split("/", 2)
-                channels.setdefault(name, {})[rest] = value
-        each = {name: _Reader(path, inner).evidence() for name, inner in channels.items()}
-        return replace(_Reader(path, arrays).evidence(), by_channel=each)
+        return _read(path, arrays)
 
 
 def evidence_of(arrays: Mapping[str, np.ndarray]) -> Evidence:
     """Return the evidence in arrays that are named as in `evidence.npz`."""
-    return _Reader(Path("evidence.npz"), dict(arrays)).evidence()
+    return _read(Path("evidence.npz"), arrays)
+
+
+def _read(path: Path, arrays: Mapping[str, np.ndarray]) -> Evidence:
+    channels: dict[str, dict[str, np.ndarray]] = {}
+    for key, value in arrays.items():
+        if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # a room is what a channel was called
+            _, name, rest = key.split("/", 2)
+            channels.setdefault(name, {})[rest] = value
+    each = {name: _Reader(path, inner).evidence() for name, inner in channels.items()}
+    return replace(_Reader(path, dict(arrays)).evidence(), by_channel=each)
 
 
 class _Reader:
@@ -171,10 +161,9 @@ class _Reader:
                 )
         views = {k: v for k, v in self.arrays.items() if k.startswith(("view/", "projection/"))}
         joint = self.joints, unit, tuple(traces), tuple(torques), maps, self.next(), self.choices()
-        phases = tuple(self.need(f"{r}/phase").astype(int) for r in rows if f"{r}/phase" in self.arrays)
         names = tuple(str(n) for n in self.arrays.get("phases", ()))
         png = self.arrays["worst/png"].astype(np.uint8).tobytes() if "worst/png" in self.arrays else None
-        more = phases, names, png, self.text("worst/moment", ""), picked(self.arrays)
+        more = names, png, self.text("worst/moment", ""), picked(self.arrays)
         return Evidence(*joint, pictures, views, *more)
 
     def choices(self) -> Choices | None:
@@ -215,7 +204,10 @@ class _Reader:
         shape = (len(time), len(self.joints))
         measured, before = self.need(f"{r}/measured{suffix}", shape), self.need(f"{r}/before{suffix}", shape)
         after, posture = self.maybe(f"{r}/after{suffix}", shape), self.maybe(f"{r}/posture", shape)
-        return Trace(name, unit, _end_to_end(time), measured, before, after, posture)
+        noise = self.need(f"{r}/sigma{suffix}") if f"{r}/sigma{suffix}" in self.arrays else None
+        regime = self.arrays[f"{r}/phase"].astype(int) if f"{r}/phase" in self.arrays else None
+        channel = self.text(f"{r}/channel{suffix}", "")
+        return Trace(name, unit, _end_to_end(time), measured, before, after, posture, noise, regime, channel)
 
     def map(self, axis: str) -> ResidualMap:
         edges = self.need(f"map/{axis}/edges")

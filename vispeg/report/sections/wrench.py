@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.diagnosis.traces import Trace
 from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, Shape, chart, legend, new_figure, quiet
 from vispeg.report.drawings.palette import day
-from vispeg.report.evidence import Trace
 from vispeg.report.record import Record, data_link
 from vispeg.report.text.quantities import plain, quantity
 
@@ -29,11 +29,10 @@ def context(record: Record) -> Mapping[str, object] | None:
         return None
     evidence = record.evidence
     names = [str(n) for n in evidence.phase_names]
-    pairs = list(zip(evidence.traces, evidence.torques, evidence.phases, strict=False))[:MOST]
+    pairs = list(zip(evidence.traces, evidence.torques, strict=False))[:MOST]
     return {
         "pictures": [
-            {"svg": _picture(force, torque, codes, names, i), "title": force.name}
-            for i, (force, torque, codes) in enumerate(pairs)
+            {"svg": _picture(force, torque, names, i), "title": force.name} for i, (force, torque) in enumerate(pairs)
         ],
         "hidden": len(evidence.traces) - len(pairs),
         "phases": [
@@ -54,7 +53,8 @@ def context(record: Record) -> Mapping[str, object] | None:
     }  # fmt: skip
 
 
-def _picture(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], i: int) -> str:
+def _picture(force: Trace, torque: Trace, names: list[str], i: int) -> str:
+    codes = np.zeros(len(force.time), int) if force.regime is None else force.regime
     return chart(lambda shape: _figure(force, torque, codes, names, shape), f"wrench{i}", f"Wrench of {force.name}")
 
 
