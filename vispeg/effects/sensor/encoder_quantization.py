@@ -66,7 +66,7 @@ def _under_noise(readings: bytes, widest: float) -> float:
     for lag in (1, 4, 16, 64, 256):
         moves = (raw[lag:] - raw[:-lag])[:: max(1, len(raw) // 1500)]
         steps = np.linspace(1 / high, 1 / low, 2500) if not best else 1 / best + np.linspace(-1, 1, 400) * width
-        phase = np.abs([np.mean(np.exp(2j * np.pi * moves * s)) for s in steps])
+        phase = _clustered(moves, steps)
         slow = 1.0 / max(np.ptp(moves), 1e-12)
         phase[steps < 2 * slow] = 0.0  # a step wider than the motion fits anything
         top = int(np.argmax(phase))
@@ -74,3 +74,13 @@ def _under_noise(readings: bytes, widest: float) -> float:
             return float(best) if lag > 4 else 0.0
         best, width = 1.0 / steps[top], 0.5 * slow
     return float(best)
+
+
+def _clustered(moves: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Rayleigh's statistic (k,) of moves on the grids of evenly spaced 1 / `steps`: from each to the next one turns."""
+    turned, turn = (np.exp(2j * np.pi * moves * s) for s in (steps[0], steps[1] - steps[0]))
+    out = np.empty(len(steps))
+    for k in range(len(steps)):
+        out[k] = abs(turned.mean())
+        turned *= turn
+    return out
