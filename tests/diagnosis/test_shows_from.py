@@ -152,12 +152,29 @@ def gains(search: Search, state: State, column: np.ndarray, times: float, more: 
     return n * np.log(before @ before / (state.residual @ state.residual)) > more * np.log(n)
 
 
-def test_sizes_are_those_of_each_trial_by_itself():
-    """What is worked out for all trials together, and what is left out, changes none of them; beside a fit."""
+@pytest.fixture
+def damped() -> tuple[Search, State]:
+    """Give the search of a pendulum's recordings, and the state in which its damping is fitted."""
     recordings = swung(EffectInstance.of("viscous_friction", "hinge", damping=0.5), seed=5)
     world = World(recordings[0].robot)
     search = Search(evidence_for(world, recordings[:2], 1), Judge(evidence_for(world, recordings[2:], 1, h_max=1e-3)))
-    state = search.start(world.add(EffectInstance.of("viscous_friction", "hinge", damping=0.1)), 0)
+    return search, search.start(world.add(EffectInstance.of("viscous_friction", "hinge", damping=0.1)), 0)
+
+
+def test_what_was_asked_beside_a_state_is_not_simulated_again(damped):
+    search, state = damped
+    before = search.evidence.rollouts
+    search.exchanges(state)
+    asked = search.evidence.rollouts - before
+    search.signatures_of(World(state.world.robot), state.residual, [])  # another world comes between
+    before = search.evidence.rollouts
+    assert [*of_joints(search, state)]
+    assert search.evidence.rollouts - before < 0.1 * asked
+
+
+def test_sizes_are_those_of_each_trial_by_itself(damped):
+    """What is worked out for all trials together, and what is left out, changes none of them; beside a fit."""
+    search, state = damped
     assert state.fit is not None and state.fit.cost < 2.0
     least = one_by_one(search, state)
     assert len(least) > 10 and np.inf in least.values()

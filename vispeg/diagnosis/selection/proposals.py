@@ -32,6 +32,7 @@ class Proposals:
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
         self._beside, self._taken = "", {}  # a world as text, and the signatures that were taken beside it
+        self._whole: dict[str, dict[str, Signature]] = {}  # the same of the world beside which all were taken last
         self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # by world as text, scores of single places
 
     def missing(self, world: World) -> list[MissingTorque]:
@@ -103,6 +104,7 @@ class Proposals:
             places = candidates(self.evidence, state.world, list(self.evidence.items[0].robot.joints))
             asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
+            self._whole = {self._beside: self._taken}
             asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are dear
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             results = exchanges(fitted, self._ground(self.judge, state.world, on_held_out(self.judge, fit), asked))
@@ -142,9 +144,7 @@ class Proposals:
 
     def signatures_of(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
         """Signatures on the fitted evidence; those beside the world that was asked of last are not taken again."""
-        beside = model_text(world)
-        if beside != self._beside:
-            self._beside, self._taken = beside, {}
+        self._turn_to(world)
         fresh = {str(_plain(p.placed)): p for p in asked if str(_plain(p.placed)) not in self._taken}
         for key, signature in zip(fresh, signatures(self.evidence, world, residual, [*fresh.values()]), strict=True):
             self._taken[key] = signature
@@ -152,13 +152,18 @@ class Proposals:
 
     def each_signature(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> Iterator[Signature]:
         """Yield the same one by one, and keep none."""
-        if model_text(world) != self._beside:
-            self._taken = {}
+        self._turn_to(world)
         held = [self._taken.get(str(_plain(p.placed))) for p in asked]
         lacking = [p for p, signature in zip(asked, held, strict=True) if signature is None]
         fresh = each_signature(self.evidence, world, residual, lacking)
         for signature in held:
             yield next(fresh) if signature is None else signature
+
+    def _turn_to(self, world: World) -> None:
+        """Drop the signatures beside another world, but for those of the whole library (`exchanges`)."""
+        beside = model_text(world)
+        if beside != self._beside:
+            self._beside, self._taken = beside, self._whole.get(beside, {})
 
     def _straight(self, world: World) -> list[tuple[str, str]]:
         everywhere = candidates(self.evidence, world, list(self.evidence.items[0].robot.joints))
