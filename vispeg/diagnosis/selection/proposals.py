@@ -151,8 +151,9 @@ class Proposals:
         return [self._taken[str(_plain(p.placed))] for p in asked]
 
     def each_signature(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> Iterator[Signature]:
-        """Yield the same one by one, and keep none."""
+        """Yield the same one by one, and keep none; those beside other worlds are let go."""
         self._turn_to(world)
+        self._whole = {}
         held = [self._taken.get(str(_plain(p.placed))) for p in asked]
         lacking = [p for p, signature in zip(asked, held, strict=True) if signature is None]
         fresh = each_signature(self.evidence, world, residual, lacking)
