@@ -238,7 +238,7 @@ class _Worth:
         """Give the test of a multiple of a trace (n,) that takes so many parameters."""
         changed = spectra(self.evidence, column)
         mixed, own = correlations(self.spectra, changed), correlations(changed, changed)
-        square = float(self.residual @ self.residual)
+        square = max(float(self.residual @ self.residual), 1e-300)
         slope, curve = float(self.residual @ column), float(column @ column)
 
         def passes(times: float) -> bool:
