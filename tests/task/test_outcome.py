@@ -20,7 +20,7 @@ def track(depths, lateral=0.0, force=5.0, tilt=0.0, slip=0.0, config=CONFIG):
     """A track that saw these depths (m)."""
     t = PegTrack()
     for d in depths:
-        t.add(config, np.array([force]), np.array([lateral, 0.0, -d]), tilt, slip)
+        t.add(config, np.array([force]), np.array([lateral, 0.0, -d]), tilt=tilt, slip=slip)
     return t
 
 

@@ -48,7 +48,7 @@ class Result(ABC):
 
     holds: ClassVar[str]
     tables: ClassVar[tuple[str, ...]] = ()
-    sources: Sequence[str | Path] = ()
+    sources: tuple[str | Path, ...] = ()
 
     @property
     @abstractmethod

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -244,7 +245,7 @@ class Evidence(Freedom):
                 yield np.concatenate(parts)
 
     @staticmethod
-    def whiten(item: Item, predicted: np.ndarray) -> np.ndarray:
+    def whiten(item: Any, predicted: np.ndarray) -> np.ndarray:
         """Whitened residual (m, nch) of one item."""
         r = np.where(item.valid, (item.measured - predicted) / item.sigma, 0.0)
         r = np.where(np.isfinite(r), np.clip(r, -PENALTY, PENALTY), PENALTY)

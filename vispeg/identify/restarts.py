@@ -227,7 +227,7 @@ class Restarts(Evidence):
         each = max(1, ROWS // n)
         for start in range(0, len(worlds), each):
             some = worlds[start : start + each]
-            got = self._rolled_out(some, pose, rate, length)  # (k, n, 7)
+            got = self._flown(some, pose, rate, length)  # (k, n, 7)
             out[start : start + each, :, :3] = got[..., :3]
             out[start : start + each, :, 3:] = turn_between(
                 np.broadcast_to(end[:, 3:], got[..., 3:].shape), got[..., 3:]
@@ -235,9 +235,7 @@ class Restarts(Evidence):
         cuts = np.cumsum([len(w.first) for w in windows])[:-1]
         return np.split(out, cuts, axis=1)
 
-    def _rolled_out(
-        self, worlds: Sequence[World], pose: np.ndarray, rate: np.ndarray, length: np.ndarray
-    ) -> np.ndarray:
+    def _flown(self, worlds: Sequence[World], pose: np.ndarray, rate: np.ndarray, length: np.ndarray) -> np.ndarray:
         """Poses (nworld, n, 7) after `length` (n,) samples from states `pose` (n, 7), `rate` (n, 6)."""
         from mujoco.batch import Batch
 

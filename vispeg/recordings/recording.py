@@ -12,7 +12,6 @@ import numpy as np
 from vispeg.recordings.cell import CellBelief, Outcome, WrenchSensor
 from vispeg.recordings.columns import JOINT_SIGNALS, SIGNALS
 from vispeg.recordings.frames.frames import Frames
-from vispeg.recordings.windows import Chosen
 
 Mode = Literal["torque", "position", "osc", "servo", "passive", "unknown"]
 
@@ -38,6 +37,49 @@ class Control:
     nullspace: Nullspace | None = None
     force_limit: float | None = None  # N, osc: the greatest commanded force
     torque_limit: np.ndarray | None = None  # (nj,) N m, osc: what the commanded torque is cut to
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of a recording, in its own time, s."""
+
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was taken of a long recording.
+
+    Attributes:
+        of_s, used_s: its length and what is used of it, s.
+        windows: in order of time.
+        reversals, reversals_of: changes of direction in the windows and in the whole, all joints together.
+        speed, acceleration, load: largest in the windows over largest in the whole, of the joint where that is least.
+        standing: joints that move in the whole and stand in every window.
+    """
+
+    of_s: float
+    used_s: float
+    windows: tuple[Window, ...]
+    reversals: int
+    reversals_of: int
+    speed: float
+    acceleration: float
+    load: float
+    standing: tuple[str, ...] = ()
+
+    def said(self, name: str) -> str:
+        """One sentence for a person."""
+        where = ", ".join(f"{w.start:.4g}" for w in self.windows)
+        many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
+        speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
+        still = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
+        return (
+            f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {many} from {where} s on, chosen for what they "
+            f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "
+            f"speed, {acceleration} of its acceleration, {load} of its range of load{still}"
+        )
 
 
 @dataclass(frozen=True)

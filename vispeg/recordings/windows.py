@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.recordings.differentiate import episodes, smooth
-
-if TYPE_CHECKING:
-    from vispeg.recordings.recording import Recording
+from vispeg.recordings.recording import Chosen, Recording, Window
 
 SECONDS = 60.0  # of a recording that are used, where nobody says otherwise
 LENGTH = 6.0  # s of a window: long enough for the start state to be forgotten, short enough to choose
@@ -22,49 +19,6 @@ SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins a joint
 ENOUGH = 0.1  # s in a cell, beyond which more of it counts less and less
 TOP = 0.999  # quantile that stands for the top: one bad reading is none
 READABLE = 0.9  # share of a window's angles that must be there
-
-
-@dataclass(frozen=True)
-class Window:
-    """A stretch of a recording, in its own time, s."""
-
-    start: float
-    stop: float
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """What was taken of a long recording.
-
-    Attributes:
-        of_s, used_s: its length and what is used of it, s.
-        windows: in order of time.
-        reversals, reversals_of: changes of direction in the windows and in the whole, all joints together.
-        speed, acceleration, load: largest in the windows over largest in the whole, of the joint where that is least.
-        standing: joints that move in the whole and stand in every window.
-    """
-
-    of_s: float
-    used_s: float
-    windows: tuple[Window, ...]
-    reversals: int
-    reversals_of: int
-    speed: float
-    acceleration: float
-    load: float
-    standing: tuple[str, ...] = ()
-
-    def said(self, name: str) -> str:
-        """One sentence for a person."""
-        where = ", ".join(f"{w.start:.4g}" for w in self.windows)
-        many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
-        speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
-        still = f"; {', '.join(self.standing)} moves in none of them: use more (--seconds)" if self.standing else ""
-        return (
-            f"{name}: {self.used_s:.0f} of {self.of_s:.0f} s are used, {many} from {where} s on, chosen for what they "
-            f"show: {self.reversals} of {self.reversals_of} reversals, and of every joint at least {speed} of its top "
-            f"speed, {acceleration} of its acceleration, {load} of its range of load{still}"
-        )
 
 
 def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:

@@ -76,7 +76,7 @@ class Checks(Result):
     repeats: Sequence[Repeated]
     pages: Sequence[Examined]
     drawings: Mapping[str, bytes]
-    sources: Sequence[Path]
+    sources: tuple[str | Path, ...]
     holds = "check"
 
     @property

@@ -33,7 +33,7 @@ class SimulatedRecording(Result):
     look: str | None = None
     scaled: Mapping[str, float] = field(default_factory=dict)
     table: Literal["csv", "parquet"] = "csv"
-    sources: Sequence[str | Path] = ()
+    sources: tuple[str | Path, ...] = ()
     holds = "recording"
 
     @property

@@ -32,7 +32,7 @@ def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
     if state.fit is None or len(state.world.effects) <= n_fixed:
         return state
     (other,) = search.fits([state.world], n_fixed, search.judged)
-    form = np.hypot(of_form(state.fit, search.evidence.alike()), taken_over(search, state))
+    form = np.hypot(of_form(state.fit, search.evidence.common_errors()), taken_over(search, state))
     fit = widened(state.fit, other, len(np.unique(search.evidence.blocks())), form)
     return replace(state, fit=fit, world=fit.world)
 

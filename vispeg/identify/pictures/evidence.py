@@ -93,7 +93,7 @@ class BorderEvidence(Evidence):
         self._columns = [nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
         self.scatter = scatter or Scatter.of(columns_of(self, self._columns))
         self._whiten = [Whitener.of(np.column_stack([common, self.robot * js])) for common, js in self._columns]
-        self._recent: list[tuple[World, np.ndarray]] = []
+        self._whitened: list[tuple[World, np.ndarray]] = []
 
     @property
     def robot(self) -> float:
@@ -125,14 +125,14 @@ class BorderEvidence(Evidence):
         return map(self._residual, worlds)
 
     def _residual(self, world: World) -> np.ndarray:
-        for earlier, answer in self._recent:
+        for earlier, answer in self._whitened:
             if earlier == world:
                 return answer
         parts = []
         for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
             parts.append(whiten(self.weighted(item, away)))
         out = np.concatenate(parts)
-        self._recent = [(world, out), *self._recent[:15]]
+        self._whitened = [(world, out), *self._whitened[:15]]
         return out
 
     @staticmethod
@@ -165,7 +165,7 @@ class BorderEvidence(Evidence):
         _, numbered = np.unique(np.concatenate(out), axis=0, return_inverse=True)
         return numbered.ravel()
 
-    def alike(self) -> np.ndarray:
+    def common_errors(self) -> np.ndarray:
         """(n, 0): what is off in all pictures alike is whitened."""
         return np.zeros((sum(len(i.points.frame) for i in self.items), 0))
 

@@ -141,7 +141,7 @@ class SensorEvidence(Evidence):
         shapes = [i.figures.measured.shape for i in self.items]
         return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))
 
-    def alike(self) -> np.ndarray:
+    def common_errors(self) -> np.ndarray:
         """(n, figures) residuals where a figure is off by its floor in all frames, as by a camera's own processing."""
         rows = [np.tile([f.floor for f in i.figures.table] / i.each, (len(i.figures.measured), 1)) for i in self.items]
         columns = [

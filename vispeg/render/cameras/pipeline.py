@@ -129,7 +129,7 @@ class Streams(Sequence[np.random.Generator]):
     def __len__(self) -> int:
         return len(self._made)
 
-    def __getitem__(self, row: Any) -> np.random.Generator:
+    def __getitem__(self, row: Any) -> Any:
         generator = self._made[row]
         if generator is None:
             generator = self._made[row] = np.random.Generator(np.random.SFC64(0))

@@ -167,7 +167,6 @@ class TaskVec(VectorEnv):
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
-        self.single_observation_space: gym.spaces.Dict
         count = self.sim.seen.readings().shape[1] if measured else 0
         self.single_observation_space, self.single_action_space = spaces(
             self.config, obs_mode, self.eyes.cameras, privileged, depth_image, count

@@ -6,6 +6,8 @@ Chhatpar and Branicky, "Search strategies for peg-in-hole assemblies with positi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from vispeg.task.config import DOF
@@ -34,7 +36,7 @@ class Expert:
         """Let these rows begin a new episode."""
         self.angle[rows], self.searching[rows] = 0.0, False
 
-    def act(self, observation: dict[str, np.ndarray]) -> np.ndarray:
+    def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """Actions (n, len(dof)) in [-1, 1] from `policy` (n, ..): see PegTask.terms for its layout.
 
         It turns the peg upright where it may turn it.

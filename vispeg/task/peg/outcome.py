@@ -33,10 +33,10 @@ class PegTrack(Track):
     tilt: float = 0.0
     slip: float = 0.0
 
-    def add(self, config: PegConfig, forces: np.ndarray, tip: np.ndarray, tilt: float = 0.0, slip: float = 0.0) -> None:
-        """One policy step: contact forces at its ticks (N), tip in the hole's frame (3,) m, tilt (rad), slip (m)."""
+    def add(self, config: PegConfig, forces: np.ndarray, tip: np.ndarray, **observed: float) -> None:
+        """Add a policy step: contact forces at its ticks, N; tip in the hole's frame (3,) m; `tilt` rad, `slip` m."""
         super().add(config, forces, tip)
-        depth, self.tilt, self.slip = self.depths[-1], tilt, slip
+        depth, self.tilt, self.slip = self.depths[-1], observed.get("tilt", 0.0), observed.get("slip", 0.0)
         over = self.lateral <= 0.5 * config.diameter
         close = self.lateral <= (config.success_lateral or 0.5 * config.diameter)
         gentle = forces.max() <= (config.success_force or config.force_abort)
