@@ -63,9 +63,9 @@ def test_dwell_counts_steps_in_a_row():
     config = PegConfig(dwell=2)
     t = PegTrack()
     for d in (0.021, 0.0, 0.021):
-        t.add(config, np.array([1.0]), np.array([0, 0, -d]), 0.0, 0.0)
+        t.add(config, np.array([1.0]), np.array([0, 0, -d]))
         assert t.verdict(config) is None
-    t.add(config, np.array([1.0]), np.array([0, 0, -0.021]), 0.0, 0.0)
+    t.add(config, np.array([1.0]), np.array([0, 0, -0.021]))
     assert t.verdict(config) == "success"
 
 
@@ -86,7 +86,7 @@ def test_success_may_ask_for_a_smaller_force():
     assert track([0.021] * 2, force=19.0, config=gentle).verdict(gentle) == "success"
     hard = track([0.021] * 5, force=21.0, config=gentle)
     assert hard.verdict(gentle) is None and hard.at_time(gentle) == "timeout"
-    hard.add(gentle, np.array([19.0, 21.0]), np.array([0, 0, -0.021]), 0.0, 0.0)
+    hard.add(gentle, np.array([19.0, 21.0]), np.array([0, 0, -0.021]))
     assert hard.dwell == 0, "the greatest force of a step counts"
 
 

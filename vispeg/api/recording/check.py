@@ -180,7 +180,7 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
             drawings[name] = plot(rec, reports[-1], limits)
             pages.append(examined(rec, reports[-1], limits, (cameras[-1], excited[-1]), touched, drawings[name]))
         del rec
-    return Checks(reports, cameras, excited, stated, _repeats(heads), pages, drawings, paths)
+    return Checks(reports, cameras, excited, stated, _repeats(heads), pages, drawings, tuple(paths))
 
 
 def _needs(rec: Recording) -> Needs | None:
