@@ -179,7 +179,7 @@ def test_what_cannot_be_is_refused(files, tmp_path):
         ({"peg_mesh": str(tmp_path / "open.stl")}, "watertight"),
         ({"peg_mesh": str(tmp_path / "text.stl")}, "peg_mesh"),
         ({"mesh_scale": 1.0}, "mesh_scale"),
-        ({"clearance_mm": 3.0}, "peg and hole leave"),
+        ({"clearance_mm": 3.0}, "peg and hole have a clearance of"),
         ({"depth": 0.04, "hole_origin": (0.0, 0.0, -10.0)}, "deeper"),
         ({"hole_origin": (0.0,)}, "hole_origin"),
         ({"hole_origin": (3.0, 0.0, 0.0)}, "does not fit"),
@@ -222,7 +222,7 @@ def test_the_clearance_is_the_measured_one_or_one_that_agrees_with_it(files):
     assert user_shapes.gap(scene.compile(), flange) == pytest.approx(config.clearance_mm / 2000, abs=1e-6)
     assert SceneConfig(**keys, mesh_concavity=0.01, clearance_mm=2.0).clearance_mm == 2.0  # as drawn
     for wrong in (3.0, 0.8 * config.clearance_mm):
-        with pytest.raises(UserError, match=r"clearance_mm: peg and hole leave .* 2 mm as drawn"):
+        with pytest.raises(UserError, match=r"clearance_mm: peg and hole have a clearance of .* 2 mm by their meshes"):
             SceneConfig(**keys, mesh_concavity=0.01, clearance_mm=wrong)
     with pytest.raises(UserError, match=r"mesh_concavity: .* coarser .* of 2 mm"):
         SceneConfig(**keys, mesh_concavity=0.02)

@@ -1,4 +1,4 @@
-"""`vispeg camera place`, from Python: where a camera is, from robot poses and a tag's poses in the camera."""
+"""`vispeg camera place` from Python: hand-eye calibration from robot poses and a tag's poses in the camera."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from vispeg.robots.model import load
 from vispeg.sim.compiled import flange_pose
 
 FORMAT = "vispeg-camera-place/1"
-Ways = list[tuple[np.ndarray, str]]  # ways to read poses (n, 4, 4), and what each takes
-NEAR, FAR = 0.08, 3.0  # m from an arm's base between which its flange works
-ODD = 3.0  # standard deviations from which a row is named
+Ways = list[tuple[np.ndarray, str]]  # possible interpretations of a table: poses (n, 4, 4), and the assumption made
+NEAR, FAR = 0.08, 3.0  # m, plausible distances of a flange from the arm's base
+ODD = 3.0  # standard deviations above which a row is reported
 
 
 @dataclass(frozen=True, repr=False)
 class CameraPlace(Result):
-    """Where a camera is; intervals are of 95 %.
+    """The pose of a camera with 95 % intervals.
 
     Attributes:
         record: what results.json holds, see docs/cameras.md.
-        camera: with its lens; None where no intrinsics were given.
+        camera: the camera with its intrinsics; None if none were given.
         sources: what was read.
     """
 
@@ -52,7 +52,7 @@ class CameraPlace(Result):
 
     @property
     def summary(self) -> list[Block]:
-        """The place with its intervals, and what to know before using it."""
+        """The pose with its intervals, and warnings."""
         eye = self.record["hand_eye"]
         rows = []
         for axis, value, half in zip("xyz", eye["pos_m"], eye["half_width_95"]["pos_m"], strict=True):
@@ -88,7 +88,7 @@ def place_camera(
         table: table of poses (.csv, .csv.gz, .parquet).
         robot: the robot whose joint angles the table has, instead of the flange's poses.
         mount: what the camera is fixed to; the tag rests, or is on the flange.
-        orientation: what three angles of a turn mean; default: what fits.
+        orientation: meaning of three angles; default: the interpretation that fits.
         intrinsics: the camera's intrinsics, for a camera file: a camera file, OpenCV's, ROS's or ViSP's.
         name: the camera's name in camera.yaml.
 
@@ -113,7 +113,7 @@ def place_camera(
 def _both(
     path: Path, robot: str | None, form: str | None
 ) -> tuple[list[tuple[np.ndarray, str]], list[tuple[np.ndarray, str]]]:
-    """All ways to read the flange's poses and the tag's, (n, 4, 4)."""
+    """Return all possible interpretations of the flange's and the tag's poses, (n, 4, 4) each."""
     if robot is None:
         table = read_table(path)
         both = [poses_of(table, columns, form) for columns in two_poses(table)]
@@ -137,7 +137,7 @@ def _both(
 
 
 def _reached(flange: np.ndarray) -> bool:
-    """Whether an arm's flange may stand there: motions alone do not tell metres of both poses from millimetres."""
+    """Return whether an arm can reach these poses; relative motions alone cannot tell metres from millimetres."""
     return NEAR < float(np.median(np.linalg.norm(flange[:, :3, 3], axis=1))) < FAR
 
 

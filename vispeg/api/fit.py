@@ -66,7 +66,7 @@ class FitResult(Result, Drawn):
 
     @property
     def summary(self) -> list[Block]:
-        """Errors before and after, values with intervals, and every doubt there is about them."""
+        """Errors before and after, fitted values with intervals, and warnings about them."""
         return fit_summary(self.record)
 
     def plot(self) -> Figure:
@@ -112,31 +112,34 @@ def fit(
     watch: Watch = lambda start, trace: None,
     reading: Reading = silent,
 ) -> FitResult:
-    """Fits the parameters of named effects to recordings, with 95 % intervals.
+    """Fit the parameters of named effects to recordings, with 95 % intervals.
 
-    Recordings are folders, or in memory; effects are texts, or instances with the values to start from.
+    Recordings are folders or `Recording` objects. Effects are texts, or instances whose values are where the fit
+    starts.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: recordings to fit.
-        effects: effects to fit, each EFFECT:WHERE[:param=start,...]; WHERE all is one value for all places, each one
-            for each place; default: those of the model. What is not stated starts at the model's value, else at a
-            typical one; a servo or a limit of which nothing is stated at an estimate from the recordings.
+        effects: effects to fit, each EFFECT:WHERE[:param=start,...]; WHERE all fits one value shared by all places,
+            WHERE each fits one value per place; default: the effects of the model. A parameter without a start value
+            starts at the model's value, or else at a typical one; a servo or a limit without any start value starts at
+            an estimate from the recordings.
         validate: held-out recordings, never fitted.
-        channels: the evidence to fit to: of joints, contact and pictures the first that shows most of the effects;
-            default: of those that `vispeg diagnose` looks in.
-        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
+        channels: channels to choose from: joints, contact, pictures. The fit uses one, the first in which most of the
+            effects are visible; default: the channels that `vispeg diagnose` uses.
+        seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
+            everything.
         method: auto: least squares, with CMA-ES before it if an effect is not smooth.
-        iterations: most steps; default: 15, and ten times as many generations of CMA-ES; 120 generations of the paper's
-            protocol.
-        starts: number of random starts; the best result counts.
+        iterations: largest number of least-squares steps; CMA-ES gets ten times as many generations. Default: 15; for
+            the paper's protocol, 120 generations.
+        starts: number of random starts, of which the best result is kept.
         seed: seed of the random starts and of CMA-ES.
         threads: threads of the simulation.
         engine: where candidates are simulated: local, or ray for a Ray cluster, of which --threads workers are used.
-        part: a folder for the state of the optimizers until the result is saved.
-        resume: go on with a fit that was stopped.
-        watch: called with number and trace of an optimizer after each of its steps.
-        reading: progress display of reading a recording.
+        part: folder that keeps the state of the optimizers until the result is saved.
+        resume: continue a fit that was stopped.
+        watch: called after each step of an optimizer, with the number of the start and the optimizer's trace.
+        reading: shows progress while a recording is read.
 
     Raises:
         UserError: a model, a recording or an effect that cannot be read, or nothing to fit.
@@ -185,10 +188,10 @@ def fit(
 def _shown(
     world: World, channel: str, free: tuple[int, ...], unstated: tuple[int, ...]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
-    """Give the part of the world that a channel can show, and the same effects' places in it.
+    """Return the part of the world that a channel observes, and the indices of the fitted effects in that part.
 
     Raises:
-        UserError: an effect to be fitted that it does not show.
+        UserError: the channel does not observe an effect that is to be fitted.
     """
     part = CHANNELS[channel].part(world)
     at = {e.label: i for i, e in enumerate(part.effects)}
@@ -201,19 +204,15 @@ def _shown(
 
 
 def _fitted(world: World, both: Both, channel: str, how: How) -> Evidence:
-    """Of the fitted recordings, for a worker of its own."""
-    own = both if channel == "pictures" else (both[0], ())  # which edges are trusted depends on both
+    """Return the evidence of the fitted recordings; called in each Ray worker."""
+    own = both if channel == "pictures" else (both[0], ())  # trust in edges depends on both
     return CHANNELS[channel].evidence(world, own, how)[0]
 
 
 def _free(
     world: World, effects: Sequence[str | EffectInstance], recordings: Sequence[Recording]
 ) -> tuple[World, tuple[int, ...], tuple[int, ...]]:
-    """Give the world with the named effects in it, their places in its list, and of those the ones without a start
-    value.
-
-    Effects of cameras have their places at the recordings' cameras.
-    """
+    """Return the world with the named effects added, their indices, and the indices of those without a start value."""
     if not effects:
         if not world.effects:
             raise UserError("nothing to fit", key="--effects", expected="EFFECT:WHERE, or a model file with effects")

@@ -1,4 +1,4 @@
-"""A measured motion as the hand's coordinates: where the flange was, how fast, and what it put on the tool."""
+"""One measured episode in coordinates of the hand: pose and velocity of the flange, and its wrench on the tool."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.world import World
 
-PATH_HZ = 40.0  # bandwidth of the flange's path: an impact's is lost above it
+PATH_HZ = 40.0  # bandwidth of the smoothed flange path; faster motion, as in an impact, is lost
 
 
 @dataclass(frozen=True)
 class Path:
-    """One episode, on a grid of physics steps.
+    """One episode, resampled to physics steps.
 
     Attributes:
         step: s.
-        time: (n,) s since its start.
-        origin, frame: (3,) m and (4,) wxyz, where the flange was at its start: the hand's frame.
-        place, rate: (n, 6) the hand's coordinates, m and rad, and their rates.
-        jacobian: (n, 6, 6): generalised forces from a wrench on the tool at the flange, in the flange's axes.
-        wrench: (n, 6) N, N m that the flange put on the tool, flange axes, as read.
-        goal: (3,) m, base frame, the mouth of the goal as it is believed to stand.
-        rows: (k,) rows of the recording.
-        clock: (k,) s since its start, of these rows.
+        time: (n,) s since the start of the episode.
+        origin, frame: (3,) m and (4,) wxyz, pose of the flange at the start, in the base frame; this is the hand's
+            frame.
+        place, rate: (n, 6) pose of the flange in the hand's frame, m and intrinsic x, y, z angles in rad, and its time
+            derivative.
+        jacobian: (n, 6, 6), maps a wrench on the tool (at the flange, flange axes) to generalised forces of `place`.
+        wrench: (n, 6) N, N m, wrench of the flange on the tool as the sensor read it, flange axes.
+        goal: (3,) m, base frame, mouth of the goal where the believed cell has it.
+        rows: (k,) indices of the episode's samples in the recording.
+        clock: (k,) s, their times since the start of the episode.
     """
 
     step: float
@@ -46,15 +48,15 @@ class Path:
 
 
 def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, longest: float, believed: World) -> Path:
-    """Give the path of one episode.
+    """Return the path of one episode.
 
     Args:
-        scene: whose arm moved.
+        scene: cell of the arm that moved.
         rec: measured angles.
-        wrench: (len(rec.time), 6) what the flange put on the tool, flange axes.
-        rows: of the episode.
-        longest: physics step, s, at most; whole steps make up a sample.
-        believed: effects that are part of the believed cell; they may say that the goal stands elsewhere.
+        wrench: (len(rec.time), 6) N, N m, wrench of the flange on the tool, flange axes.
+        rows: indices of the episode's samples in the recording.
+        longest: upper limit of the physics step, s; the step used divides the sample period.
+        believed: effects of the believed cell; offsets of the goal among them move `goal`.
     """
     clock = rec.time[rows] - rec.time[rows[0]]
     period = float(np.median(np.diff(clock)))
@@ -77,14 +79,14 @@ def along(scene: Scene, rec: Recording, wrench: np.ndarray, rows: np.ndarray, lo
 
 
 def tips(path: Path, scene: Scene) -> np.ndarray:
-    """(n, 3) m, base axes: where the tip of the scene's part is along a path, from the mouth of its goal."""
+    """Return the position of the held part's tip relative to the goal's mouth along a path, (n, 3) m, base axes."""
     frame = Rotation.from_quat(path.frame, scalar_first=True)
     turn = frame * Rotation.from_euler("XYZ", path.place[:, 3:])
     return path.origin + frame.apply(path.place[:, :3]) + turn.apply([0.0, 0.0, scene.tip]) - path.goal
 
 
 def jacobian(angles: np.ndarray) -> np.ndarray:
-    """(n, 6, 6) that takes a wrench in the flange's axes to forces of the hand's joints at these angles (n, 3) rad."""
+    """Return (n, 6, 6), which maps a wrench in flange axes to generalised forces at the hand's angles (n, 3) rad."""
     turn = Rotation.from_euler("XYZ", angles).as_matrix()
     x, y = Rotation.from_euler("X", angles[:, :1]), Rotation.from_euler("XY", angles[:, :2])
     axes = np.stack([np.tile([1.0, 0, 0], (len(angles), 1)), x.apply([0, 1.0, 0]), y.apply([0, 0, 1.0])], axis=1)
@@ -95,5 +97,5 @@ def jacobian(angles: np.ndarray) -> np.ndarray:
 
 
 def _angles(turn: Rotation) -> np.ndarray:
-    """Intrinsic x, y, z angles (n, 3) rad, without jumps."""
+    """Return intrinsic x, y, z angles (n, 3) rad, unwrapped."""
     return np.unwrap(turn.as_euler("XYZ"), axis=0)

@@ -1,7 +1,8 @@
-"""What a camera's sensor makes of many looks at once: they are rows of one pipeline, and follow each other in its rows.
+"""Apply a camera's sensor effects to many rendered clips at once, as rows of one batched pipeline.
 
-An image effect costs much a call and little an image, so that sixteen looks side by side take half the time of sixteen
-one after the other. A look's pictures follow from its own world and seed all the same.
+An image effect has a high cost per call and a low cost per image, so sixteen clips side by side take half the time of
+sixteen one after the other. A row whose clip has ended takes the next one. The result of a clip depends only on its own
+world and seed.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.pipeline import Pipeline
 from vispeg.worlds.world import World
 
-ROWS = 8  # looks side by side: more are hardly quicker, and pixels may round otherwise, so that bytes follow from it
+ROWS = 8  # clips side by side: more are hardly faster. Pixel rounding may depend on it, so it is fixed
 
 
 @dataclass(frozen=True)
 class Clip:
-    """T >= 1 pictures of one camera in one look of an episode.
+    """T >= 1 images of one camera in one look (appearance) of an episode.
 
     Attributes:
-        world: without ranges; its image effects are the sensor.
-        seed: of what the sensor draws.
+        world: a world without ranges, whose image effects make up the sensor.
+        seed: seed of the sensor's noise.
         rgb: (T, H, W, 3) uint8.
         depth: (T, H, W) float32, m, 0 = no reading.
         velocity: (T, 6) of the camera in its own axes, m/s and rad/s.
@@ -45,13 +46,13 @@ class Clip:
 def sense(
     camera: Camera, clips: Sequence[Clip], period: float, rows: int = ROWS
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Each clip's pictures, (T, H, W, 3) uint8 and (T, H, W) float32 m, as the camera delivers them.
+    """Return each clip's images as the camera delivers them, (T, H, W, 3) uint8 and (T, H, W) float32 m.
 
-    With them comes which of the clip's moments each of them shows, (T,) int: an earlier one where it came late.
+    The third array, (T,) int, says which time step of the clip each image shows: an earlier one if the image is late.
 
     Args:
-        camera: as its user believes it.
-        clips: as rendered.
+        camera: the camera with its believed intrinsics.
+        clips: rendered clips, without sensor effects.
         period: s between pictures.
         rows: clips side by side.
 
@@ -60,7 +61,7 @@ def sense(
     """
     n = min(rows, len(clips))
     out = [(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int)) for c in clips]
-    clip_of, step, following = list(range(n)), [0] * n, n  # by row: its clip, the picture of it; the next clip to show
+    clip_of, step, following = list(range(n)), [0] * n, n  # by row: clip, step in it; next clip
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))
@@ -90,6 +91,6 @@ def sense(
                 clip_of[row], step[row], following = following, 0, following + 1
                 pipeline.place([row], [clips[clip_of[row]].world])
             else:
-                pipeline.place([row], [World()])  # shown its last picture on, without an effect
+                pipeline.place([row], [World()])  # an idle row repeats its last image, without effects
                 busy.remove(row)
     return out

@@ -1,25 +1,26 @@
 """Propose effects in torque space, in seconds: a linear model of every effect, searched by add, remove and swap.
 
-Along a measured motion (q, dq, ddq) the drive of joint j gave tau_j: measured, or what a known controller must have
-sent. The nominal arm needs tau0_j. What is left is linear in the sizes c of effects whose torque is:
+Along a measured motion (q, dq, ddq) the drive of joint j gave tau_j, measured or computed from a known controller. The
+nominal arm needs tau0_j by inverse dynamics. For effects whose torque is linear in their sizes c, the difference is
 
     y = tau - tau0 = X c + e,    e_j ~ N(0, s_j^2 + (0.05 rms(y_j))^2)    for each joint j
 
-X are the torques that effects say they take (`write`, `friction`, `torque`, `along`, `inverse`, or `regressor`), by
-worlds that hold one each: so residuals are in the sensor's unit whatever the sizes are, and a gain's column is the
-model's torque, never the measured one (with that, a gain of nothing explains everything). s is what the noise of the
-readings makes of y, from a simulated repeat; no law is exact, so 5 % of what a joint lacks is never evidence.
+Each column of X is the torque of one effect along the motion (its `write`, `friction`, `torque`, `along`, `inverse` or
+`regressor`), the difference between a world with that effect and the world without. So y stays in the sensor's unit for
+all sizes, and the column of a sensor gain is the model's torque, not the measured one (regressed on the measured
+torque, a gain of 0 would fit perfectly). s is the standard deviation of y due to sensor noise, from a simulated repeat.
+No law is exact, so a further 5 % of the missing torque counts as noise.
 
-With a prior c ~ N(0, P), the evidence of a set S of effects on the fitted recordings, and its error on the held-out
-one, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of its columns,
+With a prior c ~ N(0, P), the log evidence L of a set S of effects on the fitted recordings, and its log likelihood H on
+the held-out ones, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of its columns,
 
     L(S) = 1/2 b' A^-1 b - 1/2 log det A - |S| log N,        H(S) = -1/2 |y - X c(S)|^2_W  held out
 
-N is the number of candidates. One effect more must raise L + H, and H too. All moves cost one Gram matrix.
+N is the number of candidates. An added effect must raise both H and L + H. One Gram matrix serves all moves.
 
-It proposes: what is bent, or acts only in closed loop, is not in it. Rollouts confirm. Sources: Gautier and Khalil,
-IEEE Transactions on Robotics and Automation 6(3), 1990, on what is linear in torque; MacKay, Neural Computation 4(3),
-1992, on evidence.
+This only proposes: effects that are nonlinear in their sizes, or that act only in closed loop, are not in the model.
+Rollouts confirm. Sources: Gautier and Khalil, IEEE Transactions on Robotics and Automation 6(3), 1990, on what is
+linear in torque; MacKay, Neural Computation 4(3), 1992, on evidence.
 """
 
 from __future__ import annotations
@@ -52,10 +53,10 @@ class Named:
     """One effect of a proposal.
 
     Attributes:
-        placed: with its values.
-        share: of the squared torque that the given model lacks (in variances of noise and form) what it takes away
-            where those that take most away come first.
-        equals: (effect, where) of those that would do as well in its place.
+        placed: the effect with its values.
+        share: share of the given model's squared missing torque (whitened by the variances of noise and law) that the
+            effect removes, when effects are added in order of what they remove.
+        equals: (effect, where) of effects that would score as well in its place.
     """
 
     placed: EffectInstance
@@ -65,15 +66,15 @@ class Named:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What torques say before any rollout.
+    """Effects proposed from torques alone, before any rollout.
 
     Attributes:
-        named: the effects, those that explain most first.
+        named: the effects, by decreasing share.
         joints: names.
-        before, after, floor: (nj,) RMS N m, held out and where a joint moves: the torque that the given model lacks,
-            that one with the effects lacks, and what noise alone leaves.
-        measured: whether the torques were measured; else they are what the controller sent.
-        path: the moves of the search.
+        before, after, floor: (nj,) RMS missing torque of each joint while it moves, N m, on the held-out recordings: of
+            the given model, of the model with the effects, and due to noise alone.
+        measured: whether the torques were measured, not computed from the controller.
+        path: moves of the search, in order.
     """
 
     named: tuple[Named, ...]
@@ -91,7 +92,7 @@ class Proposal:
 
     @property
     def record(self) -> ProposalRecord:
-        """What diagnosis.json holds of it."""
+        """The proposal as diagnosis.json holds it."""
         effects: list[Likely] = []
         for n in self.named:
             params = {
@@ -113,11 +114,11 @@ class Proposal:
 
 
 def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording]) -> Proposal | None:
-    """Return the effects that torques call for beside those of `world`; None where no drive is known or nothing moves.
+    """Propose effects to add to `world` from torques; None if no drive torque is known or no joint moves.
 
     Args:
         world: the model as given.
-        fitted, held_out: of one arm; a recording whose drive is not known has no part.
+        fitted, held_out: recordings of one arm; those without known drive torque are left out.
     """
     ours, theirs = Drives(fitted), Drives(held_out)
     if not ours or not theirs:
@@ -130,7 +131,7 @@ def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Record
 
 
 class _Side:
-    """Recordings as rows of the linear model: what a joint lacks, y (n, nj), and which rows count."""
+    """Recordings as rows of the linear model: missing torque y (n, nj) N m, and `moves` (n, nj), which rows count."""
 
     def __init__(self, world: World, drives: Drives):
         self.world, self.drives = world, drives
@@ -139,26 +140,26 @@ class _Side:
         self.y = np.where(self.moves, drives.torque - self.base, 0.0)
 
     def lacks(self, *worlds: World) -> np.ndarray:
-        """Torque (n, nj) that drives gave beyond what a world needs; of several (nworld, n, nj)."""
+        """Return the missing torque (n, nj) N m of a world, drive torque minus needed; of several (nworld, n, nj)."""
         parts = [worlds[k : k + BATCH] for k in range(0, len(worlds), BATCH)]
         needed = np.concatenate([self.drives.needed(part) for part in parts])
         out = np.where(self.moves, self.drives.torque - needed, 0.0)
         return out if len(worlds) > 1 else out[0]
 
     def columns(self, variants: Sequence[EffectInstance]) -> np.ndarray:
-        """Torque (nvariant, n, nj) that each effect takes beside the world."""
+        """Return the torque (nvariant, n, nj) N m of each effect when added to the world."""
         parts = (variants[k : k + BATCH] for k in range(0, len(variants), BATCH))
         left = [self.lacks(*(self.world.add(v) for v in part)).reshape(-1, *self.y.shape) for part in parts]
         return np.concatenate([(self.y - some).astype(np.float32) for some in left])
 
     @property
     def power(self) -> np.ndarray:
-        """Mean square (nj,) of what each joint lacks where it moves."""
+        """Mean square (nj,) of each joint's missing torque while it moves, (N m)^2."""
         return (self.y**2).sum(axis=0) / np.maximum(self.moves.sum(axis=0), 1)
 
 
 def _candidates(world: World, drives: Drives) -> list[Probe]:
-    """Effects whose torque a motion shows, at every place, with the shapes that the data suggest."""
+    """Return the effects visible in torques, at every place, with shape parameters estimated from the data."""
     item = drives.items[0]
     predicted = drives.needed([world])[0]
     ends = np.cumsum([len(i.segment.time) for i in drives.items])[:-1]
@@ -178,9 +179,9 @@ class Linear:
     """The linear model of all candidates, on fitted and held-out recordings, as Gram matrices.
 
     Args:
-        candidates: effects with the values at which their columns are taken.
+        candidates: effects with the values at which their columns are evaluated.
         sides: fitted and held-out rows.
-        floor: (nj,) N m of noise.
+        floor: (nj,) standard deviation of the missing torque due to noise, N m.
     """
 
     def __init__(self, candidates: Sequence[Probe], sides: tuple[_Side, _Side], floor: np.ndarray):
@@ -219,9 +220,9 @@ class Linear:
         self.weigh(floor**2 + RULES.first_form**2 * sides[0].power)
 
     def weigh(self, variance: np.ndarray) -> None:
-        """Take these variances (nj,) of what a joint lacks, (N m)^2, as those of noise and form."""
+        """Set the variances (nj,) of each joint's missing torque, (N m)^2, due to noise and model form."""
         own = self.sides[0].drives
-        # rows of a signal that ends at MOTION_HZ repeat each other: so many a second are independent
+        # samples of a signal band-limited to MOTION_HZ are correlated: 2 MOTION_HZ per second are independent
         rate = len(own.torque) / sum(float(np.ptp(i.segment.time)) for i in own.items)
         self.variance = variance
         self.weight = weight = min(1.0, 2.0 * MOTION_HZ / rate) / (variance + 1e-12)
@@ -231,7 +232,7 @@ class Linear:
         self.matrix = self.gram + np.eye(len(self.gram))
 
     def score(self, chosen: Sequence[int]) -> tuple[float, float, np.ndarray]:
-        """L and H of a set of entries, and its coefficients in widths of their priors."""
+        """Return L and H of a set of entries, and its coefficients in standard deviations of their priors."""
         if not len(chosen):
             return 0.0, -0.5 * float(self.held[2]), np.zeros(0)
         i = self._rows(chosen)
@@ -242,7 +243,7 @@ class Linear:
         return float(evidence), -0.5 * _left(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
-        """Entries that may come beside the chosen ones, those that raise L most first; at most `first_looked`."""
+        """Return up to `first_looked` entries to add to the chosen ones, by decreasing rise of L."""
         matrix, slope = self.matrix, self.slope
         if len(chosen):
             i = self._rows(chosen)
@@ -260,20 +261,20 @@ class Linear:
         return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][: RULES.first_looked]
 
     def possible(self, chosen: Sequence[int]) -> bool:
-        """Whether all sizes of a set lie inside their bounds."""
+        """Return whether all sizes of a set lie within their bounds."""
         i = self._rows(chosen)
         c = self.score(chosen)[2] * self.prior[i]
         scale = np.zeros(len(self.prior))
         scale[i] = c
-        # a moment's coefficient over its magnitude's is the shift; a magnitude counts by itself
+        # the coefficient of a shape parameter, divided by its magnitude's, is its shift; a magnitude is not divided
         size = np.where(self.shift[i], np.abs(scale[self.first[i]]), 1.0)
         return bool(np.all((c >= self.bounds[0, i] * size) & (c <= self.bounds[1, i] * size)))
 
     def search(self) -> tuple[list[int], list[str]]:
-        """Return the set where no move raises L + H, and the moves that led to it.
+        """Search for the set where no move raises L + H; also return the moves that led to it.
 
-        What a set leaves of a joint in the held-out recordings is how far off the form of its laws is there: where that
-        is more than was assumed, it is assumed, and the search goes on.
+        The held-out residual of a joint measures the error of the laws' form there. If it exceeds the variance assumed
+        so far, the search continues with the larger variance.
         """
         chosen: list[int] = []
         path: list[str] = []
@@ -289,7 +290,7 @@ class Linear:
         return chosen, path
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
-        """Make moves from a set until none raises L + H; also the moves."""
+        """Make the best move from a set until none raises L + H; return the set and the moves."""
         now, path = self.score(chosen), []
         while len(chosen) < RULES.first_most:
             moves = []
@@ -316,7 +317,7 @@ class Linear:
         return chosen, path
 
     def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
-        """Give what a set of entries says, with the sizes that suit the laws themselves."""
+        """Return the proposal of a set of entries, its sizes refined with the exact, nonlinear laws."""
         c, at, placed = self.score(chosen)[2] * self.prior[self._rows(chosen)], 0, []
         for k in chosen:
             placed.append(self.entries[k].placed(c[at : at + len(self.of[k])].tolist()))
@@ -336,7 +337,7 @@ class Linear:
         return Proposal(tuple(named), joints, before, after, self.floor, side.drives.measured, tuple(path))
 
     def _shares(self, chosen: Sequence[int]) -> dict[int, float]:
-        """Share of the squared torque that each takes away where those that take most away come first."""
+        """Return the share of the squared torque that each entry removes, adding the most useful one first."""
         inside: list[int] = []
         out, now = {}, self._loss([])
         while len(inside) < len(chosen):
@@ -346,14 +347,14 @@ class Linear:
         return out
 
     def _loss(self, chosen: Sequence[int]) -> float:
-        """Weighted squared torque that a set leaves in the fitted recordings."""
+        """Return the weighted squared residual of a set on the fitted recordings."""
         return _left(self.score(chosen)[2], self._rows(chosen), self.gram, self.slope, float(self.total))
 
     def _rows(self, chosen: Sequence[int]) -> np.ndarray:
         return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)
 
     def _free(self, chosen: Sequence[int]) -> list[int]:
-        """Entries that exclude none of the chosen ones: one of a family at a place."""
+        """Return the entries compatible with the chosen ones: only one effect of a family per place."""
         return np.flatnonzero(self.apart[list(chosen)].all(axis=0)).tolist()
 
     def _label(self, k: int) -> str:
@@ -361,12 +362,12 @@ class Linear:
 
 
 def _exclude(a: tuple[str, str], b: tuple[str, str]) -> bool:
-    """Whether two effects at one place are one phenomenon: the same, or both contain one."""
+    """Return whether two effects at one place describe the same phenomenon: equal, or with a common nested effect."""
     return a[1] == b[1] and not {a[0], *effect(a[0]).contains}.isdisjoint({b[0], *effect(b[0]).contains})
 
 
 def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
-    """(2, k) least and greatest coefficients; of a moment, of its coefficient over the magnitude's."""
+    """Return lower and upper bounds (2, k) of the coefficients; for a shape parameter, relative to its magnitude's."""
     params, out = effect(s.probe.effect).params, []
     for m in s.names:
         p = params[m]
@@ -380,7 +381,7 @@ def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarr
 
 
 def _width(s: Signature) -> np.ndarray:
-    """Give the standard deviations of the coefficients' priors."""
+    """Return the standard deviations of the coefficients' priors."""
     kind = effect(s.probe.effect)
     sizes = [
         RULES.first_typical
@@ -391,16 +392,16 @@ def _width(s: Signature) -> np.ndarray:
 
 
 class _Sizes(Freedom):
-    """What is fitted of a proposed effect: magnitudes and moments; other shapes stay as the data suggested them."""
+    """Fit magnitudes and `moments` of a proposed effect; its other shape parameters keep their estimates."""
 
     def frees(self, kind: Effect, name: str) -> bool:
         return kind.params[name].scale != "log" and (name in kind.magnitudes or name in kind.moments)
 
 
 def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -> list[EffectInstance]:
-    """Effects with sizes that suit their own laws: masses and their centres multiply, which no column says.
+    """Refine the sizes with the nonlinear laws, in which a mass and its centre multiply, which the columns ignore.
 
-    Gauss-Newton steps on the same posterior, as long as they lower it.
+    Takes up to `STEPS` Gauss-Newton steps on the negative log posterior, as long as they lower it.
     """
     given = len(side.world.effects)
     start = side.world.add(*placed)
@@ -440,9 +441,11 @@ def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -
 
 
 def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> tuple[np.ndarray, ...]:
-    """X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the columns of effects, (N m)^2; item by item, to save memory.
+    """Return X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the effects' columns, (N m)^2, summed recording by recording
+    to save memory.
 
-    Where `lead` is not -1 the column is what a moment changes: less that of the variant of this number.
+    Where `lead` is not -1, the column belongs to a shape parameter: the column of variant `lead`, the unshifted one, is
+    subtracted.
     """
     nj, k = side.y.shape[1], len(variants)
     gram, slope, total = np.zeros((nj, k, k)), np.zeros((nj, k)), np.zeros(nj)
@@ -461,5 +464,5 @@ def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> 
 
 
 def _left(c: np.ndarray, i: np.ndarray, gram: np.ndarray, slope: np.ndarray, total: float) -> float:
-    """Squared error of coefficients `c` of the columns `i`."""
+    """Return the squared residual with coefficients `c` for the columns `i`."""
     return float(total - 2.0 * c @ slope[i] + c @ gram[np.ix_(i, i)] @ c)

@@ -1,4 +1,4 @@
-"""The environments that a run learns in and is judged in."""
+"""Environments for training and evaluating policies."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vispeg.learn.modalities import Modality, modality
 from vispeg.learn.policy import Policy
 from vispeg.learn.settings import SacSettings
 
-MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> environment without autoreset
+MakeEnv = Callable[[int, Mapping[str, Any]], VectorEnv]  # (rows, task settings) -> VectorEnv without autoreset
 HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds are below it
 
 
 def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
-    """Make environments of a world's task in a modality; for a policy with a memory, without a stack.
+    """Return a function that makes environments of a world's task, observed in one modality.
 
     An episode that diverges is written into `dump`, so that it can be played again.
     """
@@ -36,7 +36,7 @@ def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Pa
 
 
 def describe(env: Any) -> Origin:
-    """Give what a policy's record says of the world and task it was trained in; empty for other environments."""
+    """Return the entries of a policy's record on the world and task of `env`; empty for other environments."""
     config = getattr(env, "config", None)
     if config is None:
         return {}
@@ -52,12 +52,12 @@ def describe(env: Any) -> Origin:
 
 
 def home(policy: Policy) -> str:
-    """Give the world that a policy was trained in: a built-in name or a file; `nominal` where its record has none."""
+    """Return the world that a policy was trained in, a built-in name or a file; `nominal` if its record has none."""
     return str(policy.meta.get("world_file") or policy.meta.get("world") or "nominal")
 
 
 def of_policy(policy: Policy, world: str) -> MakeEnv:
-    """Make the environments that a policy can act in, in a world: with its own stack, directions, cameras, ..."""
+    """Return a function that makes environments of `world` with the policy's interface: stack, directions, cameras."""
     policy_settings = interface(policy.meta)
     make = maker(modality(policy.modality), world, SacSettings(recurrent=policy.recurrent), 1)
     return lambda rows, settings: make(rows, {**policy_settings, **settings})

@@ -1,7 +1,7 @@
-"""Policies that Stable-Baselines3 saved, read without unpickling anything.
+"""Load policies saved by Stable-Baselines3 without unpickling anything.
 
-Of what is no JSON in such a file, its record holds the attributes as text beside the pickled object. They say which of
-that library's policies it is, and what that observes; the weights are read as tensors alone.
+For every object that JSON cannot hold, the file stores a pickle and, as text, the object's attributes. The text is
+enough to tell the policy class and the observation space; of the weights, only tensors are loaded.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB
 from vispeg.formats.json_data import parse_json
 
-LARGEST = 2000 * MB  # of a part of the file, unpacked
-BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  # as gymnasium writes a Dict's parts
+LARGEST = 2000 * MB  # size of one unpacked member of the .zip
+BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  # as gymnasium prints a Dict space
 
 
 def opened(path: Path) -> Any:
-    """Give the policy in a .zip by Stable-Baselines3, ready to `predict`.
+    """Load the policy in a .zip by Stable-Baselines3, ready to `predict`.
 
     Raises:
-        UserError: no such file, none of that library's, or one whose parts are stored as pickled code.
+        UserError: no such file, a file of another kind, or a policy with classes that are stored as pickled code.
     """
     if not path.is_file():
         raise UserError("no such policy", file=path, expected="a .zip by Stable-Baselines3")
@@ -47,7 +47,7 @@ def opened(path: Path) -> Any:
     except (zipfile.BadZipFile, OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         expected = "a policy that Stable-Baselines3 saved in one of vispeg's environments"
         raise UserError(f"not such a file ({type(error).__name__}: {error})", file=path, expected=expected) from error
-    # what is no JSON is pickled, with its attributes as text beside it; plain numbers and names need no pickle
+    # numbers and names are read from the text form, never from the pickle
     kwargs = {k: _plain(v, path) for k, v in kwargs.items() if k not in (":type:", ":serialized:")}
     if not module.startswith("stable_baselines3."):
         raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")
@@ -59,7 +59,7 @@ def opened(path: Path) -> Any:
     try:
         policy = getattr(importlib.import_module(module), name)(spaces.Dict(space), bounded, lambda _: 0.0, **kwargs)
         policy.load_state_dict(torch.load(io.BytesIO(weights), map_location="cpu", weights_only=True))
-    except Exception as error:  # torch and that library raise what they like
+    except Exception as error:  # torch and Stable-Baselines3 may raise anything
         reason = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise UserError(f"cannot be opened: {reason}", file=path, expected="MODULE:FUNCTION that loads it") from error
     policy.set_training_mode(False)

@@ -1,4 +1,4 @@
-"""Readings from recordings with a wrench: attitudes at rest, strokes of a slide, ramps of a press.
+"""Extract readings from recordings with a wrench: poses at rest, strokes of a slide, ramps of a press.
 
 A slide or a press begins with a second in free air, whose mean wrench is the sensor's bias.
 """
@@ -19,14 +19,14 @@ from vispeg.robots.model import load as load_robot
 from vispeg.sim.compiled import flange_pose
 from vispeg.sim.units import check_units
 
-REST, STILL = 0.5, 2e-3  # s that count as rest, rad of all joints within that time
-FREE, TOUCH = 1.0, 1.0  # s of free air, N above which it touches
-SPEED, STROKE = 2e-3, 0.3  # m/s across the flange's axis, and s, of a stroke that counts
-SMOOTH = 0.05  # s over which a speed is a mean
+REST, STILL = 0.5, 2e-3  # at rest: all joints within STILL rad for REST s
+FREE, TOUCH = 1.0, 1.0  # s of free air at the start, N above which there is contact
+SPEED, STROKE = 2e-3, 0.3  # a stroke is faster than SPEED m/s across the flange's axis for STROKE s
+SMOOTH = 0.05  # s, averaging window of the speed
 
 
 def at_rest(paths: Sequence[Path]) -> Readings:
-    """Mean wrench (N, N m) and gravity's direction, both in the flange frame, of every stretch at rest.
+    """Return mean wrench (N, N m) and direction of gravity, both in the flange frame, of every stretch at rest.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or never rests.
@@ -46,7 +46,8 @@ def at_rest(paths: Sequence[Path]) -> Readings:
 
 
 def slides(paths: Sequence[Path]) -> Readings:
-    """Give the normal (along the flange's z) and the tangential force, N, of every stroke; `place` is the recording.
+    """Return normal force (along the flange's z) and tangential force, N, of every stroke; `place` numbers the
+    recording.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or in which nothing slides.
@@ -55,7 +56,9 @@ def slides(paths: Sequence[Path]) -> Readings:
     for at, path in enumerate(paths):
         rec, pose = _opened(path)
         force, moved = _unbiased(rec, path), np.gradient(pose[:, :3], rec.time, axis=0)
-        across = Rotation.from_quat(pose[:, 3:], scalar_first=True).inv().apply(moved)[:, :2]  # pressing is no slide
+        across = (
+            Rotation.from_quat(pose[:, 3:], scalar_first=True).inv().apply(moved)[:, :2]
+        )  # velocity along z is pressing, not sliding
         width = max(1, round(SMOOTH * rec.rate_hz))
         smooth = np.stack([np.convolve(v, np.ones(width) / width, "same") for v in across.T], axis=1)
         sliding = (np.linalg.norm(smooth, axis=1) > SPEED) & (np.abs(force[:, 2]) > TOUCH)
@@ -65,7 +68,7 @@ def slides(paths: Sequence[Path]) -> Readings:
             raise UserError(what, file=path)
         for s in strokes:
             normal, tangential = np.abs(force[s, 2]), np.hypot(force[s, 0], force[s, 1])
-            load = float(np.median(normal))  # where a stroke turns, and before it slips, the ratio falls for a moment
+            load = float(np.median(normal))  # a median, as the ratio dips at reversals
             rows.append((load, load * float(np.median(tangential / normal)), float(at)))
     table = np.array(rows)
     columns = {"normal": table[:, 0], "tangential": table[:, 1]}
@@ -75,7 +78,7 @@ def slides(paths: Sequence[Path]) -> Readings:
 
 
 def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
-    """Force (N) and depth (m) along the flange's z; loading and unloading are ramps of their own.
+    """Return force (N) and depth (m) along the flange's z of every press; loading and unloading are separate ramps.
 
     Raises:
         UserError: not as many recordings on each side; one that cannot be read, has no `ft` or never touches.
@@ -104,7 +107,7 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
 
 
 def _opened(path: Path) -> tuple[Recording, np.ndarray]:
-    """Give the recording, and the flange's pose (n, 7) in the base: measured, or else of the robot's model."""
+    """Load a recording; also return the flange's pose (n, 7) in the base, measured or from the robot's kinematics."""
     rec = load(path)
     check_units(rec)
     if rec.ft is None:
@@ -114,7 +117,7 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray]:
 
 
 def _unbiased(rec: Recording, path: Path) -> np.ndarray:
-    """Force (n, 3) less its mean in the first second."""
+    """Return the force (n, 3) N minus its mean in the first second, which is free air."""
     free = rec.time - rec.time[0] < FREE
     force = rec.ft[:, :3]  # type: ignore[index]
     if np.nanstd(force[free], axis=0).max() > TOUCH:
@@ -123,7 +126,7 @@ def _unbiased(rec: Recording, path: Path) -> np.ndarray:
 
 
 def _rests(q: np.ndarray, length: int) -> list[slice]:
-    """Stretches of `length` rows or more in which every joint stays within `STILL`, one after the other."""
+    """Return disjoint stretches of at least `length` rows in which every joint stays within `STILL` rad."""
     out, start = [], 0
     while start + length <= len(q):
         end = start + length
@@ -138,13 +141,13 @@ def _rests(q: np.ndarray, length: int) -> list[slice]:
 
 
 def _stretches(flags: np.ndarray) -> list[slice]:
-    """Slices in which `flags` (n,) holds."""
+    """Return the runs of true values of `flags` (n,) as slices."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _rotation(quat: np.ndarray) -> np.ndarray:
-    """(3, 3) of a unit quaternion (w, x, y, z)."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     import mujoco
 
     out = np.empty(9)
@@ -153,7 +156,7 @@ def _rotation(quat: np.ndarray) -> np.ndarray:
 
 
 def _gravity(rec: Recording) -> np.ndarray:
-    """Give the unit vector (3,) of gravity in the base frame."""
+    """Return the direction of gravity, a unit vector (3,), in the base frame."""
     from vispeg.robots.model import tilted
 
     return tilted(np.array([0.0, 0.0, -1.0]), *rec.base_tilt)

@@ -1,4 +1,4 @@
-"""Turns any robot description into a torque-driven arm: hinges only, one motor each, a flange, no self-contact."""
+"""Turn any robot description into a torque-driven arm: hinges only, one motor each, a flange, no self-contact."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from vispeg.core.notes import note
 from vispeg.robots.declare import RobotConfig
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-LARGEST = 1e6  # kg, m, kg m^2, rad: what is larger is a mistake
-REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # MuJoCo's ways to say no
+LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
+REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # what MuJoCo raises for a bad model
 FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
 Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
 FREE = (np.inf, np.inf)
@@ -34,7 +34,7 @@ class Arm:
     speed: np.ndarray
 
     def check(self, spec: mujoco.MjSpec, label: str) -> None:
-        """Compiles a copy and looks for joints that turn no mass.
+        """Compile a copy and check that every joint has inertia.
 
         Raises:
             UserError: MuJoCo refuses the model, or its inertia matrix is singular.
@@ -52,20 +52,20 @@ class Arm:
 def prepare(
     spec: mujoco.MjSpec, limits: Limits, label: str, declared: RobotConfig, moved: Sequence[str] | None = None
 ) -> Arm:
-    """Edits `spec` in place into a torque-driven arm and says what it found.
+    """Edit `spec` in place into a torque-driven arm and return its names and limits.
 
-    Sliding joints (grippers) are fixed where they stand, with the tendons and couplings that a description hangs on
-    them. Shapes of the robot may touch what a scene adds but not each other.
+    Sliding joints (grippers) are fixed at their initial position; tendons and equality constraints on them are removed.
+    Geoms of the robot collide with geoms that a scene adds, but not with each other.
 
     Args:
         spec: the description, without actuators.
-        limits: what is known of joint torque and velocity limits.
+        limits: torque and velocity limits by joint name, N m and rad/s, where known.
         label: file or name, for errors.
-        declared: flange, limits and damping in place of what the description states.
-        moved: hinges that turn; the others are held as sliding joints are. None: all.
+        declared: flange, limits and damping that override those of the description.
+        moved: hinges that stay movable; the others are fixed, as sliding joints are. None: all stay movable.
 
     Raises:
-        UserError: not a fixed-base arm with hinges; a declared frame that is not beyond its last joint.
+        UserError: not a fixed-base arm with hinges; a declared flange that is not rigidly attached to the last link.
     """
     _take_off(spec, declared.without, label)
     _hinges_only(spec, label)
@@ -104,7 +104,7 @@ def prepare(
 
 
 def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
-    """Give a model of a copy of `spec`; MuJoCo's complaint becomes a UserError."""
+    """Compile a copy of `spec`; an error of MuJoCo becomes a UserError."""
     try:
         model = spec.copy().compile()
     except REFUSALS as error:
@@ -114,7 +114,7 @@ def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
 
 
 def _sound(model: mujoco.MjModel, label: str) -> None:
-    """Raise UserError for a body or joint with a number that is not finite, or that no arm has."""
+    """Raise UserError for a body or joint with a number that is not finite or implausibly large."""
     if not np.isfinite(model.opt.gravity).all():
         raise UserError("gravity is not finite", file=label, got=model.opt.gravity.tolist())
     limited = np.where(model.jnt_limited[:, None], model.jnt_range, 0.0)
@@ -132,7 +132,7 @@ def _sound(model: mujoco.MjModel, label: str) -> None:
 
 
 def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
-    """Delete these bodies, what they carry, and what speaks of it."""
+    """Delete the named bodies with their subtrees, and everything that refers to them."""
     for name in names:
         body = spec.body(name)
         if body is None or name == "world":
@@ -148,7 +148,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
         if joint.type not in (HINGE, SLIDE):
             raise UserError("a free or ball joint", file=label, key=joint.name, expected="a fixed-base arm with hinges")
     carrying = [joint.name for joint in slides if _carries(joint)]
-    if carrying:  # a gripper's fingers carry nothing: no arm moves otherwise for them
+    if carrying:  # fingers of a gripper carry no hinge, so fixing them does not change how the arm moves
         named = ", ".join(sorted(name or "without a name" for name in carrying))
         note(f"{label}: sliding joints that carry others are held where they stand: {named}")
     _hold(spec, slides)
@@ -157,7 +157,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
 
 
 def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
-    """Fix joints where they stand; tendons and couplings, which need them, go."""
+    """Fix joints at their initial position, and remove the tendons and equality constraints that need them."""
     if not joints:
         return
     gone = {joint.name for joint in joints}
@@ -172,12 +172,12 @@ def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
 
 
 def _carries(joint: mujoco.MjsJoint) -> bool:
-    """Whether a hinge moves along with a sliding joint, as on a linear axis."""
+    """Return whether a sliding joint moves a hinge, as a linear axis under an arm does."""
     return any(j.type == HINGE for j in joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))
 
 
 def _stand(spec: mujoco.MjSpec) -> None:
-    """Lets free bodies that carry no other joint stand where the file puts them: parts on a bench."""
+    """Fix free bodies without other joints, such as parts on a bench, at the pose in the file."""
     for joint in [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]:
         if len(list(joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))) == 1 and len(list(spec.joints)) > 1:
             spec.delete(joint)
@@ -191,10 +191,10 @@ def _motor(spec: mujoco.MjSpec, joint: str) -> None:
 
 
 def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
-    """Name of the flange site; added as "flange" at the best-named frame if there is none.
+    """Return the name of the flange site; if there is none, add "flange" at the frame with the most likely name.
 
-    Frames beyond the last joint come first, then those of the joint before: fingers that turn are joints as well. Where
-    no frame has such a name, it is the body of the last joint.
+    Frames rigidly attached to the last link are searched first, then those of the link before it, because the last
+    joints may be fingers. Without any such name, the flange is the body of the last joint.
     """
     if any(s.name == "flange" for s in spec.sites):
         return "flange"
@@ -216,7 +216,7 @@ def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
 
 
 def _declared(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int, declared: RobotConfig, label: str) -> str:
-    """Name of the flange site at the declared frame, which must not move against the last joint's body."""
+    """Add the flange site at the declared frame, which must be rigidly attached to the last link; return its name."""
     rigid = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
     sites = {model.site(s).name: s for s in range(model.nsite) if model.site_bodyid[s] in rigid}
     bodies = [model.body(b).name for b in rigid]

@@ -1,4 +1,4 @@
-"""A cell whose peg or hole comes from a mesh file: where it stands, what the gripper then carries, whether it fits."""
+"""Cells whose peg or hole comes from a mesh file: placement, load of the gripper, clearance."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from vispeg.robots.scene import SceneConfig
 
 INSIDE = 0.8  # share of the hole's depth at which the clearance is measured
-CLEARANCE = 3.0  # mm, of a cell that states none and whose hole is built in
-SAME = 0.1  # share by which the clearance that is stated may miss the one that the shapes leave
+CLEARANCE = 3.0  # mm, default of a cell with a built-in hole
+SAME = 0.1  # relative tolerance of the stated clearance against that of the shapes
 LEVELS = 24  # heights at which the outlines of peg and hole are compared
-FLIP = np.array([1.0, -1.0, -1.0])  # the flange looks down on a file drawn z up
+FLIP = np.array([1.0, -1.0, -1.0])  # mesh files have z up, the flange has z down
 PEG_CONTACT = {"contype": 0, "conaffinity": 1}
-WIDTH = 0.005, 0.08  # m, of a peg
-MOST_THINGS = 40  # meshes of distractors: each stands in every compiled cell, drawn or not
+WIDTH = 0.005, 0.08  # m, smallest and largest peg that the gripper holds
+MOST_THINGS = 40  # meshes of distractors: every compiled cell holds them all, shown or not
 
 
 def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
-    """Peg and hole block from their files, None each where the built-in one is meant.
+    """Load peg and hole block from their files; None for one that is built in.
 
     Raises:
-        UserError: files that cannot be used, a peg that the gripper cannot hold; before a mesh is taken apart, which
-            takes seconds to minutes.
+        UserError: unusable files, or a peg that the gripper cannot hold; checked before the convex decomposition of a
+            mesh, which takes seconds to minutes.
     """
     c = config
     if c.peg_mesh:
@@ -45,7 +45,7 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
 
 
 def things(config: SceneConfig) -> tuple[UserThing, ...]:
-    """Give the user's things for the table; none where the built-in ones are meant.
+    """Load the user's distractors for the table; empty if the built-in ones are used.
 
     Raises:
         UserError: files that cannot be used, or too many.
@@ -57,21 +57,23 @@ def things(config: SceneConfig) -> tuple[UserThing, ...]:
 
 
 def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
-    """Raise UserError for a peg of a size (3,) m that the gripper cannot hold or bring to the bottom."""
+    """Raise UserError if the gripper cannot hold a peg of this size (3,) m or bring it to the bottom of the hole."""
     low, high = WIDTH
     at = {"file": config.peg_mesh, "key": "peg_mesh", "got": _mm(extent)}
     if not low <= extent[0] <= high:
-        raise UserError("no peg for this gripper", expected=f"{1e3 * low:g} to {1e3 * high:g} mm along x", **at)
+        raise UserError(
+            "the gripper cannot hold this peg", expected=f"{1e3 * low:g} to {1e3 * high:g} mm along x", **at
+        )
     upper, outermost = tools.hold(config.robot.tool)
     held, least = outermost - upper, outermost - upper + config.depth
     if extent[2] < least - 1e-9:
-        expected = f"{1e3 * least:g} mm along z or more: the gripper hides the upper {1e3 * held:g} mm"
-        expected += ", so a shorter part gets a handle on top of it in its file"
-        raise UserError("no peg for this gripper", expected=expected, **at)
+        expected = f"{1e3 * least:g} mm along z or more: the gripper covers the upper {1e3 * held:g} mm"
+        expected += "; to a shorter part, add a handle on top"
+        raise UserError("the gripper cannot hold this peg", expected=expected, **at)
 
 
 def grasp(config: SceneConfig) -> float:
-    """Height of the upper end of the peg above the flange, m. Raises UserError: the built-in peg is too short."""
+    """Return the upper end of the peg above the flange, m. Raises UserError: a built-in peg is too short."""
     upper, outermost = tools.hold(config.robot.tool)
     if not config.peg_mesh and tools.PEG_LENGTH < outermost - upper + config.depth - 1e-9:
         raise UserError(
@@ -89,12 +91,12 @@ def _mm(extent: np.ndarray) -> str:
 
 
 def placed(config: SceneConfig, block: UserShape | None) -> SceneConfig:
-    """Give the configuration with a block from a file standing on the table."""
+    """Return the configuration with the fixture's height such that a block from a file stands on the table."""
     return config if block is None else replace(config, fixture=(*config.fixture[:2], _below(config, block)))
 
 
 def _below(config: SceneConfig, block: UserShape) -> float:
-    """How far a block reaches below its hole's mouth, m. Raises UserError: not as far as the hole."""
+    """Return how far a block reaches below the mouth of its hole, m. Raises UserError: less than the hole's depth."""
     below = -float(block.vertices[:, 2].min())
     if below < config.depth:
         raise UserError("the hole is deeper than its mesh", key="depth", expected=f"< {below:g}", got=config.depth)
@@ -102,7 +104,7 @@ def _below(config: SceneConfig, block: UserShape) -> float:
 
 
 def arm_with(config: SceneConfig, peg: str) -> RobotModel:
-    """Give the cell's arm with its gripper holding a built-in peg, as its controller knows it.
+    """Load the cell's arm with its gripper holding a built-in peg; the controller's model includes both.
 
     Raises:
         UserError: no gripper, or a robot that cannot be used.
@@ -113,8 +115,8 @@ def arm_with(config: SceneConfig, peg: str) -> RobotModel:
 
 
 def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
-    """Give the arm with this peg in its gripper, as its controller knows it, and the tip's distance from the flange,
-    m.
+    """Return the arm with this peg in its gripper, which the controller's model includes, and the tip's distance from
+    the flange, m.
     """
     width, length = float(peg.extent[0]), float(peg.extent[2])
     arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
@@ -134,12 +136,11 @@ def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
 
 
 def fitted(config: SceneConfig) -> float:
-    """Give the clearance of a cell with a peg or a hole from a file, mm: the stated one, or the measured one where none
-    is.
+    """Return the clearance of a cell with a peg or hole from a file, mm: the stated one if any, else the measured one.
 
     Raises:
-        UserError: files that cannot be used, a peg that does not fit, pieces that take more than half of the room, a
-            clearance that is neither as drawn nor as the pieces leave it.
+        UserError: unusable files, a peg that does not fit, convex pieces that fill more than half of the clearance, or
+            a stated clearance that matches neither the meshes nor their convex pieces.
     """
     peg, block = shapes(config)
     if block is not None:
@@ -162,10 +163,10 @@ def fitted(config: SceneConfig) -> float:
     low, high = sorted((left, drawn))
     if low - SAME * usual <= usual <= high + SAME * usual:
         return usual
-    what = f"peg and hole leave {left:.3g} mm by their pieces for contact, {drawn:.3g} mm as drawn"
+    what = f"peg and hole have a clearance of {left:.3g} mm by their convex pieces, {drawn:.3g} mm by their meshes"
     if block is not None:
         raise UserError(what, key="clearance_mm", expected=f"{left:.3g} to {drawn:.3g}, or none", got=usual)
-    # a hole that is built in is as wide as `diameter` and `clearance_mm` say, so the peg has another diameter
+    # a built-in hole has the width of `diameter` and `clearance_mm`, so the peg's diameter differs
     width = config.diameter + 1e-3 * (usual - drawn)
     raise UserError(what, key="diameter", expected=f"{width:.6g}, as the peg has", got=config.diameter)
 
@@ -181,7 +182,7 @@ def _play(
     peg: UserShape | None,
     block: UserShape | None,
 ) -> tuple[float, float]:
-    """Room on a side of a peg at `INSIDE` of the depth: what contact leaves, and what is drawn; m."""
+    """Return the one-sided clearance at `INSIDE` of the depth, m: by the convex pieces, and by the meshes."""
     spec, at = mujoco.MjSpec(), -INSIDE * depth
     body, fixture = spec.worldbody.add_body(name="peg"), spec.worldbody.add_body(name="fixture")
     radius, apothem = diameter / 2, diameter / 2 + clearance_mm / 2000
@@ -207,6 +208,6 @@ def _play(
 
 
 def _ring(n: int, apothem: float) -> np.ndarray:
-    """Give a regular outline (n, 2, 2), as `UserShape.section`."""
+    """Return the edges of a regular polygon (n, 2, 2), as `UserShape.section` does."""
     corners = hole.polygon(n, apothem)
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

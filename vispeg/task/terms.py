@@ -1,7 +1,7 @@
-"""Observation terms: what is observed, by name, each with its unit, its scale and who may see it.
+"""Observation terms: named parts of an observation, each with unit, scale and recipient.
 
-A task lists its terms (`Task.terms`); `Observation` puts them side by side and finds each again by its name. The
-policy's terms are stacked, newest first (`TaskConfig.stack`); the ground truth is of the present moment.
+A task lists its terms (`Task.terms`); `Observation` concatenates them and finds each by its name. The policy's terms
+are stacked, newest first (`TaskConfig.stack`); the ground truth is that of the current step.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Term:
-    """One term.
+    """One observation term.
 
     Attributes:
-        name: by which it is found again.
-        read: -> (nsim, size), in `unit`, of what is measured (`vispeg.interface.observer.Observer`) for a term that a
-            policy is told, of the simulation for the ground truth.
-        size: numbers, or a function of the task's settings.
-        unit: of what `read` gives.
+        name: unique in a task.
+        read: function that returns (nsim, size) in `unit`, called with the measurements
+            (`vispeg.interface.observer.Observer`) for a term of the policy, with the simulation for ground truth.
+        size: length of the term, or a function of the task's settings.
+        unit: unit of `read`.
         scale: in `unit`; an observation holds `read / scale`, near 1.
         to: who may see it: the `policy` (and critics), a `teacher` (and critics), or a `critic` alone.
-        about: one line for people.
-        noise: standard deviation in `unit` of white noise on it, drawn from the episode's seed.
-        when: whether a task of these settings has the term.
+        about: one line of description.
+        noise: standard deviation, in `unit`, of added white noise, drawn from the episode's seed.
+        when: returns whether a task with these settings has the term.
     """
 
     name: str
@@ -50,21 +50,21 @@ class Term:
 
     @classmethod
     def sensed(cls, term: Sensed) -> Term:
-        """Give the term of a task that tells its policies this."""
+        """Make the task's term of a sensed quantity that policies observe."""
         size = term.size or (lambda config: len(config.dof))
         when = (lambda config: config.turns) if term.turning else (lambda config: True)
         return cls(term.name, term.read, size, term.unit, term.scale, POLICY, term.about, when=when)
 
     def length(self, config: TaskConfig) -> int:
-        """Numbers that it has in a task of these settings."""
+        """Return its length in a task with these settings."""
         return self.size if isinstance(self.size, int) else self.size(config)
 
 
 class Observation:
-    """The terms of a task of these settings, in order.
+    """The terms of a task with these settings, in order.
 
     Args:
-        terms: of the task.
+        terms: the task's terms.
         config: its settings.
 
     Raises:
@@ -87,42 +87,42 @@ class Observation:
 
     @property
     def policy_size(self) -> int:
-        """Numbers of one moment in the policy's part."""
+        """Length of the policy's part at one time step."""
         return sum(t.length(self.config) for t in self.policy)
 
     @property
     def truth_size(self) -> int:
-        """Numbers of the ground truth."""
+        """Length of the ground truth."""
         return sum(t.length(self.config) for t in self.truth)
 
     @property
     def for_teachers(self) -> tuple[int, ...]:
-        """Entries of the ground truth that a teacher may see."""
+        """Indices of the ground truth that a teacher may see."""
         return tuple(i for t in self.truth if t.to == "teacher" for i in _entries(self[t.name]))
 
     def __contains__(self, name: str) -> bool:
         return name in self._places
 
     def __getitem__(self, name: str) -> slice:
-        """Where a term stands: in one moment of the policy's part, or in the ground truth."""
+        """Return the slice of a term in the policy's part at one time step, or in the ground truth."""
         if name not in self._places:
             raise UserError("no such observation term", got=name, choices=self._places)
         return self._places[name]
 
     def term(self, name: str) -> Term:
-        """Give the term of that name. Raises UserError that lists the choices."""
+        """Return the term of that name. Raises UserError that lists the choices."""
         self[name]
         return next(t for t in self.terms if t.name == name)
 
     def read(self, sim: TaskSimulation, terms: Sequence[Term]) -> np.ndarray:
-        """(nsim, d) scaled values of these terms, each from what it is read from, with the noise it has."""
+        """Return the scaled values of these terms, (nsim, d), with their noise."""
         noisy = _noise(sim)
         parts = [scaled((t,), sim.seen if t.to == POLICY else sim, noisy) for t in terms]
         return np.concatenate(parts, axis=1)
 
 
 def _noise(sim: TaskSimulation) -> Callable[[Term, np.ndarray], np.ndarray]:
-    """Add to a term's values the noise that its episodes' seeds draw for it."""
+    """Return a function that adds to a term's values the noise drawn from the episodes' seeds."""
 
     def noisy(term: Term, value: np.ndarray) -> np.ndarray:
         if not term.noise:

@@ -29,10 +29,10 @@ MARKS = ("partial", "tentative")
 
 
 class Plain(yaml.SafeDumper):
-    """Writes what two effects share (an origin) twice: a reader should not need to know YAML's aliases."""
+    """Write an object that two effects share (an origin) twice, so that readers need not know YAML aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
-        """Never."""
+        """Disable aliases for all data."""
         return True
 
 
@@ -45,8 +45,8 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
-    """Give a World from a model file; a robot's name or a path to an MJCF or URDF gives that robot with no effects,
-    and OPEN_CELL the cell that recordings state.
+    """Load a World from a model file. A robot's name or a path to an MJCF or URDF gives that robot without effects;
+    OPEN_CELL gives the cell whose description the recordings contain.
     """
     text = str(source)
     path = Path(text)
@@ -78,8 +78,8 @@ def load_model(source: str | Path) -> World:
     if belief is not None and belief.bench:
         if belief.board:
             raise UserError("is stated by the recordings", file=path, key="cell.board", expected="no board in a model")
-        belief = None  # what a robot's own file shows is the model's without a word
-    if "robot" not in data and belief is not None:  # the cell's, as far as it can be told from here
+        belief = None  # the bench of the robot's own file needs no statement in the model
+    if "robot" not in data and belief is not None:  # the cell's robot, if the cell names one
         named = belief.robot.get("model") if isinstance(belief.robot, Mapping) else belief.robot
         robot = str(named or (robot if not belief.world or belief.open else ""))
     check_name(robot, path, "robot")
@@ -87,7 +87,7 @@ def load_model(source: str | Path) -> World:
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
-    """Give an effect as a model file writes it. Raises UserError naming file and key."""
+    """Parse one entry of `effects` in a model file. Raises UserError naming file and key."""
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))
@@ -141,7 +141,7 @@ def _value(value: Any, param: Any, file: Path, key: str) -> Value:
 
 
 class PlacedRecord(TypedDict):
-    """An effect as a model file has it: parameter -> value, and low, high and unit where there are."""
+    """An entry of `effects` in a model file; each parameter has a value, and may have low, high and unit."""
 
     effect: str
     where: str
@@ -152,7 +152,7 @@ class PlacedRecord(TypedDict):
 
 
 def placed_dict(placed: EffectInstance) -> PlacedRecord:
-    """Give the YAML/JSON form of a placed effect."""
+    """Return the YAML/JSON form of a placed effect."""
     params = {}
     for name, v in placed.params.items():
         entry: dict[str, float | str] = {"value": float(v.value)}
@@ -170,14 +170,14 @@ def placed_dict(placed: EffectInstance) -> PlacedRecord:
 
 
 def without_origin(placed: EffectInstance) -> PlacedRecord:
-    """Give the same without where its values come from."""
+    """Return the YAML/JSON form of a placed effect without the origin of its values."""
     out = placed_dict(placed)
     out.pop("origin", None)
     return out
 
 
 def model_text(world: World) -> str:
-    """Give the model file of a world; `load_model` of it gives the world back."""
+    """Return the text of a world's model file, the inverse of `load_model`."""
     tool = world.tool if isinstance(world.tool, str) or world.tool is None else dict(world.tool)
     data = {
         "format": FORMAT,

@@ -1,4 +1,4 @@
-"""Two policies as one: what `vispeg combine` does, from Python."""
+"""`vispeg.combine`: two policies as one, a coarse one and a fine one near the goal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class CombinedPolicy:
     """A coarse policy that sees, and a fine one that takes over near the goal.
 
     Attributes:
-        folder: of the two as one policy.
+        folder: folder of the combined policy.
         coarse, fine: their folders or names.
         within: distance from the goal's axis at which the fine one takes over, m.
     """
@@ -30,7 +30,7 @@ class CombinedPolicy:
     within: float
 
     def open(self) -> Policy:
-        """Give the two as one policy, which acts."""
+        """Load the combined policy."""
         return load_policy(self.folder)
 
     @property
@@ -56,7 +56,7 @@ class CombinedPolicy:
 def combine(
     coarse: str | Path, fine: str | Path, out: str | Path, *, within: float = 0.006, overwrite: bool = False
 ) -> CombinedPolicy:
-    """Write two policies and where one takes over into one folder, which is used as any policy's.
+    """Combine two policies in one folder, which is used like that of any policy.
 
     Args:
         coarse: folder or name of the first policy, which sees.
@@ -67,7 +67,7 @@ def combine(
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such policies, or such that do not fit; `within` is not above 0; `out` exists.
+        UserError: no such policies, or policies that do not fit together; `within` is not above 0; `out` exists.
     """
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine

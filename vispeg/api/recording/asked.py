@@ -1,4 +1,4 @@
-"""What a simulated recording is asked for, and what of it cannot be."""
+"""The options of `vispeg record` and their checks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LARGEST = 4096  # px
 
 @dataclass(frozen=True)
 class Asked:
-    """What `record` was asked for; its docstring says what each is."""
+    """The arguments of `record`, documented there."""
 
     model: Model
     motion: str
@@ -48,12 +48,12 @@ class Asked:
 
     @property
     def is_file(self) -> bool:
-        """Whether the motion is a table's."""
+        """Whether the motion is read from a table file."""
         return bool(Path(self.motion).suffix)
 
     @property
     def levels(self) -> dict[str, float]:
-        """Sensor noise by signal. Raises UserError: an unknown signal, or no level."""
+        """Sensor noise by signal. Raises UserError: an unknown signal, or a level that is negative or infinite."""
         for name, level in self.noise.items():
             if name not in NOISE:
                 raise UserError("unknown noise", key="--noise", got=name, choices=NOISE)
@@ -62,12 +62,12 @@ class Asked:
         return {**NOISE, **self.noise}
 
     def hidden(self, world: World, robot: RobotModel | Scene) -> World:
-        """Give the world with the effects that are hidden in the robot."""
+        """Return the world with `effects` added: what the simulated robot has and the model does not show."""
         listed = ([e] if isinstance(e, EffectInstance) else parse(e, robot) for e in self.effects)
         return world.add(*(placed for some in listed for placed in some))
 
     def refuse(self, why: str, expected: str | None = None, **usual: tuple[object, ...]) -> None:
-        """Raise UserError for an option that has none of the values that this kind of motion takes."""
+        """Raise UserError if an option has a value that this kind of motion does not support."""
         for name, values in usual.items():
             if (value := getattr(self, name)) not in values:
                 raise UserError(why, key=f"--{name.replace('_', '-')}", expected=expected, got=value)

@@ -1,4 +1,4 @@
-"""Score test over the whole library: how much of the residual each effect, at each place, could explain."""
+"""Score test over the whole library: how much of the residual each effect, at each place, can explain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-ROWS = 2**16  # of a least-squares problem at a time
+ROWS = 2**16  # rows of a least-squares problem that are factorised at a time
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Score:
     """One candidate.
 
     Attributes:
-        placed: the effect with the values at which a fit should start.
-        gain: drop of the squared whitened residual that its signature explains to first order.
-        beside: the other members where a group is tried at once.
-        out: effects accepted before in whose place they are tried.
+        placed: the effect with start values for a fit.
+        gain: drop of the squared whitened residual, to first order.
+        beside: the other members of a group that is tried at once.
+        out: accepted effects that this candidate would replace.
     """
 
     placed: EffectInstance
@@ -35,7 +35,7 @@ class Score:
 
     @property
     def members(self) -> tuple[EffectInstance, ...]:
-        """All that is tried."""
+        """All effects of the candidate."""
         return (self.placed, *self.beside)
 
     @property
@@ -45,7 +45,7 @@ class Score:
 
     @property
     def key(self) -> tuple[str, str]:
-        """(effect, where); of a group its effects, and `each`, or `several` where the data chose the places."""
+        """(effect, where). Of a group: its effects, with `each`, or `several` if the places were chosen by the data."""
         names = dict.fromkeys(e.effect for e in self.members)
         if len({e.where for e in self.members}) == 1:
             return " + ".join(names), self.placed.where
@@ -58,12 +58,12 @@ class Score:
         return "{}({})".format(*self.key)
 
     def has(self, placed: EffectInstance) -> bool:
-        """Whether an effect at its place is one of the members."""
+        """Return whether an effect at its place is one of the members."""
         return any((e.effect, e.where) == (placed.effect, placed.where) for e in self.members)
 
 
 def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:
-    """Every (effect, place) of the library that is not yet in the world; joint places only among `joints`."""
+    """Return every (effect, place) of the library that the world does not have; joint places only among `joints`."""
     taken = {(e.effect, e.where) for e in world.effects}
     item, out = evidence.items[0], []
     for name, kind in searchable().items():
@@ -78,9 +78,9 @@ def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[
 
 
 def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list[list[tuple[str, str]]]:
-    """Give what every arm has in every joint and this world has not yet, by kind: friction, rotor inertia, bias.
+    """Return groups of effects that every arm has in all joints and the world lacks: friction, rotor inertia, bias.
 
-    Kinds (`Effect.common`) that are `done` are not asked for again.
+    There is one group per kind (`Effect.common`), except those in `done`.
     """
     places_by_effect: dict[str, list[tuple[str, str]]] = {}
     for name, place in candidates(evidence, world, evidence.items[0].robot.joints):
@@ -91,7 +91,7 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
 
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """Give the scores worth a fit: the best, none under a quarter of the greatest gain unless few are left."""
+    """Return the `best` scores, without those below `fitted_share` of the largest gain beyond the first few."""
     top = scores[0].gain if scores else 0.0
     least = RULES.fitted_share * top
     return [s for i, s in enumerate(scores) if i < best and (i < RULES.fitted_surely or s.gain > least)]
@@ -104,15 +104,15 @@ def screen(
     places: Sequence[tuple[str, str]],
     together: Sequence[Sequence[tuple[str, str]]] = (),
 ) -> list[Score]:
-    """Scores of all places and of the groups `together`, best first, by the signatures `taken`.
+    """Score all places and the groups `together` with the signatures `taken`; best first.
 
-    `residual` and `jacobian` belong to the world beside which they were taken, on the same evidence.
+    `residual` and `jacobian` are those of the world at which the signatures were taken, on the same evidence.
     """
     single, grouped = set(places), {p for group in together for p in group}
     basis = _orthonormal(jacobian, len(residual))
     base = residual - basis @ (basis.T @ residual)
     best: dict[tuple[str, str], Score] = {}
-    of: dict[tuple[str, str], tuple[float, Signature]] = {}  # of the guesses at one place the one that explains most
+    of: dict[tuple[str, str], tuple[float, Signature]] = {}  # best signature at each place
     for signature in taken:
         key = signature.key
         score = _score(signature, base, basis) if key in single or key in grouped else None
@@ -126,7 +126,7 @@ def screen(
 
 
 def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
-    """Give the score of effects that are tried at once, each with its magnitudes."""
+    """Score a group of effects that are tried at once, each with its magnitudes."""
     members = [m for m in members if np.linalg.norm(m.columns[:, : len(m.names)]) > 1e-6]
     if len(members) < 2:
         return None
@@ -169,9 +169,7 @@ def _magnitudes(signature: Signature, coefficients: np.ndarray) -> dict[str, flo
 
 
 def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give the same least-squares problem with as few rows as columns: [R Q'b] of s = QR, worked out some rows at a
-    time.
-    """
+    """Reduce a least-squares problem to as many rows as columns: R and Q'b of s = QR, `ROWS` rows at a time."""
     k = s.shape[1]
     upper = np.zeros((0, k + 1))
     for start in range(0, len(s), ROWS):

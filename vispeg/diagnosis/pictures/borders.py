@@ -1,4 +1,4 @@
-"""The search among what moves borders: a name has to be borne out by a second recording, and to be needed as a set."""
+"""Search effects by image edges: each must be confirmed by a second recording and needed beside the others."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ OF_TIME = ("camera_delay", "rolling_shutter")
 
 
 class BorderSearch(PictureSearch):
-    """A search whose names do what no other effects can do, alike in both recordings."""
+    """A search whose effects other effects cannot replace, and that act the same in both recordings."""
 
     @property
     def least_share(self) -> float:
-        """As `PictureSearch`: projections are nearly exact, and pixels count (`Agreement`)."""
+        """As `PictureSearch`; lower, as projection is nearly exact and `Agreement` asks for a change in px as well."""
         return RULES.later
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """Add effects until none earns its place; then let what does as well with less take the place of others."""
+        """Add effects until none is accepted, then replace effects by simpler or better ones."""
         n_fixed = len(world.effects) if n_fixed is None else n_fixed
         state = super().run(world, n_fixed)
         for _ in range(RULES.exchanges):
@@ -39,15 +39,15 @@ class BorderSearch(PictureSearch):
         return state
 
     def doubt(self, placed: EffectInstance, added: World, without: World, n_fixed: int) -> str:
-        """As `PictureSearch`: others can do it, or the recordings differ on what it does."""
+        """As `PictureSearch`: other effects can replace it, or the two recordings disagree on it."""
         return agreement(self, added, without, n_fixed).doubt(self.least_of(placed))
 
     def least_of(self, placed: EffectInstance) -> float:
-        """As `PictureSearch`: what only motion makes is not made by a look."""
+        """As `PictureSearch`; less for effects of time, which an error of appearance cannot imitate."""
         return RULES.moving_px if placed.effect in OF_TIME else self.least
 
     def _simpler(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
-        """One effect alone that does as well as all that were taken."""
+        """Return the trial of one effect alone that fits as well as the whole set."""
         if len(state.world.effects) - n_fixed < 2:
             return None
         trials, base = state.steps[0][1], replace(state.world, effects=state.world.effects[:n_fixed])
@@ -57,7 +57,7 @@ class BorderSearch(PictureSearch):
         return (alone[0], trials) if alone else None
 
     def _exchange(self, state: State, n_fixed: int) -> tuple[Trial, list[Trial]] | None:
-        """Give an effect in whose place another one does better, all else fitted anew."""
+        """Return the trial of replacing one effect by another that fits better, everything else refitted."""
         best, chosen = (1.0 - RULES.exchange) * float(state.loss.sum()), state.world.effects[n_fixed:]
         replacement = None
         for placed in chosen if len(chosen) > 1 else ():

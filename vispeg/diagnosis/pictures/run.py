@@ -1,4 +1,4 @@
-"""From recordings with frames to the effects of camera, sensor and arm that the model lacks."""
+"""Diagnose recordings with frames: find the effects of camera, sensor and arm that the model lacks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
-WIDE = 8.0  # px in which the remainder's edges are sought
+WIDE = 8.0  # px around a predicted border in which the remaining edge errors are measured
 
 
 def diagnose_pictures(
@@ -50,19 +50,18 @@ def diagnose_pictures(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects that `world` lacks in what its cameras see; every error in the record is on `held_out`.
+    """Find the effects that `world` lacks, from camera images; every error in the record is on `held_out`.
 
     Args:
-        world: the model, its effects at places of the scene.
+        world: the model; its effects are placed in `scene`.
         scene: the cell as it is believed.
-        fitted, held_out: with frames.
-        seed: of what the modelled sensor draws.
-        say: is told what is being done.
-        progress: keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
+        fitted, held_out: recordings with frames.
+        seed: seed of the noise of the modelled sensor.
+        say: called with a line for each stage.
+        progress: stores intermediate results, so that a killed diagnosis can be resumed with the same arguments.
 
     Raises:
-        UserError: recordings without frames or without colour, with cameras whose pose is not stated, or none that
-            sees anything.
+        UserError: recordings without frames or colour, cameras without a stated pose, or no camera that sees the cell.
     """
     for rec in (*fitted, *held_out):
         if not any(frame.rgb_source is not None for frame in rec.frames or ()):
@@ -97,7 +96,7 @@ def diagnose_pictures(
     field = evidence.scatter.field
     of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved, field)
     sensed = []
-    if of_borders.verdict != "unexplained":  # where things do not stand where they are drawn, no sensor can be told
+    if of_borders.verdict != "unexplained":  # sensor effects can be identified only once the geometry fits
         sensed = sensor_search(scene, (mine, theirs), (evidence, judged), world, state.world, say, progress)
     alike = confounded(judged, state.world, rivals)
     verdict, rivals = with_sensor(of_borders, sensed), [*rivals, *(r for s in sensed for r in s.rivals)]
@@ -160,7 +159,7 @@ def diagnose_pictures(
 
 
 def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
-    """Share of the predicted borders without an edge within the wide window."""
+    """Return the share of predicted border points without a measured edge within `WIDE`."""
     away = np.concatenate([p.along for _, p in wide])
     return 1.0 - float(np.isfinite(away).mean()) if len(away) else 0.0
 
@@ -178,9 +177,10 @@ def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:
 def _seen_anew(
     search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence], n_fixed: int
 ) -> tuple[BorderSearch, State]:
-    """Give the search and the state on edges that were aligned, and trusted, with what was found in the model.
+    """Repeat edge matching with the effects found so far; return the search and the state on the new edges.
 
-    What the alignment does not free (a read-out time) it takes for the robot's errors, and edges for outliers.
+    An effect that the alignment does not fit (a read-out time, say) is first mistaken for joint errors, and its edges
+    for outliers.
     """
     anew = BorderSearch(*evidence, search.say, search.progress)
     (fit,) = anew.fits([state.world], n_fixed)
@@ -193,7 +193,7 @@ def _floor(evidence: BorderEvidence, judged: BorderEvidence) -> NoiseFloor:
 
 
 def _joints_said(robot: float, recordings: Sequence[Recording]) -> str:
-    """How far the joints are taken to be off in each frame, beside the noise that the recordings state."""
+    """Return a clause on the joint error assumed in each frame, compared with the recordings' stated encoder noise."""
     if not robot:
         return ""
     said = f"; that is with the joints {1e3 * robot:.2g} mrad off in each frame (1 sigma), by the pictures alone"

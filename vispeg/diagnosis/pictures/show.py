@@ -1,4 +1,4 @@
-"""The held-out frames that the model missed most: measured, rendered before and after, as a report shows them."""
+"""The held-out frames with the largest edge errors, measured and rendered with both models, as a report shows them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MOST = 4  # frames
 def shown_pictures(
     predictor: Predictor, sights: Sequence[Sight], before: World, after: World, judged: BorderEvidence, seed: int
 ) -> dict[str, np.ndarray]:
-    """Arrays by name, `view/I/...`.
+    """Return the arrays `view/I/...` of the worst held-out frames, I = 0, 1, ....
 
-    `measured`, `before`, `after` (H, W, 3) uint8, rendered ones in the predictor's look; `depth`, `depth_before`,
-    `depth_after` (H, W) float32 m where there is depth; `title`; `pixel`, `normal` (n, 2) of the border points, and
-    `along_before`, `along_after` (n,) px, how far from their edges they are.
+    `measured`, `before`, `after` (H, W, 3) uint8, the latter two rendered in the predictor's appearance; `depth`,
+    `depth_before`, `depth_after` (H, W) float32 m where there is depth; `title`; `pixel`, `normal` (n, 2) of the
+    predicted border points, and `along_before`, `along_after` (n,) px, their distances to the measured edges.
     """
     out: dict[str, np.ndarray] = {}
     for k, (index, frame) in enumerate(_worst(judged, before)):
@@ -51,7 +51,7 @@ def shown_pictures(
 
 
 def _worst(judged: BorderEvidence, world: World) -> list[tuple[int, int]]:
-    """(item, frame) of the frames with the greatest misplacement, the worst first."""
+    """Return (item, frame) of the `MOST` frames with the largest RMS edge error, worst first."""
     errors = []
     for index, (item, away) in enumerate(zip(judged.items, judged.misplaced(world), strict=True)):
         good = item.valid[:, 0] & np.isfinite(away)

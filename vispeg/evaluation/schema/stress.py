@@ -8,7 +8,7 @@ from vispeg.evaluation.schema.estimate import Interval
 
 
 class HardPosition(TypedDict):
-    """A start of a list of positions: m and rad, against the nominal goal."""
+    """One start of a list of positions, relative to the nominal goal, m and rad."""
 
     name: str
     x: NotRequired[float]
@@ -20,7 +20,7 @@ class HardPosition(TypedDict):
 
 
 class PushRow(TypedDict):
-    """A policy at a position: success still and pushed, and what the push costs on the same seeds."""
+    """A policy at one position: success without and with a push, and the loss to the push on the same seeds."""
 
     policy: str
     position: str
@@ -32,7 +32,7 @@ class PushRow(TypedDict):
 
 
 class PushRecord(TypedDict):
-    """perturb.json as `perturb.summarise` gives it."""
+    """perturb.json, returned by `perturb.summarise`."""
 
     format: str
     rows: list[PushRow]
@@ -40,7 +40,7 @@ class PushRecord(TypedDict):
 
 
 class SweepPoint(TypedDict):
-    """Success at one value; against the null value: what it costs, Holm's p, the verdict."""
+    """Success at one value of the effect; compared with the null value: loss, Holm's p, verdict."""
 
     value: float
     success: Interval
@@ -50,7 +50,7 @@ class SweepPoint(TypedDict):
 
 
 class Curve(TypedDict):
-    """A policy over the values of a sweep."""
+    """Success of one policy over the values of a sweep."""
 
     policy: str
     modality: str
@@ -72,7 +72,7 @@ class SweepRecord(TypedDict):
 
 
 class Peak(TypedDict):
-    """Median peak force, N, on both sides, and the rank test's p."""
+    """Median peak force, N, with fixed and randomized parameters, and p of the rank test."""
 
     fixed: float | None
     randomized: float | None
@@ -88,7 +88,7 @@ class Count(TypedDict):
 
 
 class ExploitRow(TypedDict):
-    """A policy with fixed contact parameters and with randomized ones."""
+    """Success of one policy with fixed and with randomized contact parameters."""
 
     policy: str
     modality: str
@@ -105,7 +105,7 @@ class ExploitRow(TypedDict):
 
 
 class ExploitRecord(TypedDict):
-    """exploit.json as `exploit.summarise` gives it."""
+    """exploit.json, returned by `exploit.summarise`."""
 
     format: str
     margin: float
@@ -113,7 +113,7 @@ class ExploitRecord(TypedDict):
 
 
 class Priced(TypedDict):
-    """A policy with the identified model and with what that leaves open; the cost on the same seeds."""
+    """Success of one policy in the identified model, and with the unexplained residual; loss on the same seeds."""
 
     policy: str
     modality: str
@@ -126,7 +126,7 @@ class Priced(TypedDict):
 
 
 class RemainderCost(TypedDict):
-    """`cost` in diagnosis.json: the cell, episodes of each policy in each of the two, and a row a policy."""
+    """`cost` in diagnosis.json: the cell, episodes per policy and model, and one row per policy."""
 
     world: dict[str, str]
     episodes: int

@@ -1,7 +1,7 @@
-"""One place of the room in several frames: what its light does between the middle of an image and the corners.
+"""Estimate vignetting from points of the room that several frames show at different distances from the centre.
 
-The light that a matt place sends is the same wherever a camera looks from, so its fall towards the corners is the
-lens's own (Goldman, Vignette and exposure calibration and compensation, TPAMI 32(12), 2010).
+The radiance of a matt surface does not depend on the viewpoint, so a fall towards the corners is due to the lens
+(Goldman, Vignette and exposure calibration and compensation, TPAMI 32(12), 2010).
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from vispeg.identify.pictures.shots import Shot
 from vispeg.vision.depth import depth_residual
 
-APART = 10  # px between the places that are taken from a frame
-SAME = (0.003, 0.01)  # m, and a share of the distance: within which a pixel shows the same place
-DARK, FULL = 0.003, 0.95  # linear light between which a pixel tells it
-LEAST = 40  # places of a frame
+APART = 10  # px, spacing of the points taken from each frame
+SAME = (0.003, 0.01)  # m, and share of the distance: depth tolerance for the same point
+DARK, FULL = 0.003, 0.95  # linear light: darker pixels are noisy, brighter ones saturated
+LEAST = 40  # fewest points of a usable frame
 
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """Sightings (n,) of places: number of the place, of the frame, pixel (n, 2), and 1 - cos^4 of the angle there."""
+    """Observations (n,) of points: index of the point, of the frame, pixel (n, 2), and 1 - cos^4 of the view angle."""
 
     place: np.ndarray
     frame: np.ndarray
@@ -31,10 +31,10 @@ class Links:
     frames: int
 
     def slopes(self, light: Sequence[np.ndarray]) -> np.ndarray:
-        """(frames,) octaves of light that each frame gains with each unit of `fall`; NaN where it shows too little.
+        """Return the slope of log2 light over `fall` in each frame, (frames,); NaN for frames with too few points.
 
         Args:
-            light: of each frame, linear (H, W).
+            light: linear images (H, W), one per frame.
         """
         import cv2
 
@@ -52,14 +52,14 @@ class Links:
             if rows.sum() < LEAST:
                 continue
             a, b = x[rows] - x[rows].mean(), e[rows] - np.median(e[rows])
-            keep = np.abs(b) < 1.0  # an octave is another shadow, not a lens
+            keep = np.abs(b) < 1.0  # a factor of two is a change of shadow, not vignetting
             spread = float(a[keep] @ a[keep])
             if spread > 0.003 * keep.sum():
                 out[f] = float(a[keep] @ b[keep]) / spread
         return out
 
     def _against_others(self, value: np.ndarray, good: np.ndarray) -> np.ndarray:
-        """(n,) each sighting's value less the mean of its place in the other frames; NaN where there is no other."""
+        """Return each value minus the mean of the same point in other frames, (n,); NaN if no other frame shows it."""
         n = int(self.place.max()) + 1
         count = np.bincount(self.place, good, n)[self.place] - good
         total = np.bincount(self.place, good * value, n)[self.place] - good * value
@@ -67,7 +67,7 @@ class Links:
 
 
 def links_of(shots: Sequence[Shot]) -> Links:
-    """Places of the room on a grid in each frame, and where the other frames show them."""
+    """Take points of the room on a grid in each frame, and find their pixels in the other frames."""
     clear = [depth_residual(s.rendering.depth, s.rendering).interior & s.fixed for s in shots]
     rows: list[np.ndarray] = []
     start = 0
@@ -89,6 +89,6 @@ def links_of(shots: Sequence[Shot]) -> Links:
             rows.append(np.column_stack([index + start, np.full(len(index), number), at[index]]))
         start += len(v)
     table = np.concatenate(rows) if rows else np.zeros((0, 4), int)
-    secant = [np.sum(s.rendering.eye.rays() ** 2, -1) for s in shots]  # squared, of each pixel's angle
+    secant = [np.sum(s.rendering.eye.rays() ** 2, -1) for s in shots]  # 1 / cos^2 of each pixel's view angle
     fall = np.array([1 - 1 / secant[f][b, a] ** 2 for _, f, a, b in table])
     return Links(table[:, 0], table[:, 1], table[:, 2:], fall, len(shots))

@@ -1,11 +1,11 @@
-"""Soft actor-critic on Stable-Baselines3's loop, with an actor that sees and critics that know.
+"""Asymmetric soft actor-critic on Stable-Baselines3's training loop.
 
-The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so that a critic's update
-costs the same for every modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542). Symmetric critics, for
-comparison, read what the actor reads, images through encoders of their own.
+The critics read ground truth (`privileged`) and the actor's vector (`policy`), never pixels, so the cost of a critic
+update does not depend on the modality (asymmetric actor-critic, Pinto et al. 2017, arXiv:1710.06542). Symmetric
+critics, for comparison, read the actor's observations, with image encoders of their own.
 """
 
-# SB3 declares its networks more widely than what stands in them here.
+# SB3 declares wider types for its networks than those used here.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from vispeg.learn.networks.nets import huber, soft_update
 from vispeg.learn.networks.recurrent import draw, latents
 from vispeg.learn.settings import SacSettings
 
-MEASURED_ON = 4096  # transitions that set the input scales
+MEASURED_ON = 4096  # transitions from which the input scales are estimated
 
 
 class AsymmetricPolicy(SACPolicy):
-    """Our actor, critics and target critics where Stable-Baselines3 expects its own."""
+    """A Stable-Baselines3 policy that holds this package's actor, critics and target critics."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class AsymmetricPolicy(SACPolicy):
         networks: Callable[[], tuple[Actor, Callable[[], Critic]]],
         **_: Any,
     ):
-        self._networks = networks  # a function, because a module cannot be kept before the base class is ready
+        self._networks = networks  # a function: nn.Module attributes cannot be set before super().__init__
         super().__init__(observation_space, action_space, lr_schedule)
 
     def _build(self, lr_schedule: Any) -> None:
@@ -59,23 +59,23 @@ class AsymmetricPolicy(SACPolicy):
         self.critic.optimizer = torch.optim.Adam(self.critic.parameters(), lr, fused=True)
 
     def set_training_mode(self, mode: bool) -> None:
-        """Nothing here behaves differently while training."""
+        """Set the flag only: no layer here behaves differently in training."""
         self.training = mode
 
 
 class AsymmetricSAC(SAC):
-    """SAC whose actor sees the layout's parts and whose critics see ground truth.
+    """SAC whose actor reads the modality's observations and whose critics read ground truth.
 
     Args:
         env: a Stable-Baselines3 vector environment with Dict observations.
-        modality: what the actor may see.
-        settings: numbers of the algorithm.
+        modality: observations of the actor.
+        settings: hyperparameters.
         seed: of networks, exploration and replay.
         device: `cpu`, `cuda` or `auto`.
 
     Attributes:
-        demos: demonstrations, of which each batch takes its share; None for none.
-        new: whether the actor is yet to learn anything; False keeps its input scale.
+        demos: demonstrations, a share `demo_fraction` of each batch; None without.
+        new: whether the actor is untrained; False keeps its input scale.
     """
 
     def __init__(
@@ -117,11 +117,11 @@ class AsymmetricSAC(SAC):
 
     @property
     def replay(self) -> Replay:
-        """What has been lived through."""
+        """The replay buffer."""
         return self.replay_buffer  # type: ignore[return-value]
 
     def train(self, gradient_steps: int, batch_size: int = 0) -> None:
-        """As many updates as the environment steps since the last call have earned."""
+        """Run `settings.utd` gradient updates per environment step since the last call."""
         self._owed += self.settings.utd * self.n_envs
         if not self.measured:
             self.measure()
@@ -140,9 +140,9 @@ class AsymmetricSAC(SAC):
         self.logger.record("train/updates", self._n_updates)
 
     def measure(self) -> None:
-        """Set the input scales of critics and of a new actor from what batches will hold."""
+        """Estimate the input scales of the critics and of a new actor from a sample like the batches to come."""
         batch = (self.replay if self.demos is None else self.demos).sample(MEASURED_ON, images="none")
-        if self.demos is not None and self.new and len(self.replay):  # what is new explores far from demonstrations
+        if self.demos is not None and self.new and len(self.replay):  # a new actor explores far from the demonstrations
             batch = mixed(batch, self.replay.sample(MEASURED_ON, images="none"))
         if self.new:
             self.actor.scale.measure(self.actor.vector(batch.obs))
@@ -151,7 +151,7 @@ class AsymmetricSAC(SAC):
         self.measured = True
 
     def _sample(self, images: Images) -> tuple[Batch, int]:
-        """Give a batch and how many of its last rows are demonstrations."""
+        """Draw a batch; also return how many rows at its end are demonstrations."""
         s, rng = self.settings, self.replay.rng
         demos = round(s.batch * s.demo_fraction) if self.demos is not None else 0
         if self.demos is None or demos == 0:
@@ -163,7 +163,7 @@ class AsymmetricSAC(SAC):
         return mixed(replay_batch, demo_batch), demo_batch.reward.shape[-1]
 
     def _update_critic(self, batch: Batch) -> Tensor:
-        """One step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
+        """Step on (Q - (r + gamma (1 - done) (min Q'(s', a') - alpha log pi(a'|s'))))^2 / 2 for both critics."""
         shift = self.settings.shift
         with torch.no_grad():
             action, log_prob = self.actor.sample(latents(self.actor, batch, after=True))
@@ -175,7 +175,7 @@ class AsymmetricSAC(SAC):
         return loss.detach()
 
     def _update_actor(self, batch: Batch, demos: int) -> dict[str, Tensor]:
-        """One step on alpha log pi(a|s) - min Q(s, a), then one of the temperature towards the target entropy."""
+        """Take one step on alpha log pi(a|s) - min Q(s, a), then one on the temperature towards the target entropy."""
         s = self.settings
         latent = latents(self.actor, batch, False, s.shift)
         action, log_prob = self.actor.sample(latent)
@@ -237,9 +237,9 @@ class AsymmetricSAC(SAC):
             self._hidden = (self._hidden[0] * going, self._hidden[1] * going)
 
     def restart(self, seed: int) -> None:
-        """Start every environment anew from `seed`; episodes in progress end without their last transition.
+        """Reset every environment with `seed`; episodes in progress end without their last transition.
 
-        A checkpoint is taken at such a cut: what follows depends on the seed and on what is saved, and on nothing else.
+        Checkpoints are taken here, so that a resumed run depends only on the seed and on the saved state.
         """
         self.replay.cut()
         self.env.seed(seed)  # type: ignore[union-attr]
@@ -247,7 +247,7 @@ class AsymmetricSAC(SAC):
 
 
 def teachers_share(env: Any, modality: Modality) -> tuple[int, ...]:
-    """Entries of the ground truth that a policy of this modality reads: in a task what its terms show to a teacher."""
+    """Return the ground-truth indices that a policy of this modality reads: those of a task's teacher terms."""
     if not modality.knows:
         return ()
     observed = getattr(getattr(env, "env", env), "observed", None)
@@ -255,7 +255,7 @@ def teachers_share(env: Any, modality: Modality) -> tuple[int, ...]:
 
 
 def critics(space: Any, layout: Layout, modality: Modality, settings: SacSettings) -> Critic:
-    """Make new critics, of ground truth and the actor's vector, or of what the actor sees."""
+    """Make new critics that read ground truth and the actor's vector, or, if symmetric, the actor's observations."""
     keys = (VECTOR,) if settings.symmetric else tuple(k for k in (PRIVILEGED, VECTOR) if k in space.spaces)
     images = layout.images if settings.symmetric else {}
     return Critic(
@@ -267,7 +267,7 @@ def critics(space: Any, layout: Layout, modality: Modality, settings: SacSetting
 
 
 def tensors(obs: Mapping[str, np.ndarray], layout: Layout, device: torch.device | str) -> dict[str, Tensor]:
-    """Give the parts that the layout names, as tensors."""
+    """Return the observations that the layout names, as tensors."""
     return {key: torch.as_tensor(np.ascontiguousarray(obs[key]), device=device) for key in layout.keys}
 
 

@@ -1,4 +1,4 @@
-"""Reads a Parquet table block by block; a column of lists stands for as many columns, `state[0]`, `state[1]`, ..."""
+"""Read a Parquet table block by block; a column of lists becomes one column per element, `state[0]`, `state[1]`, ..."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BLOCK = 65_536  # rows
 
 
 def read_parquet(file: Path, reading: Reading) -> Table:
-    """Give the table. Raises UserError for what is no Parquet file that can be read."""
+    """Read the wanted columns of a table. Raises UserError if the file is not a readable Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -55,7 +55,7 @@ def _type(source: Any, name: str) -> Any:
 
 
 def _width(source: Any, name: str) -> int | None:
-    """0 for a column of numbers, the length for one of lists of numbers, None for anything else."""
+    """Return 0 for a column of numbers, the length for a column of lists of numbers, None for any other type."""
     import pyarrow as pa
 
     kind = _type(source, name)

@@ -1,4 +1,4 @@
-"""Why trials fail: where their starts lead in simulation, rules, and causes by what they explain."""
+"""The page of `vispeg explain`: why trials fail, by replays in simulation, rules of thumb, and ranked causes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 
 def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
-    """Give the page of a `vispeg-explain/1` record, with pictures of one trial."""
+    """Render the page of a `vispeg-explain/1` record, with pictures of one trial."""
     lines = [f"{values['policy']}: {values['words']}"]
     if values["next"]:
         lines += [values["next"]["why"], f"next: {values['next']['command']}"]
-    if values.get("worth"):  # records of before say nothing of it
+    if values.get("worth"):  # absent in older records
         lines.append(values["worth"]["words"])
     lines += values["notes"]
     sections = [table_page.title("Why do these trials fail?", lines)]
@@ -60,9 +60,9 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
             for s in values["senses"]
         ]
         note = (
-            "The policy on what it saw in the trials, with one sense from simulation: pictures of the same places, or "
-            "readings of the arm or the wrench of a replay. A robot that is like one more draw of the world moves the "
-            "action as far as two draws are apart."
+            "The policy's actions on the observations of the trials, with one sense replaced by simulation: images "
+            "from the same poses, or the arm readings or wrench of a replay. If the robot were one more draw of the "
+            "randomized world, the action would move as far as between two draws."
         )
         sections.append(table_page.table("What its senses tell the policy", heads, rows, note=note))
     rates = [("robot", values["robot"]), ("simulation, the policy", values["closed"])]
@@ -87,7 +87,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
         for r in values["rules"]
     ]
     if rules:
-        note = "Rules of thumb of the article, no tests. Joints and delay are compared before contact."
+        note = "Rules of thumb from the article, not statistical tests. Joints and delay are compared before contact."
         sections.append(table_page.table("Rules", ("rule", "here", "from", "points to"), rules, note=note))
     each = [[t["trial"], t["category"], words.rate(t["closed"]), words.rate(t["open"])] for t in values["trials"]]
     heads = ("trial", "ended by", "the policy from its start", "its actions from its start")
@@ -96,7 +96,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
 
 
 def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
-    """Show what no cause explains, the conditions of a verdict on it, the article's signs, and prices."""
+    """Show the unexplained remainder, the conditions of its verdict, the article's signs, and the cost of steps."""
     sections, b, left = [], values["bridge"], values["remainder"]
     if left:
         regimes = "; ".join(
@@ -114,7 +114,9 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
         sections.append(table_page.table("What no cause explains, played back", ("", "success"), rows, note=note))
     rows = [[c["condition"], c["here"], words.met(c["met"])] for c in b["conditions"]]
     rows += [[f"the article's sign: {s['sign']}", s["here"], "speaks" if s["speaks"] else "silent"] for s in b["signs"]]
-    note = f"{b['verdict']}: {b['words']}. It is called unbridgeable only where all conditions are met; signs are none."
+    note = (
+        f"{b['verdict']}: {b['words']}. It is called unbridgeable only if all conditions are met; signs do not count."
+    )
     sections.append(table_page.table("Can it be bridged here?", ("condition", "here", ""), rows, note=note))
     rows = [
         [
@@ -128,7 +130,7 @@ def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
         for s in values["steps"]
     ]
     heads = ("next step", "wins back at most, points", "hours", "of which", "points an hour", "command")
-    note = "What paired replays say is lost, all of which a step would win back at most. A person's hours are stated."
+    note = "Upper limits: the loss that paired replays attribute to each cause. Hours of human work are as stated."
     sections.append(table_page.table("What to do next", heads, rows, note=note))
     return sections
 
@@ -145,7 +147,7 @@ def _more(more: Mapping[str, Any]) -> str:
 
 
 def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Section]:
-    """One trial: its pictures beside simulation's, and what the policy asks for on each."""
+    """Show one trial: its images beside simulated ones, and the action that the policy commands on each."""
     m = values["moment"]
     if m is None:
         return []
@@ -166,7 +168,7 @@ def _offset(offset: Sequence[float]) -> str:
 
 def _strip(strip: Strip, shape: Shape) -> Figure:
     keys, shown = list(strip.robot), list(range(len(strip.steps)))
-    if shape is NARROW:  # the moment and what is about it
+    if shape is NARROW:  # four steps around the moment
         first = max(0, min(strip.moment - 1, len(shown) - 4))
         shown = shown[first : first + 4]
     side = shape.width / len(shown)

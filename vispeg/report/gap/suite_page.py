@@ -1,4 +1,4 @@
-"""The regression suite: training world against target by configuration, health over versions, what changed."""
+"""The page of the regression suite: success in the training world against the target, by configuration and version."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def render(
     versions: Sequence[Mapping[str, Any]], changes: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()
 ) -> str:
-    """Give the page of `vispeg-suite-result/1` records, oldest first, and of what changed between the last two."""
+    """Render the page of `vispeg-suite-result/1` records, oldest first, with the changes between the last two."""
     last = versions[-1]
     lines = [f"{v['version']}: {v['health']['words']}" for v in versions]
     changed = [c for c in changes if c["verdict"] in ("fell", "rose")]
@@ -28,9 +28,9 @@ def render(
     sections = [table_page.title(f"Regression suite, {last['version']}", lines)]
     heads = ("policy", "configuration", last["train"], last["target"])
     rows = [[r["policy"], r["configuration"], words.rate(r["train"]), words.rate(r["target"])] for r in last["rows"]]
-    caption = "One point a configuration. On the line, the training world promises what the target keeps."
+    caption = "One point per configuration. On the line, success in the target equals success in the training world."
     if len(versions) > 1:
-        caption += " Right: their correlation by version; above 0.8 healthy, below 0.6 an alarm."
+        caption += " Right: correlation of the two by version; above 0.8 is healthy, below 0.6 raises an alarm."
     picture = scatter(versions)
     sections.append(table_page.table("Configurations", heads, rows, picture=picture, caption=caption))
     if changes:
@@ -52,7 +52,7 @@ def render(
 
 
 def scatter(versions: Sequence[Mapping[str, Any]]) -> str:
-    """Target against training world, and the correlation over versions where there are several."""
+    """Draw success in the target against the training world, and with several versions their correlation by version."""
     text = "Training world against target by configuration"
     return chart(lambda shape: _figure(versions, shape), "suite", text)
 

@@ -1,4 +1,4 @@
-"""What a diagnosis of contact says of its phases, in a sentence."""
+"""Sentences of a contact diagnosis on its phases: free air, pressing, sliding, inside."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from vispeg.report.text.quantities import number, plain, quantity
 from vispeg.report.text.words import NEAR_FLOOR, against_floor, change
 
 WHERE: dict[str, str] = dict(zip(REGIMES, ("in free air", "in presses", "in slides", "inside"), strict=False))
-LEAST = 1.2  # times smaller, from which a fall is worth a sentence
+LEAST = 1.2  # smallest ratio of errors before and after that is worth a sentence
 
 
 def phases(values: Mapping[str, Any]) -> str:
-    """`In presses the force error falls 2.6-fold, from 1.37 N RMS to 0.523 N RMS.`
+    """Return e.g. `In presses the force error falls 2.6-fold, from 1.37 N RMS to 0.523 N RMS.`
 
-    Of the phase in which the squared error over its time falls most; empty where none has become 1.2 times smaller.
+    It names the phase whose squared error, integrated over its time, falls most; empty if none falls by a factor of
+    `LEAST`.
     """
     best, most = "", 0.0
     for row in rows(values, "phases"):
@@ -32,9 +33,9 @@ def phases(values: Mapping[str, Any]) -> str:
 
 
 def left(values: Mapping[str, Any]) -> str:
-    """Give `What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor; largest at 12.3 s of slide-2.`
+    """Return e.g. `What is left shows most in slides: 0.710 N RMS there, 8.6 × the noise floor; largest at ...`.
 
-    Of the phase whose squared error over its floor is greatest, over its time; empty where none stands above its floor.
+    It names the phase whose squared error exceeds the noise floor most, integrated over its time; empty if none does.
     """
     best, most = "", 0.0
     for row in rows(values, "phases"):
@@ -48,7 +49,7 @@ def left(values: Mapping[str, Any]) -> str:
 
 
 def _worst(values: Mapping[str, Any]) -> str:
-    """`; largest, 2.10 N, at 12.3 s of slide-2 with the tip x 3.1, y −0.2, z 0.4 mm from the goal`, where known."""
+    """Return e.g. `; largest, 2.10 N, at 12.3 s of slide-2 with the tip x 3.1, y −0.2, z 0.4 mm from the goal`."""
     worst = values.get("worst_left")
     if not isinstance(worst, Mapping):
         return ""

@@ -13,7 +13,7 @@ from vispeg.worlds.world import World
 
 
 class TaskEnv(gym.Env):
-    """One environment of a world's task; arguments as TaskVec."""
+    """One environment of a world's task; arguments as for `TaskVec`."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 6}
 
@@ -33,9 +33,10 @@ class TaskEnv(gym.Env):
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begins an episode; the info holds its `seed`, what its `world` drew, and `cameras`, see TaskVec.views.
+        """Begin an episode; `info` holds its `seed`, the values that its `world` drew, and `cameras` (see
+        `TaskVec.views`).
 
-        `options["start"]`: a `vispeg.task.start.Start`, see TaskVec.reset.
+        `options["start"]`: a `vispeg.task.start.Start`, see `TaskVec.reset`.
         """
         super().reset(seed=seed)
         start = {"start": options["start"]} if options and "start" in options else None
@@ -47,9 +48,10 @@ class TaskEnv(gym.Env):
         return {**info, "cameras": views} if views else info
 
     def step(self, action: np.ndarray):
-        """One policy step of 160 ms; the info of an episode's last one is its `record`, and holds it as such too.
+        """Advance by one policy step of 160 ms.
 
-        With images, every info holds `cameras`.
+        At the end of an episode `info` holds the entries of its record, and the record itself as `record`. With images,
+        `info` always holds `cameras`.
         """
         self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])
@@ -64,12 +66,12 @@ class TaskEnv(gym.Env):
         )
 
     def render(self):
-        """Give an RGB image (H, W, 3) uint8 from outside, or None."""
+        """Return an RGB image (H, W, 3) uint8 from a camera that overlooks the cell, or None without a render mode."""
         images = self.vec.render()
         return None if images is None else images[0]
 
     def close(self) -> None:
-        """Frees the renderers."""
+        """Free the renderers."""
         self.vec.close()
 
     def __getstate__(self):

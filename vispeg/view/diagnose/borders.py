@@ -1,4 +1,4 @@
-"""Pictures: how far the borders of what stands in the cell lie from where the model puts them."""
+"""The pictures channel: how far image edges lie from where the model predicts the borders of parts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.worlds.world import World
 
 
 class Borders(Subject):
-    """Recordings with frames in a cell; the arguments of `Joints`."""
+    """Edge errors of recordings with frames; arguments as for `Joints`."""
 
     unit, shows = "px", "How far borders lie from where the model puts them"
 
@@ -34,7 +34,7 @@ class Borders(Subject):
 
     @property
     def floor(self) -> float:
-        """RMS scatter of an edge."""
+        """RMS measurement noise of an edge, px."""
         return self.judged.floor
 
     @property
@@ -43,11 +43,11 @@ class Borders(Subject):
         return self.judged.scene
 
     def error(self, world: World) -> float:
-        """RMS over borders."""
+        """RMS edge error, px."""
         return self.judged.error(world)
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Give a track a camera of a recording, a row a frame: the RMS of its borders."""
+        """Return one track per recording and camera, with one row per frame: the frame's RMS edge error, px."""
         out = []
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
@@ -60,7 +60,7 @@ class Borders(Subject):
         return tuple(out)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Over time, and by the part whose border it is."""
+        """Map the whitened edge errors over time, and by the part whose border it is."""
         rows: list[list[np.ndarray]] = [[], [], [], []]
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
@@ -81,7 +81,7 @@ class Borders(Subject):
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Give a sight's recording; time counts from its first reading."""
+        """Return the recording of a track, and the time of its first sample, s, which the track counts from."""
         rec = self.recordings[self.judged.items[track].name]
         return rec, float(rec.time[0])
 
@@ -89,14 +89,14 @@ class Borders(Subject):
         return self.judged.items[track].sight.time - self.recorded(track)[1]
 
     def _placed(self, item: Item, values: np.ndarray) -> np.ndarray:
-        """(n, columns): values (n,) in the column of the item's camera, NaN elsewhere."""
+        """Return (n, columns): the values (n,) in the column of the item's camera, NaN elsewhere."""
         out = np.full((len(values), len(self.columns)), np.nan)
         out[:, self.columns.index(item.sight.camera.name)] = values
         return out
 
 
 def _per_frame(item: Item, away: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """(frames,) px RMS of each frame's trusted borders."""
+    """Return each frame's RMS edge error, (frames,) px, weighted by the trust in each edge."""
     good = np.isfinite(away)
     trust, at = np.where(good, item.trust, 0.0), np.searchsorted(frames, item.points.frame)
     square = np.bincount(at, trust * np.where(good, away, 0.0) ** 2, len(frames))

@@ -1,11 +1,11 @@
 """Depth dropout: a `share` of the pixels gives no reading, drawn anew in every frame, in blobs `size` px wide.
 
-A pixel is lost where a Gaussian field of variance 1 is below u, the quantile of `share`. Along a line such a field,
-low-passed over L px, crosses u upwards exp(-u^2 / 2) / (2 pi sqrt(2) L) times a px, so a run of lost pixels is share
-2 pi sqrt(2) L exp(u^2 / 2) px long on average, and L follows from `size`. Below about 2 px the pixels themselves make
-it longer: single ones, drawn independently, come in runs of 1 / (1 - share). Source: Rice, Mathematical analysis of
-random noise, Bell System Technical Journal 24, 1945, section 3.3. Range: 0 to 15 % of an image. These blobs know
-neither the surface nor the last frame.
+A pixel is lost where a Gaussian field of variance 1 is below u, the quantile of `share`. Smoothed by a Gaussian of
+standard deviation L px, the field crosses u upwards exp(-u^2 / 2) / (2 pi sqrt(2) L) times per px along a line, so the
+mean run of lost pixels is share 2 pi sqrt(2) L exp(u^2 / 2) px, from which L follows for a given `size`. Below about 2
+px runs are longer than `size`, because pixels are discrete: independent pixels already come in runs of 1 / (1 - share).
+Source: Rice, Mathematical analysis of random noise, Bell System Technical Journal 24, 1945, section 3.3. Range: 0 to 15
+% of an image. Not modelled: real dropouts depend on the surface and persist from frame to frame.
 """
 
 from __future__ import annotations
