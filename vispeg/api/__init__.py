@@ -1,1 +1,1 @@
-"""What the package offers, one file a family of functions: `import vispeg` names them, the commands call them."""
+"""The Python interface, one file per family of functions; `import vispeg` exports them and the commands call them."""

@@ -133,7 +133,7 @@ def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance
 
 
 def _places(world: World) -> RobotModel:
-    """Give what effects are placed on: the arm, or the cell with its own cameras and those that the model speaks of."""
+    """Return what effects can be placed on: the arm, or the cell with its own cameras and those named in the model."""
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):
         return robot

@@ -42,7 +42,7 @@ PlayJobs = Callable[[list[Job]], list[Episode]]
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of an explanation beside causes.
+    """Options of an explanation that do not concern causes.
 
     Attributes:
         remainder: episodes without and with what no cause explains; 0: none.
@@ -113,7 +113,9 @@ class Bridging:
     def remainder(
         self, recordings: Sequence[Recording], replayed: Sequence[Trial], tick: float, notes: list[str]
     ) -> Remainder | None:
-        """Give what the found arm lacks in the recordings, less what its own replays lack in their own worlds."""
+        """Return the missing torque of the identified arm in the recordings, minus that of its own replays in their
+        worlds.
+        """
         missing = _missing(recordings, self.arm(recordings[0].robot))
         floor: list[Missing] = []
         for t in replayed:
@@ -185,7 +187,7 @@ def _at_random(remainder: Remainder) -> list[tuple[str, float, float]]:
 
 
 def _digest(remainder: Remainder) -> str:
-    """Give what a remainder is known by, so that a stopped run goes on with the same."""
+    """Return a digest of a remainder, by which a resumed run checks that it is unchanged."""
     hashed = hashlib.sha256()
     for piece in remainder.pieces:
         hashed.update(np.round(piece, 6).tobytes())

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult(Result, Drawn):
-    """What a model lacks; every error is on the held-out recordings.
+    """The effects that a model lacks; every error is on the held-out recordings.
 
     Attributes:
         record: what diagnosis.json holds, see docs/formats.md.
@@ -114,7 +114,7 @@ def diagnose(
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
 ) -> DiagnosisResult:
-    """Names the physical effects that a model lacks and adds them.
+    """Name the physical effects that a model lacks and add them.
 
     Recordings are folders, or in memory. `record["baseline"]` holds the effects before a change, `record["cost"]` what
     the remaining error costs a policy.
@@ -194,7 +194,7 @@ def diagnose(
 
 
 def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:
-    """Give what a diagnosis with these arguments has worked out and kept in the folder `part`."""
+    """Load the intermediate results of a diagnosis with these arguments from the folder `part`."""
     stamp = inputs.provenance(seed)
     key = [*inputs.key(), seconds, seed, stamp["versions"], *([] if before is None else before.key())]
     return Progress(part / "progress.json", key)

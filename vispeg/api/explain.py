@@ -267,7 +267,7 @@ def _read(place: Path, notes: list[str]) -> list[Trial]:
 
 
 def _digest(trials: Sequence[Trial]) -> str:
-    """Give what these trials are known by, so that a stopped run goes on with the same."""
+    """Return a digest of the trials, by which a resumed run checks that they are unchanged."""
     hashed = hashlib.sha256()
     for trial in trials:
         for name in (FILE, STEPS):
@@ -287,7 +287,7 @@ def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[in
 def _applied(
     record: ExplainRecord, place: Path, out: Path, policy: str, world: WorldFile, model: str | Path | None, trials: Path
 ) -> Next | None:
-    """Give what is to be done now: the world that the causes correct, or demonstrations from where the policy fails.
+    """Return the next step: a world corrected by the causes, or demonstrations from the starts where the policy fails.
 
     Args:
         record: what the trials show.
@@ -313,7 +313,7 @@ def _applied(
 
 
 def _called(world: WorldFile) -> str:
-    """Give what names a world on the command line, from any folder."""
+    """Return how to name a world on the command line, valid in any folder."""
     return world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
 
 

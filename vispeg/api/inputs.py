@@ -57,11 +57,11 @@ class Inputs:
     hold_out: float | None = None
 
     def provenance(self, seed: int | None) -> Provenance:
-        """Give what is needed to repeat a result."""
+        """Return the provenance of a result: everything needed to repeat it."""
         return here(seed, {**self.digests[0], **self.digests[1]})
 
     def key(self) -> list[object]:
-        """Give what a result depends on."""
+        """Return everything that determines a result, as plain data."""
         robot = digest(self.world.robot) if Path(self.world.robot).is_file() else None
         return [model_text(self.world), robot, *([*group.values()] for group in self.digests), self.hold_out]
 
@@ -144,7 +144,7 @@ def read_inputs(
 
 
 def _files(model: Model, world: World, sources: Sequence[Source]) -> tuple[str | Path, ...]:
-    """Give what was read: the model's files and the recordings' folders."""
+    """Return the files that were read: the model's files and the recordings' folders."""
     source = [] if isinstance(model, World) else [str(model)]
     return (*source, world.robot, *(p for p in map(_path, sources) if p.exists()))
 

@@ -194,7 +194,7 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
 
 
 def _modality(task: str, asked: Any, world: str) -> str:
-    """Of LABEL-MODALITY. Raises UserError where the label is not that of the world's task."""
+    """Return the modality of LABEL-MODALITY. Raises UserError if the label is not that of the world's task."""
     from vispeg.learn.modalities import names
     from vispeg.task.registry import task_of
 

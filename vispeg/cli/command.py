@@ -80,7 +80,7 @@ class Command:
 
     @property
     def name(self) -> str:
-        """Of the function."""
+        """Name of the function."""
         return self.place.partition(":")[2]
 
     @property
@@ -105,7 +105,7 @@ class Command:
         return {name: found[name] for name in dict.fromkeys([*first, *found])}
 
     def word(self, name: str) -> str:
-        """Give what stands on the command line for a parameter: --name, or NAME where it is positional."""
+        """Return a parameter as written on the command line: --name, or NAME if it is positional."""
         word = (self.special.get(name) or Option()).name or name
         return word.upper() if name in self.positional else f"--{word.replace('_', '-')}"
 

@@ -58,7 +58,7 @@ def script(shell: Literal["bash", "zsh", "fish"]) -> str:
 
 
 def _values(name: str, kind: Any) -> Sequence[str]:
-    """Give what may follow an option; nothing where it takes none or where any number or text will do."""
+    """Return the possible values of an option; empty for a flag, and for an option that takes any number or text."""
     if name in NAMED:
         return [*_names(NAMED[name]), FILES]
     return choices(kind) or ((FILES,) if plain(kind) is Path else ())

@@ -111,7 +111,7 @@ def _place(name: str) -> str:
 
 
 class _Names(dict[str, Any]):
-    """What the names in a module stand for, found without running it."""
+    """Names bound in a module, resolved without importing it."""
 
     def __init__(self, module: str):
         super().__init__()

@@ -24,7 +24,7 @@ class Page(io.StringIO):
 
     @property
     def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of standard output; the parser draws frames in UTF-8 alone."""
+        """Encoding of standard output; the parser draws frames only in UTF-8."""
         return getattr(sys.__stdout__, "encoding", "ascii")
 
 

@@ -35,7 +35,7 @@ NAMED = {  # fields whose values are names of what comes with the package
 
 
 def _parts(bare: Any) -> list[Any]:
-    """Give what the elements of a container, or a value that may be absent, are made of."""
+    """Return the element type of a container, or the type inside an Optional."""
     if get_origin(bare) in (Union, UnionType):
         return [p for part in get_args(bare) if part is not NoneType for p in _parts(part)]
     if get_origin(bare) is tuple:
@@ -83,7 +83,7 @@ def metavar(name: str, kind: Any, positional: bool, default: Any) -> str | None:
 
 
 def default_shown(value: Any) -> str:
-    """Give what help says of a default, as people type it; nothing of one that means "none"."""
+    """Return a default as users would type it, for the help text; "" for a default that means "none"."""
     if value is MISSING:
         return "(required)"
     if value is None or value is False or value == () or value == "":

@@ -79,7 +79,7 @@ def available() -> dict[str, str]:
 
 
 def page(name: str, below: Mapping[str, str]) -> str:
-    """Give what `--help` prints of a command with sub-commands, from the first line of each."""
+    """Return the help text of a command with sub-commands, from the first line of each."""
     from vispeg.cli.help import WIDEST, wrapped
 
     columns = min(shutil.get_terminal_size().columns, WIDEST)
@@ -107,7 +107,7 @@ def doc(place: str) -> str:
 
 
 def overview() -> str:
-    """Give what `vispeg --help` prints."""
+    """Return the text of `vispeg --help`."""
     lines = available()
     width = max(map(len, lines), default=0)
     blocks = []

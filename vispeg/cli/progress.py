@@ -290,7 +290,7 @@ def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Cal
 
 
 def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager[Callable[[float], None]]]:
-    """Give what shows how far a recording is read, for the functions that read several."""
+    """Return a progress display for functions that read several recordings."""
     return lambda path: progress_bar(f"reading {path}", size_of(path), quiet)
 
 

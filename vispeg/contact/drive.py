@@ -140,7 +140,7 @@ def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthrea
 
 
 def built_alike(worlds: Sequence[World]) -> list[np.ndarray]:
-    """Give the indices of the worlds by what they have built in."""
+    """Group the indices of worlds by the effects that change the compiled model."""
     groups: dict[tuple[str, ...], list[int]] = {}
     for i, w in enumerate(worlds):
         groups.setdefault(

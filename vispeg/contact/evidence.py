@@ -75,7 +75,7 @@ class ContactEvidence(Evidence):
 
     @property
     def alike(self) -> float:
-        """Share of what an effect removes that does not tell it from a rival."""
+        """Share of the loss removed by an effect that a competing effect may miss and still be confounded with it."""
         return RULES.contact_alike
 
     @property
@@ -157,7 +157,7 @@ class ContactEvidence(Evidence):
 
     @property
     def unit(self) -> str:
-        """Of the principal channel."""
+        """Unit of the principal channel."""
         return "N"
 
     def as_read(self, world: World) -> float:
@@ -165,7 +165,7 @@ class ContactEvidence(Evidence):
         return float(np.sum(_huber(self._as_read(world)) ** 2))
 
     def taken(self, world: World) -> dict[str, float]:
-        """Of each kind of error that is allowed for the share of that squared residual that it takes."""
+        """Return for each nuisance (error that is allowed for) the share of the squared residual that it explains."""
         return self.nuisance.taken(self._as_read(world))
 
     def _as_read(self, world: World) -> np.ndarray:

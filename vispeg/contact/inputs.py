@@ -39,7 +39,7 @@ class Touching:
 
 
 def touching(rec: Recording) -> Touching:
-    """Give a recording of contact; where no wrench was recorded, with that which joint torques tell.
+    """Return a recording of contact; without a recorded wrench, with one estimated from joint torques.
 
     Raises:
         UserError: neither a wrench nor joint torques were recorded, or a cell that cannot be built.

@@ -73,7 +73,7 @@ def driven(
 
 
 def _stands(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
-    """(nworld,) true newtons that one more newton read stands for."""
+    """Return the true force change per newton read, (nworld,)."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     return np.array([stands_for(item.path, item.hand, w) for w in hand_worlds])
 

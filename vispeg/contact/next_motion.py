@@ -63,7 +63,7 @@ def _apart(
 
 
 def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
-    """Motions that would show what was not excited, that which shows most first; and what."""
+    """Return the motions that would excite what was not excited, the most informative first, and what each excites."""
     motions = [u["motion"] for u in unseen]
     for motion in sorted(dict.fromkeys(motions), key=motions.count, reverse=True):
         yield motion, f"shows {', '.join(u['effect'] for u in unseen if u['motion'] == motion)}"

@@ -134,19 +134,20 @@ def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str
 
 
 def _leaving(code: np.ndarray) -> np.ndarray:
-    """(m,) bool: blocks of free air beside contact, which may hold a part of it over the narrow floor of free air."""
+    """Return blocks of free air next to contact, (m,) bool, which may contain some of it above free air's low noise
+    floor.
+    """
     free = code == NAMES.index("free")
     return free & binary_dilation(~free)
 
 
 def allowed(judged: ContactEvidence, models: Mapping[str, World]) -> list[Allowed]:
-    """Of each model the shares of its squared residual as read that allowances for sensor, path and form take."""
+    """Return for each model the shares of its squared residual explained by errors of sensor, path and model form."""
     return [cast("Allowed", {"model": name, **judged.taken(world)}) for name, world in models.items()]
 
 
 def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
-    """Give the verdict with the allowance that takes most of what the last of some models leaves, where it takes
-    `MOST`.
+    """Mention in a verdict the nuisance that explains most of the final residual, if it explains at least `MOST`.
 
     What an allowance takes is no evidence: what hides in it would not be seen.
     """
@@ -176,9 +177,7 @@ def not_excited(
 
 
 def shows_from(least_sizes: Mapping[tuple[str, str], Mapping[str, float]]) -> list[ShowsFrom]:
-    """Of every effect between which values, of those that it may have, each of its parameters does not show in these
-    recordings: a compliance or a delay from none up.
-    """
+    """Return for every effect the range of each parameter in which the recordings would not show it."""
     return [
         {"effect": name, "where": where, "between": between(name, least)}
         for (name, where), least in least_sizes.items()

@@ -1,4 +1,4 @@
-"""What the final model leaves, phase by phase, against the floor: an absolute judgement, whatever was named.
+"""Goodness of fit of the final model: its residual in each phase of contact against the noise floor.
 
 A mean square over everything drowns an error of a few blocks, such as that of a chip on a wall inside. Each phase of
 contact is judged for itself, in the fitted recordings and in the held-out ones.
@@ -23,7 +23,7 @@ CHANNELS = 6
 
 @dataclass(frozen=True)
 class Rest:
-    """Of one phase: mean squared whitened residual, up to which it may lie, and the blocks that were compared."""
+    """One phase: mean squared whitened residual, its upper limit for a correct model, and the number of blocks."""
 
     phase: str
     held_out: bool
@@ -38,7 +38,7 @@ class Rest:
 
 
 def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -> list[Rest]:
-    """Give what is left in each phase of contact, worst first."""
+    """Return the residual of each phase of contact, worst first."""
     predicted = evidence.simulated([world])
     residual = evidence.whitened([y[0] for y in predicted])
     out = []

@@ -50,7 +50,7 @@ def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvi
 
 
 def begun(world: World) -> Beginning:
-    """Give the model before its search: partial effects that it finds are fitted anew."""
+    """Return the model from which the search starts; partial effects in it are refitted."""
     return opened(world, {kind.name for kind in looked_for() if kind.stage != BLOWS})
 
 
@@ -63,8 +63,8 @@ def diagnose_contact(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`. Its partial effects
-    of contact are fitted anew.
+    """Find the effects of contact that `world` lacks; every error in the record is on `held_out`. Partial effects of
+    contact in `world` are refitted.
 
     Raises:
         UserError: recordings without a wrench, or none that begins in free air.

@@ -1,4 +1,4 @@
-"""What a world says of the readings of a force sensor: the wrench that there was."""
+"""Recover the true wrench from the readings of a force sensor with a world's sensor effects."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ REACH = 0.8  # m, from joint angles to the flange's place
 
 
 def hand_world(believed: World, world: World) -> World:
-    """Give what of a world a wrench can show, on top of what is believed of the cell."""
+    """Return the effects of a world that a wrench can show, added to the believed cell."""
     return believed.add(*world.effects).only(lambda e: shows(effect(e.effect), "wrench"))
 
 
@@ -36,7 +36,7 @@ def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
 
 
 def stands_for(path: Path, scene: Scene, world: World) -> float:
-    """Give the true newtons that one more newton of a constant reading stands for."""
+    """Return the true force change per newton of a constant reading."""
     if not any(effect(e.effect).overrides("wrench") for e in world.effects):
         return 1.0
     constant = replace(path, wrench=np.ones_like(path.wrench))

@@ -45,7 +45,7 @@ def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
 
 
 def calm(rec: Recording, estimate: External) -> Recording:
-    """Give what a touch is told by: the same wrench with the noise that a sample has."""
+    """Return the wrench with its noise per sample, for detecting contact."""
     still = estimate.wrench[rec.time <= rec.time[0] + STILL]
     force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
@@ -75,7 +75,7 @@ def unsure(item: ContactItem) -> list[np.ndarray]:
 
 
 def said(rec: Recording, estimate: External) -> str:
-    """Give a note for the user: how well forces are known, axis by axis of the flange, and what is not seen."""
+    """Return a note for the user: accuracy of the forces along each flange axis, and which are not observable."""
     sigma = np.sqrt(np.mean(estimate.sigma**2, axis=0))
     complete = ~np.any(estimate.blind != 0, axis=(1, 2))
     level = np.sqrt(np.mean(estimate.sigma[complete] ** 2, axis=0)) if complete.any() else sigma

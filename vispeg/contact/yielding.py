@@ -25,7 +25,7 @@ EVERY = 0.02  # s between the postures that are looked at
 
 
 def yielding(world: World) -> World:
-    """Give what of a world lets the arm give way."""
+    """Return the effects of a world that make the arm compliant."""
     return world.only(lambda e: effect(e.effect).overrides("yields"))
 
 

@@ -56,7 +56,7 @@ def in_words(text: str) -> str:
 
 
 def meaning(message: str | BaseException) -> str:
-    """Give what an exception's message means to somebody who did not write the code."""
+    """Translate an exception's message for users who do not know the code."""
     said = " ".join(str(message).split())
     for pattern, words in MEANINGS:
         if match := re.fullmatch(pattern, said):

@@ -1,4 +1,4 @@
-"""What the disk may refuse, and how it is said in one line."""
+"""Errors of the file system, reported in one line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NO_TEMPORARY = "No usable temporary directory"  # as `tempfile` says it, with th
 
 
 def why(error: OSError) -> str:
-    """Give what the system said; of a parent that is a file it says no more than that it exists."""
+    """Return the reason of a file error; for a parent folder that is a file, the system would only say "exists"."""
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
     if isinstance(error, shutil.Error):  # of a whole tree: [(from, to, what was said), ...]

@@ -138,9 +138,11 @@ class Effect(ABC):
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """`torque` (m, nj) N m of what remembers the path, not its time, at samples `at` (m,) of a path (n, nj) rad.
+        """Return `torque` (m, nj) N m of a rate-independent effect with memory, at samples `at` (m,) of a path (n, nj)
+        rad.
 
-        The motion there is `x`, and `x.tau` what the links need."""
+        The motion there is `x`, and `x.tau` what the links need.
+        """
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
@@ -183,8 +185,8 @@ class Effect(ABC):
         raise NotImplementedError
 
     def inverse(self, needed: np.ndarray, sensor: str, p: Values) -> np.ndarray:
-        """Give what a torque sensor reads (n, nj) when the link needs `needed`: a drive effect's static inverse, N
-        m.
+        """Return the torque sensor's reading (n, nj) N m when the link needs `needed`: the static inverse of a drive
+        effect.
         """
         raise NotImplementedError
 
@@ -325,6 +327,6 @@ class EffectInstance:
         return f"{self.effect}({', '.join([self.where, *filter(None, said)])})"
 
     def with_values(self, **values: float) -> EffectInstance:
-        """Give the same effect with other values (their intervals dropped)."""
+        """Return a copy with other values; their intervals are dropped."""
         params = {**self.params, **{k: Value(float(v)) for k, v in values.items()}}
         return EffectInstance(self.effect, self.where, params)

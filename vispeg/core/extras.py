@@ -40,7 +40,7 @@ def missing(module: str, what: str = "this", **where: str) -> UserError:
 
 
 def lacks(error: ImportError) -> str | None:
-    """Give the module of an extra that an import failed for; None where it failed for another reason."""
+    """Return the module of an extra whose absence made an import fail; None if it failed for another reason."""
     root = (error.name or "").partition(".")[0]
     return root if any(root in modules for modules in EXTRAS.values()) and not there(root) else None
 

@@ -52,7 +52,9 @@ def available(root: Path = Path("/")) -> int | None:
 
 
 def _left(mount: Path, place: str, limit: str, used: str, cache: str) -> list[int]:
-    """Give what a control group and those above it leave, bytes; a container sees its own at the mount itself."""
+    """Return the memory left by a control group and its parents, bytes; a container sees its own group at the mount
+    point.
+    """
     group, left = mount / place.lstrip("/"), []
     for folder in [group, *(p for p in group.parents if p == mount or mount in p.parents)]:
         with suppress(OSError, ValueError):  # no such group seen from here, or a limit of "max"

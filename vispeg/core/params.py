@@ -37,7 +37,7 @@ class Param:
 
     @property
     def origin(self) -> float:
-        """What a size is counted from: null, or 0 for what only shapes the effect."""
+        """Zero point of the parameter's size: null, or 0 for a shape parameter."""
         return 0.0 if self.shape else self.null
 
     def __post_init__(self) -> None:

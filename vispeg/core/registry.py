@@ -1,5 +1,5 @@
-"""What enrols itself by name, such as effects; its rooms are loaded when a name is first looked up, in whatever order
-modules are imported.
+"""Registries of items by name, such as effects; their packages are imported on the first look-up, so import order does
+not matter.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Registry(MutableMapping[str, Item]):
         self._items: dict[str, Item] = {}
 
     def enrol(self, name: str, item: Item) -> None:
-        """Keep an item under its name, in place of one of the same class, as when a module is loaded anew.
+        """Register an item under its name; it replaces one of the same class, as when a module is reloaded.
 
         Raises:
             UserError: the name is another class's.

@@ -67,7 +67,7 @@ def _rule(
 
 @dataclass(frozen=True)
 class Compared:
-    """What is compared, and what counts as noise."""
+    """Which data are compared, and what counts as noise."""
 
     # fmt: off
     settle: float = _rule(0.4, "joints", "2fcabec5",
@@ -348,7 +348,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Proposed:
-    """What is proposed: before any rollout, by a linear screen, and several effects at a time."""
+    """Proposal of candidates: before any rollout, by a linear screen, and in groups."""
 
     # fmt: off
     first_slow: float = _rule(0.05, "joints", "ecf3a9b7",
@@ -448,7 +448,7 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Accepted:
-    """What a fitted candidate must pass, and which of those that pass is taken."""
+    """Acceptance of fitted candidates, and the choice among those accepted."""
 
     # fmt: off
     gain: float = _rule(0.02, "all", "6d175ccd",
@@ -591,7 +591,7 @@ class Exchanged:
 
 @dataclass(frozen=True)
 class Dropped:
-    """What goes out again once others stand beside it."""
+    """Removal of effects that become superfluous once others are added."""
 
     # fmt: off
     drop_member: float = _rule(2.0, "joints", "b805ac3c",
@@ -759,7 +759,7 @@ class Concluded:
 
 @dataclass(frozen=True)
 class Told:
-    """What is told beside the verdict: least sizes, the next motion, whether a robot changed."""
+    """Results beside the verdict: minimum detectable sizes, the next motion, whether a robot changed."""
 
     # fmt: off
     power: float = _rule(0.9, "all", "43dfe918",

@@ -1,4 +1,6 @@
-"""Worker processes of one thread each: parallelism is by processes; threads beside them only wait for each other."""
+"""Worker processes of one thread each: parallelism is by processes; additional threads would only compete for the
+cores.
+"""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def finetune(
 
 
 def failed_starts(trials: Path) -> tuple[Start, ...]:
-    """Give how the trials that failed began, in a world that is left to the seed. Raises UserError: none failed."""
+    """Return the starts of failed trials; their world is drawn from the seed. Raises UserError: none failed."""
     said = read_trials(trials)
     starts = tuple(replace(s.begin(), effects=None) for s in said if not s.outcome.success)
     if not starts:

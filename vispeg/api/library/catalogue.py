@@ -65,8 +65,8 @@ def robots() -> list[Entry]:
 
 
 def worlds() -> list[Entry]:
-    """Give the worlds that --world takes by name: `fixed` ones draw nothing, `randomized` ones draw every episode
-    anew.
+    """Return the built-in worlds of --world: `fixed` ones, and `randomized` ones, which are drawn again for each
+    episode.
     """
     entries = []
     for name, file in by_name().items():
@@ -103,7 +103,7 @@ def policies() -> list[Entry]:
 
 
 def motions() -> list[Entry]:
-    """Give what `vispeg record --motion` takes; the family is the space that the motion is stated in."""
+    """Return the motions of `vispeg record --motion`; the family is the space in which a motion is defined."""
     entries = [Entry(name, "joint", _sentence(inspect.getdoc(f) or ""), {}) for name, f in MOTIONS.items()]
     looks = [Entry(name, "cell", about, {}) for name, about in ABOUT.items()]
     entries.append(Entry("osc", "cartesian", _sentence(inspect.getdoc(osc_targets) or ""), {}))

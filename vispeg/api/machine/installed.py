@@ -59,7 +59,7 @@ def wrong_packages() -> dict[str, list[str]]:
 
 
 def _version_wrong(requirement: Any) -> str:
-    """Give what is wrong with an installed package's version, or nothing."""
+    """Return what is wrong with an installed package's version; "" if it is fine."""
     try:
         have = metadata.version(requirement.name)
         fits = requirement.specifier.contains(have, prereleases=True)
@@ -104,7 +104,7 @@ def _unimportable(modules: Sequence[str]) -> dict[str, str]:
 
 
 def _requirements() -> list[str]:
-    """Give what this release asks for; a checkout's own word counts, as its installation may be older than itself."""
+    """Return the required packages; in a checkout, from its pyproject.toml, as the installed metadata may be older."""
     if _PYPROJECT.is_file():
         import tomllib
 

@@ -1,4 +1,4 @@
-"""What a world's cell has where a measurement gives a multiple of it."""
+"""Nominal values of a world's cell, for measurements that yield a multiple of them."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> li
 
 
 def _confounded(c: Confounded, joints: Sequence[str]) -> str:
-    """One line on a zero that cannot be told."""
+    """Return one line on a zero that is not identifiable."""
     name = joints[c.joint]
     beside = [*(["the base's frame"] if c.base else []), *(["the tool's frame"] if c.tool else [])]
     beside += [f"the zero of {joints[j]}" for j in c.others]

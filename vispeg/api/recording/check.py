@@ -184,7 +184,7 @@ def _examined(paths: Sequence[Path], drawn: bool, watch: Watch) -> Checks:
 
 
 def _needs(rec: Recording) -> Needs | None:
-    """Of the robot with the tool and the tilt that the recording states; None where they cannot be read."""
+    """Return the torques needed by the robot with the recording's tool and tilt; None if these cannot be read."""
     try:
         return needs_of(load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt), rec)
     except UserError:
@@ -199,9 +199,7 @@ def _signals(header: Header) -> tuple[str, ...]:
 
 
 def _scene_of(rec: Recording) -> Scene | None:
-    """Give what a recording with frames states to stand around its arm, with its cameras; None where that is
-    nothing.
-    """
+    """Return the scene around the arm that a recording with frames states, with its cameras; None if it states none."""
     world = World(rec.robot, rec.tool, cell=None if rec.cell is None or rec.cell.bench else rec.cell)
     if rec.frames is None or not seen(world, rec):
         return None
@@ -218,7 +216,7 @@ def _cameras(rec: Recording, scene: Scene | None, watch: Watch) -> list[CameraCh
 
 
 def _excited(rec: Recording, scene: Scene | None, watch: Watch) -> list[Excitation]:
-    """Give what effects would do to a recording's pictures; nothing where these cannot be compared with a cell."""
+    """Return the change that each effect would make to a recording's images; empty without a known cell."""
     if scene is None or not comparable(rec):
         return []
     with watch("seeing which effects would show in", rec.path) as share:

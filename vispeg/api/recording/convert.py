@@ -201,7 +201,7 @@ def _of_currents(
 
 
 def _cameras(files: Sequence[Path], robot: RobotModel) -> Mapping[str, RecordedCamera]:
-    """Give what camera files say, over what the robot's own file does. Raises UserError: two files name one camera."""
+    """Return the robot file's cameras, overridden by camera files. Raises UserError: two files name one camera."""
     out = {c.name: recorded_of(c) for c in cameras_of(robot) if c.parent in ("base", "flange")}
     stated: dict[str, Path] = {}
     for file in files:

@@ -40,7 +40,7 @@ MOST = 5000  # frames
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """Give what a model shows, with these cameras for effects to act on: its cell, or its robot's own bench.
+    """Return the scene of a model with these cameras for effects to act on: its cell, or the bench in its robot's file.
 
     Raises:
         UserError: an arm alone, which shows nothing.
@@ -91,7 +91,7 @@ def _sized(camera: Camera, width: int, height: int) -> Camera:
 
 
 def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
-    """Give what `WORLD/SEED` looks like: the appearance that a world draws for the episode of a seed.
+    """Return the appearance of `WORLD/SEED`: what a world draws for the episode of that seed.
 
     Raises:
         UserError: no such world, or no seed.

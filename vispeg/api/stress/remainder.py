@@ -1,5 +1,4 @@
-"""What a diagnosis leaves open, in points of success: a policy plays the cell with the identified model and with the
-rest."""
+"""Cost of the unexplained residual: success of a policy in the identified model, without and with the residual."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the whole arm does again under the controller that ran: blows, and whole episodes as the last judge."""
+"""Closed-loop replays of the whole arm under its recorded controller: impacts, and whole episodes as a final check."""

@@ -84,9 +84,7 @@ def _felt(rec: Recording, scene: Scene) -> Touch:
 
 
 def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
-    """Give what the wrench at the wrist says of one run, where its tip was before anything touched, and how it
-    ended.
-    """
+    """Summarise one run: peak wrist force, time in contact, distance of the tip from the measured one, outcome."""
     n = min(len(run.tip), len(measured.tip))
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
     above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip is pushed by less than counts as a touch

@@ -1,4 +1,4 @@
-"""What blows say of a contact's damping: one number, which MuJoCo's damping ratio and a restitution both stand for.
+"""Contact damping from impacts: one number, given by MuJoCo's damping ratio or, equivalently, a restitution.
 
 Nothing else is looked for in blows. The name is given only where no effect of another kind fits them as well: a softer
 contact, fixture or arm lengthens a blow, and a late sensor shifts it.

@@ -1,4 +1,4 @@
-"""A verdict in the face of an insertion that was run again: a model whose own ends otherwise lacks something.
+"""Check a verdict by simulating an insertion again: if the model's outcome differs, the model lacks something.
 
 It judges where the arm by itself is known to go as it was measured: what an arm lacks is no evidence of contact.
 Paths part where contacts come and go, so that the right model's peak force is off a little, and what is uncertain may
@@ -59,7 +59,7 @@ def judged(
 
 
 def alike(measured: Trial, runs: Sequence[Trial]) -> bool:
-    """Whether one of the runs succeeds or fails as the measured one did, and its peak force lies among theirs."""
+    """Return whether a run ends as the measured one did, and the measured peak force lies within those of the runs."""
     peaks = [run["peak_force"] for run in runs]
     off = max(RULES.peak_share * measured["peak_force"], RULES.peak_least)
     ended = any((run["outcome"] == "success") == (measured["outcome"] == "success") for run in runs)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:
-    """Of each press that sticks, about both axes across the tool: (m, 6) how the hand is corrected if its tip bears so
-    far aside.
+    """Return, for each sticking press and both axes across the tool, the correction (m, 6) of the hand if its tip bears
+    that far off the axis.
     """
     scene, phase, hold = item.source.scene, item.phase, item.grasp
     radius, tip = scene.config.diameter / 2, scene.tip

@@ -33,7 +33,7 @@ LEVER = 0.1  # m, of a torque against a force
 
 
 def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
-    """(m, 6) N and N m: RMS of what the right model leaves in each block; `once` is how the believed one went."""
+    """(m, 6) N and N m: expected RMS residual of a correct model in each block; `once` is how the believed one went."""
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
     wrench = readings(path, item.hand, world)[None]
@@ -84,5 +84,7 @@ def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float,
 
 
 def _on_steps(values: np.ndarray, path: Path) -> np.ndarray:
-    """(n, k) on a path's steps of what was read (len(path.clock), k): as blocks of readings are, so is their noise."""
+    """Resample readings (len(path.clock), k) to the steps of a path, (n, k), so that block noise is that of the
+    readings.
+    """
     return np.stack([np.interp(path.time, path.clock, v) for v in values.T], axis=1)

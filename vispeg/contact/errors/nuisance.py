@@ -56,19 +56,21 @@ class Nuisance:
 
     @classmethod
     def of(cls, columns: np.ndarray, kinds: np.ndarray | None = None) -> Nuisance:
-        """Of the columns (n, k) of A, each the whitened residual of one error of its usual size."""
+        """Build from the columns (n, k) of A, each the whitened residual due to one error of its prior standard
+        deviation.
+        """
         u, s, _ = np.linalg.svd(columns, full_matrices=False)
         u, s = u[:, s > LEAST], s[s > LEAST]
         kinds = np.zeros(columns.shape[1], int) if kinds is None else kinds
         return cls(u, 1 - 1 / np.sqrt(1 + s**2), columns, kinds)
 
     def of_rows(self, rows: np.ndarray) -> Nuisance:
-        """Give the same of some of the values, (n,) bool, where the others are not looked at."""
+        """Restrict the nuisances to some of the values, (n,) bool."""
         return Nuisance.of(np.where(rows[:, None], self.columns, 0.0), self.kinds)
 
     def taken(self, residual: np.ndarray) -> dict[str, float]:
-        """Of each kind of error the share of a squared residual, whitened block by block, that it takes where each
-        error is as large as is likeliest: with `x ~ N(0, I)` and `r = A x + n`, `x = A' (I + A A')^-1 r`.
+        """Return for each kind of error the share of a squared residual, whitened block by block, that it explains at
+        its most likely size: with `x ~ N(0, I)` and `r = A x + n`, `x = A' (I + A A')^-1 r`.
         """
         flat, a = residual.ravel(), self.columns
         likely = np.linalg.solve(np.eye(a.shape[1]) + a.T @ a, a.T @ flat)
@@ -79,7 +81,7 @@ class Nuisance:
         return out
 
     def whitened(self, residual: np.ndarray) -> np.ndarray:
-        """Of the shape of a residual of `n` values that is whitened block by block."""
+        """Whiten a residual of `n` values that is already white block by block, by the covariance of the nuisances."""
         flat = residual.ravel()
         return (flat - self.basis @ (self.less * (self.basis.T @ flat))).reshape(residual.shape)
 
@@ -114,14 +116,12 @@ def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _taken_up(item: ContactItem, errors: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Give what errors of the reading, (m, 6) each, leave in the compared wrench: a contact takes up what pushes on
-    it.
-    """
+    """Return the part of reading errors, (m, 6) each, that remains in the compared wrench: contact absorbs the rest."""
     return [np.einsum("mij,mj->mi", item.response, error) for error in errors]
 
 
 def _drifts(item: ContactItem) -> list[np.ndarray]:
-    """Of each channel: a zero that moves on steadily from rest, and one that comes to an end."""
+    """Return two drifts per channel: a zero that drifts steadily from rest, and one that rises and falls back."""
     along = np.maximum(item.phase.time - item.phase.time[item.phase.resting].mean(), 0.0)
     along /= along[-1]
     size = RULES.zero_drift * _units()
@@ -129,7 +129,7 @@ def _drifts(item: ContactItem) -> list[np.ndarray]:
 
 
 def _mixtures(item: ContactItem) -> list[np.ndarray]:
-    """Of each pair of channels: a share of what one reads, beyond what it did at rest, in the other."""
+    """Return the cross-talk of each pair of channels: a share of one's reading, relative to rest, in the other."""
     read = item.measured - item.measured[item.phase.resting].mean(axis=0)
     unit = _units()
     return [
@@ -218,7 +218,7 @@ def _late(item: ContactItem) -> np.ndarray:
 
 
 def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
-    """Mass, kg, and centre (3,) m, flange axes, of what hangs at the flange."""
+    """Return mass, kg, and centre of mass (3,) m, flange axes, of the load at the flange."""
     model = compiled(item.hand)
     tool = model.body(item.hand.base).id
     data = mujoco.MjData(model)
@@ -286,7 +286,7 @@ def _grip(scene: Scene) -> float:
 
 
 def _turn(item: ContactItem) -> Rotation:
-    """Of the flange in the base, block by block."""
+    """Return the orientation of the flange in the base, block by block."""
     path = item.path
     angles = path.place[item.phase.rows(path.time), 3:]
     return Rotation.from_quat(path.frame, scalar_first=True) * Rotation.from_euler("XYZ", angles)

@@ -1,4 +1,4 @@
-"""Effects that are hard to tell from a chosen one have the parameters that it has before they are called worse.
+"""Give near-confounded competitors the same parameters as the chosen effect before they are judged worse.
 
 A screen asks the sizes of each parameter by itself, and frees what promises something. What it freed of one effect it
 may not have freed of another that acts alike: a grip that gives way along x alone is no rival of a fixture that gives
@@ -26,7 +26,7 @@ def alike(name: str, other: str) -> bool:
 
 
 def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
-    """Parameters by whose names one effect acts and the other, which is hard to tell from it, could but does not."""
+    """Return the parameters that one effect uses and a near-confounded other has but leaves at null."""
     kind = effect(rival.effect)
     if rival.effect == placed.effect or not alike(placed.effect, rival.effect):
         return set()
@@ -35,16 +35,14 @@ def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
 
 
 def freed(search: ContactSearch, placed: EffectInstance, rival: EffectInstance) -> bool:
-    """Lets fits move what a rival lacks; whether it lacks anything."""
+    """Free in fits the parameters that a competitor lacks; return whether it lacks any."""
     names = {(rival.effect, name) for name in lacking(placed, rival)}
     search.evidence.absent = search.evidence.absent - names
     return bool(names)
 
 
 def refitted(search: ContactSearch, state: State, n_fixed: int) -> None:
-    """Fits again what was tried beside the only effect and lacked a parameter that this one has; so, too, what was not
-    tried.
-    """
+    """Refit the competitors of the only effect that lacked one of its parameters, and fit those that were not tried."""
     chosen = state.world.effects[n_fixed:]
     if len(chosen) != 1 or len(state.steps) != 1:
         return

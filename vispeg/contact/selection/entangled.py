@@ -1,4 +1,5 @@
-"""Effects that recordings determine in combination alone: a heavier tool, a heavier part and a weaker sensor.
+"""Practical non-identifiability: effects determined only in combination, e.g. heavier tool, heavier part, weaker
+sensor.
 
 The information matrix of a fit, scaled to a diagonal of ones, says so: along an eigenvector whose eigenvalue is near 0
 the parameters may move together and the residual stays. Of two parameters it is one less their correlation. Source:
@@ -22,7 +23,7 @@ FLAT = 1e-12
 
 
 def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
-    """Give the sets of added effects that a fit determines in combination alone, the least determined first."""
+    """Return the sets of added effects that a fit determines only in combination, the least determined first."""
     if fit is None or not len(fit.u):
         return []
     columns = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
@@ -37,7 +38,7 @@ def entangled(fit: Fit | None, n_fixed: int) -> list[Together]:
 
 
 def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
-    """`ambiguous` in place of `identified` where some effects are determined in combination alone."""
+    """Change `identified` to `ambiguous` if some effects are determined only in combination."""
     if verdict.verdict != "identified" or not sets:
         return verdict
     named = "; ".join(" and ".join(e.label for e in some) for some in sets)
@@ -45,7 +46,7 @@ def judged(verdict: Verdict, sets: Sequence[Together]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], sets: Sequence[Together]) -> list[FoundEffect]:
-    """Give the effects of a record, each with those that it is determined in combination with."""
+    """Return the effects of a record, each with those that it can only be determined together with."""
     for some in sets:
         for a in some:
             entry = next(e for e in effects if (e["effect"], e["where"]) == (a.effect, a.where))

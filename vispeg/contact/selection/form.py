@@ -12,7 +12,7 @@ from vispeg.core.rules import RULES
 
 
 def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
-    """Give what an effect beside others must remove of a squared residual.
+    """Return the drop of the squared residual that an effect must bring when added to others.
 
     No law of contact is exact, and some effect of the library always removes a little of what the form of another
     leaves; of noise none does. White noise is told by the mean square of successive differences, half of which is its

@@ -23,7 +23,7 @@ BLOWS = "impact"  # the stage of what blows tell
 
 
 def looked_for() -> list[Effect]:
-    """Give what a diagnosis of contact chooses from, in the order of its stages."""
+    """Return the candidate effects of a contact diagnosis, in the order of its stages."""
     kinds = [e for _, e in sorted(REGISTRY.items()) if e.stage]
     return sorted(kinds, key=lambda e: STAGES.index(e.stage))
 
@@ -62,7 +62,7 @@ def probed(
     least: float = 0.0,
     free: Sequence[int] = (),
 ) -> list[Probe]:
-    """Sizes of every parameter of the effects at their places, beside those of `world`.
+    """Return probes of every parameter of the effects at their places, added to `world`.
 
     From none outward, each sign for itself, by a part of the recordings: a way ends where its last size was felt and
     no size along it promises to lower the residual; of what has a threshold no straight line tells. What may come to
@@ -100,7 +100,8 @@ def probed(
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
-    """Give a probe of a part, to stand beside those of all of the recordings: its share of its effect's best one.
+    """Scale a probe from a part of the recordings by its share of the effect's best probe, for comparison with probes
+    on all.
 
     A part that begins in contact sees a wrong height many times as strongly as all of it does.
     """
@@ -125,7 +126,7 @@ def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
 
 
 def _goes_on(t: Probe) -> bool:
-    """Whether a greater size of a threshold, such as that of a grip, may do more yet, whatever a straight line says."""
+    """Return whether a larger threshold (e.g. of a grip) may still gain more, although linear extrapolation says no."""
     return effect(t.placed.effect).remembers and t.gain > 0
 
 
@@ -153,7 +154,7 @@ def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
 
 
 def idle(probes: Sequence[Probe]) -> set[tuple[str, str]]:
-    """(effect, parameter) that no size of gains a `size_share` of what the effect's best parameter does."""
+    """Return the (effect, parameter) pairs that at no size gain a `size_share` of the effect's best parameter."""
     top: dict[str, float] = {}
     best: dict[tuple[str, str], float] = {}
     for p in probes:

@@ -1,4 +1,4 @@
-"""How closely an arm repeats a pose: what the interval of a part's pose allows for, beside the noise of recordings.
+"""Repeatability of the arm, which widens the interval of a part's pose beyond the noise of the recordings.
 
 Errors of the kinematics are whitened along with the noise (`vispeg.contact.errors.nuisance`), but to first order about
 the contacts that there are. Where a contact begins they do not move, and a pose is told by that.
@@ -21,8 +21,7 @@ def repeats() -> dict[str, float]:
 
 
 def repeated(world: World, n_fixed: int) -> World:
-    """Give the world with intervals of what comes after `n_fixed` effects that allow for how closely an arm repeats a
-    pose.
+    """Return the world with the pose intervals of effects after the first `n_fixed` widened by the arm's repeatability.
 
     A recording says where a part is to where the arm takes itself to be, and no more precisely than it knows that.
     """
@@ -30,7 +29,7 @@ def repeated(world: World, n_fixed: int) -> World:
 
 
 def allowing(placed: EffectInstance) -> EffectInstance:
-    """Give the effect with such intervals; of what is no pose as they are."""
+    """Return the effect with widened intervals; intervals of parameters that are not poses stay."""
     params = dict(placed.params)
     for k, v in params.items():
         if v.low is not None and v.high is not None and (more := 1.96 * uncertainty(placed.effect, k)) > 0:

@@ -1,4 +1,4 @@
-"""What one size of an effect gains beside a world whose own parameters are fitted anew to it, to first order.
+"""Screen: gain of one size of an effect added to a world whose own parameters are refitted, to first order.
 
 What these could do as well counts for no other effect: friction that was fitted alone stands for a part of what a
 fixture does that gives way, and beside it no size of that would lower the residual. Source: Frisch and Waugh 1933,
@@ -49,8 +49,8 @@ class Probe:
 
 
 class Screen:
-    """What sizes of effects gain beside a world, by a part of the recordings, and what a straight line through each
-    promises; by all of them where what an effect did once remains, as of a part that slipped in its grip.
+    """Gains of effects of given sizes added to a world, on a part of the recordings, and their linear extrapolation; on
+    all of them for effects with memory, such as a part that slipped in its grip.
 
     Attributes:
         base: by the part that is asked, the world's residual and a basis (m, k) of what its free parameters change.
@@ -64,7 +64,7 @@ class Screen:
         self.base: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def ask(self, tries: Sequence[tuple[str, EffectInstance]], in_part: bool = True) -> tuple[list[Probe], list[float]]:
-        """Of each try a probe and its promise."""
+        """Return for each trial a probe and the gain it promises."""
         times = [PART if in_part and not effect(placed.effect).remembers else 1 for _, placed in tries]
         out: dict[int, tuple[Probe, float]] = {}
         for part, residuals in self.asked.items():
@@ -80,7 +80,7 @@ class Screen:
         return [out[k][0] for k in range(len(tries))], [out[k][1] for k in range(len(tries))]
 
     def gain(self, placed: EffectInstance) -> float:
-        """Give what an effect at its value takes off the squared residual of all blocks, not less than 0."""
+        """Return the drop of the squared residual over all blocks due to an effect at its value, at least 0."""
         (probe,) = self.ask([("", placed)], in_part=False)[0]
         return max(float(probe.gain), 0.0)
 

@@ -56,7 +56,7 @@ class ContactSearch(Search):
 
     @cached_property
     def lately(self) -> dict[str, Fit]:
-        """By label, what `reduced` fitted last beside the present effects."""
+        """Latest fits of `reduced` with the present effects, by label."""
         return {}
 
     def missing(self, world: World) -> list[MissingTorque]:
@@ -76,10 +76,10 @@ class ContactSearch(Search):
         )
 
     def needed_beside(self, world: World) -> float:
-        """Give what one parameter of an effect must gain beside a world: less where that leaves less than floors allow
-        for.
+        """Return the gain required of one parameter added to a world: lower if the residual is already below the noise
+        floors.
 
-        What a world leaves beyond floors raises it not, for the effect may be what takes it away.
+        A residual above the floors does not raise it, because the effect may be what removes that residual.
         """
         (residual,) = self.evidence.residuals([world])
         return self.need(min(1.0, float(np.mean(residual**2))))
@@ -100,7 +100,7 @@ class ContactSearch(Search):
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """As for joints; what comes after the first `n_fixed` effects is free beside what is screened.
+        """As for joints; effects after the first `n_fixed` are refitted in screening.
 
         What these were not fitted in before stays out.
         """
@@ -114,7 +114,7 @@ class ContactSearch(Search):
         return state
 
     def run(self, world: World, n_fixed: int | None = None) -> State:
-        """As for joints; intervals, which are dear by the squared residual, come once, of what stayed."""
+        """As for joints; intervals are costly here, so they are computed once, for the final effects."""
         n_fixed, self.runs = len(world.effects) if n_fixed is None else n_fixed, True
         state = super().run(world, n_fixed)
         while spared(self, state, n_fixed):
@@ -126,7 +126,7 @@ class ContactSearch(Search):
         return state
 
     def bound(self, state: State, n_fixed: int) -> None:
-        """Intervals by the squared residual; where less of it lies on their way, of a fit anew from there."""
+        """Compute intervals by profiling the squared residual; refit if a lower minimum is found on the way."""
         fit = state.fit
         if fit is None:
             return
@@ -147,7 +147,7 @@ class ContactSearch(Search):
         iterations: int = 6,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """As for joints; what races beside other effects is fitted shortly, with the derivatives that these had.
+        """As for joints; candidates that race are fitted in a few steps, reusing the derivatives of the other effects.
 
         Nothing else is: where another effect comes in, contacts come and go.
         """
@@ -158,7 +158,7 @@ class ContactSearch(Search):
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
-        """As for joints; remembered, for rivals are looked for beside what `spared` has fitted."""
+        """As for joints; cached, because the search for competing models reuses the fits of `spared`."""
         if any(w.label not in self.lately for w in worlds):
             self.lately = dict(zip((w.label for w in worlds), super().reduced(worlds, n_fixed), strict=True))
         return [self.lately[w.label] for w in worlds]
@@ -185,7 +185,7 @@ class ContactSearch(Search):
         return self.of_cell_first(state, sorted(trials, key=lambda t: (bool(t.rejected), float(t.loss.sum()))))
 
     def of_cell_first(self, state: State, trials: list[Trial]) -> list[Trial]:
-        """Of equals that another motion would tell apart, what stands in the cell before what the arm does."""
+        """Order trials that another motion would distinguish: effects of the cell before effects of the arm."""
         first, without = trials[0], self.judge.mean(state.loss)
         if first.rejected or effect(first.score.placed.effect).family in SCENE:
             return trials
@@ -198,8 +198,8 @@ class ContactSearch(Search):
         return trials
 
     def scored(self, state: State) -> list[Score]:
-        """Give the best size of each effect beside a state; what no size of shows is not freed in the fits that
-        follow.
+        """Return the best size of each effect added to a state; parameters without a visible size stay fixed in later
+        fits.
         """
         has = {e.effect for e in state.world.effects}
         probes = self.probed(state.world, places(self.evidence, state.world))
@@ -232,7 +232,7 @@ class ContactSearch(Search):
         return drop > max(self.need(trial.fit.cost, count), more)
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """Give the same of the held-out recordings: nothing is fitted to them, and one effect is asked for."""
+        """Return the gain on the held-out recordings, to which nothing is fitted, for one effect."""
         more = self.held_form(state.world) if state.fit is not None else 0.0
         return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
 
@@ -260,7 +260,7 @@ class ContactSearch(Search):
         return "the held-out error of what is read rises" if after > before else ""
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Whether the held-out recordings want an effect beside the others."""
+        """Return whether an effect improves the held-out recordings in addition to the others."""
         return gain.mean * self.judge.size.sum() > self.confirms(self.judge.mean(state.loss))
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
@@ -285,16 +285,12 @@ class ContactSearch(Search):
         ]
 
     def free(self, world: World) -> range:
-        """Give the indices of the effects that a search has added: what is screened is judged as if they were fitted
-        anew.
-        """
+        """Return the indices of the effects added by the search, which screening treats as refitted."""
         n = len(world.effects)
         return range(n if self.n_fixed is None else min(self.n_fixed, n), n)
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """Give the best of those that were fitted beside it when it came in, and of those that it is hard to tell
-        from.
-        """
+        """Return the best alternatives among trials fitted when the effect was added and near-confounded effects."""
         where = [p for p in places(self.evidence, state.world) if p != (placed.effect, placed.where)]
         beside = {t.score.key for taken, trials in state.steps if taken.score.has(placed) for t in trials}
         near = [p for p in where if p in beside or alike(p[0], placed.effect)]
@@ -305,7 +301,7 @@ class ContactSearch(Search):
         return best, len(where)
 
     def _gain_of(self, world: World, placed: EffectInstance) -> float:
-        """Give what an effect at its value gains beside a world; remembered."""
+        """Return the gain of an effect at its value when added to a world; cached."""
 
         free = self.free(world)
         asked = ["contact gain", model_text(world), placed_dict(placed), list(free)]

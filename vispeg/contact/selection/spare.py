@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
-    """Take out the effect of several that is needed least once the others are fitted anew; False where all are.
+    """Remove the effect that is needed least once the others are refitted; return False if all are needed.
 
     What came in first may stand for what came in later, and no derivative tells: contacts come and go.
     """
@@ -50,7 +50,7 @@ def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
 
 
 def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> None:
-    """Give the state of a fit with an effect less; what was fitted beside that effect is forgotten."""
+    """Set the state to a fit with one effect fewer, and clear the fits cached with that effect."""
     search.lately = {}
     state.take(fit, loss)
     state.cross = search.cross.loss_of(fit, fit.residual)
@@ -84,8 +84,8 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
 
 
 def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
-    """Take out an effect whose intervals include none, or that is smaller than what the recordings can show of it;
-    False where there is no such effect.
+    """Remove an effect whose intervals include null, or that is smaller than its minimum detectable size; return False
+    if there is none.
 
     An effect is accepted by what its best value removes, an interval goes by all that a value may be; and a size that
     would mostly be missed where it is there may as well be the form of something else.

@@ -18,8 +18,7 @@ from vispeg.worlds.world import World
 
 
 def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[World], Fit]) -> Fit:
-    """Give a fit anew without those magnitudes that may be absent: all of them at once, or else the least needed, and
-    again.
+    """Refit without the magnitudes that may be null: all at once, or else one by one, the least needed first.
 
     The effects after the first `n_fixed` are asked; of each at least one magnitude stays. `evidence.absent` holds what
     went out, so that later fits leave it at null.
@@ -36,7 +35,7 @@ def sparse(evidence: ContactEvidence, fit: Fit, n_fixed: int, refit: Callable[[W
 
 
 def _idle(evidence: ContactEvidence, fit: Fit, n_fixed: int) -> list[int]:
-    """Coordinates that may be absent, the least needed first; of each effect that which is needed most stays."""
+    """Return the coordinates that may be set to null, the least needed first; each effect keeps its most needed one."""
     axes, kinds, out = fit.space.axes, [effect(e.effect) for e in fit.world.effects], []
     count = Counter(a.index for a in axes if a.index >= n_fixed)
     several = [i for i, a in enumerate(axes) if count[a.index] > 1 and a.name in kinds[a.index].magnitudes]

@@ -1,4 +1,4 @@
-"""A heavier part, or a tool that is heavier and balances elsewhere: a wrist reads what they weigh together.
+"""Structural confounding of masses: a wrist sensor cannot tell a heavier part from a heavier tool with another centre.
 
 In whatever attitudes it is held, it determines mass, centre and inertia of all that it carries, and not how these are
 shared. A part's mass is one number; a tool's with its centre can always make up for it, and its inertia is felt too
@@ -29,8 +29,8 @@ PART, MASS, CENTRE = "object_mass", "tool_mass", "tool_com"
 
 
 def weighed(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
-    """Give the part's mass that a search named, and then the tool's mass and centre that do as well in its place;
-    none where they do not, or the tool's mass is another named effect.
+    """Return the named effect of the part's mass and the tool's mass and centre that fit as well; empty if they do not,
+    or if the tool's mass is named as well.
     """
     added = {e.effect: e for e in state.world.effects[n_fixed:]}
     scene = search.evidence.items[0].source.scene
@@ -57,8 +57,8 @@ def weighed(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectIn
 
 
 def of_tool(scene: Scene, scale: float) -> tuple[float, float]:
-    """Mass (kg) and shift of the centre (m, along the flange's z) of a tool that weigh as a part of so many times its
-    mass does.
+    """Return mass (kg) and centre shift (m, along the flange's z) of a tool that match the weight of a part with a
+    scaled mass.
     """
     model = compiled(scene)
     data = mujoco.MjData(model)
@@ -73,7 +73,7 @@ def of_tool(scene: Scene, scale: float) -> tuple[float, float]:
 
 
 def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
-    """`ambiguous` in place of `identified` where a tool weighs as the part does that was named, by `weighed`."""
+    """Change `identified` to `ambiguous` if, by `weighed`, a heavier tool would explain the named part's mass."""
     if verdict.verdict != "identified" or not alike:
         return verdict
     part, *tool = alike
@@ -85,7 +85,7 @@ def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
 
 
 def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
-    """Give the effects of a record, the part's mass with what it cannot be told from that is not named beside it."""
+    """Return the effects of a record, with the confounded effects that were not named added to the part's mass."""
     named = {e["effect"] for e in effects}
     for entry in effects:
         if alike and (entry["effect"], entry["where"]) == (alike[0].effect, alike[0].where):
@@ -96,7 +96,7 @@ def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> lis
 
 
 def asked(alike: tuple[EffectInstance, ...]) -> NextMotion | None:
-    """Give what tells them apart; None where there is nothing to tell."""
+    """Return the motion that distinguishes them; None if nothing is confounded."""
     if not alike:
         return None
     part, *tool = alike
