@@ -35,7 +35,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(RENDER_FILE.name, _example)
 def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
-    """Give what is wrong with a dataset, a line each; [] if nothing is.
+    """Return the faults of a dataset, one line each; [] if there are none.
 
     Args:
         folder: of the dataset.

@@ -72,7 +72,7 @@ def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
 
 
 def check_features(features: Any, path: Path) -> None:
-    """Raise UserError for features that are none, or that lack one which every dataset has."""
+    """Raise UserError if an entry is not a feature, or a feature that every dataset has is missing."""
     if not isinstance(features, dict):
         raise UserError("not a mapping of features", file=path, key="features", got=features)
     if missing := [name for name in COUNTED if name not in features]:

@@ -102,8 +102,8 @@ def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
 
 
 def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRow]:
-    """Give the same of LeRobot's version 2, in which each episode is a file and `meta/episodes.jsonl` has a line for
-    it.
+    """Read the episodes of a LeRobot version 2 dataset: one file per episode and one line each in
+    `meta/episodes.jsonl`.
 
     Args:
         folder, total: as in `read_episodes`.

@@ -119,7 +119,7 @@ def depth(camera: Camera) -> Feature:
 
 
 def parts(camera: Camera) -> Feature:
-    """Give what a camera sees, a part's number a pixel."""
+    """Return the segmentation of a camera: the number of the visible part in each pixel."""
     return _grid(camera, "uint8")
 
 

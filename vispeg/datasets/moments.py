@@ -95,7 +95,7 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
 
 
 def _spread(values: np.ndarray) -> tuple[float, float]:
-    """Median of what is finite, and the standard deviation that its absolute deviation has of normal numbers."""
+    """Return median and scaled median absolute deviation (1 standard deviation if normal) of the finite values."""
     values = values[np.isfinite(values)]
     middle = float(np.median(values))
     return middle, 1.4826 * float(np.median(np.abs(values - middle)))

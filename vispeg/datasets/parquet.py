@@ -39,7 +39,7 @@ def opened(path: Path) -> Any:
 
 
 def read(action: Callable[[], T], path: Path) -> T:
-    """Give what reading a part of a file gives. Raises UserError where it is damaged there."""
+    """Return the result of reading a part of a file. Raises UserError if that part is damaged."""
     import pyarrow as pa
 
     try:

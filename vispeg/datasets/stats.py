@@ -19,7 +19,7 @@ Stats = dict[str, list[Any]]
 
 
 def of_numbers(values: np.ndarray) -> Stats:
-    """Of (T, d) or (T,) numbers: lists of d entries, `count` one of 1."""
+    """Compute the statistics of (T, d) or (T,) numbers: lists of d entries; `count` has one entry."""
     v = np.asarray(values, float).reshape(len(values), -1)
     out = {"min": v.min(axis=0), "max": v.max(axis=0), "mean": v.mean(axis=0), "std": v.std(axis=0)}
     out |= dict(zip(QUANTILES, np.quantile(v, list(QUANTILES.values()), axis=0), strict=True))
@@ -55,7 +55,7 @@ class PictureStats:
         self.frames += 1
 
     def _moments(self) -> None:
-        """Give what the histogram of 8-bit pictures already says exactly."""
+        """Compute the moments of 8-bit images exactly, from their histogram."""
         level = np.arange(self.bins) * self.step
         there = self.histogram > 0
         self.low, self.high = level[there.argmax(axis=1)], level[self.bins - 1 - there[:, ::-1].argmax(axis=1)]
@@ -75,7 +75,7 @@ class PictureStats:
 
 
 def together(parts: Iterable[Mapping[str, Any]]) -> Stats:
-    """Of all episodes, from the episodes' own."""
+    """Combine the statistics of single episodes."""
     entries = list(parts)
     n = np.array([p["count"][0] for p in entries], float)
     weights = n / n.sum()

@@ -95,7 +95,7 @@ def scene_of(task: TaskConfig) -> Scene:
 def layout_of(
     file: WorldFile, task: TaskConfig, cameras: tuple[Camera, ...], labels: bool, deep: bool = True
 ) -> Layout:
-    """Give what every frame of a rendering holds, with part numbers and depth or without."""
+    """Return the layout of a rendered frame, with or without segmentation and depth."""
     observed, scene = Observation(registry.task_of(task).terms, task), scene_of(task)
     features: dict[str, Feature] = {
         "observation.state": numbers((*scene.joints, *TASK_STATE)),

@@ -102,7 +102,7 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
 
 
 class Stage:
-    """A simulation, a renderer and an expert that make episodes, the same ones in whatever order.
+    """A simulation, a renderer and an expert that make episodes, each of which depends only on its seed.
 
     Args:
         plan, layout: of the dataset.
@@ -190,7 +190,7 @@ class Stage:
     def take(
         self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Take:
-        """Give the same look as rendered, its sensor still to come."""
+        """Render a look without sensor effects, which are applied later."""
         view_seed = look_seed(seed, look)
         cell = moments[0].cell  # the guard judges it as it stands, which is the same in every look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
@@ -232,7 +232,7 @@ class Stage:
         return np.concatenate([data.site_xpos[i], quaternion(data.site_xmat[i].reshape(3, 3))])
 
     def _labels(self, camera: str, shot: Shot) -> dict[str, np.ndarray]:
-        """Give what a camera's picture of the renderer's present moment shows."""
+        """Return the labels of a camera's image at the renderer's current state."""
         labels = {
             f"label.{self.scene.held}.{camera}": self._pose(self.scene.tip_site),
             f"label.camera.{camera}": np.concatenate([shot.pose[:3, 3], quaternion(shot.pose[:3, :3])]),

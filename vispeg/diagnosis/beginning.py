@@ -1,4 +1,4 @@
-"""Where a search begins: what of a model stays, what is fitted anew, and what the readings show by themselves."""
+"""The start of a search: effects of the model that stay or are refitted, and effects read directly from the data."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Beginning:
 
     @property
     def first(self) -> World:
-        """What the search starts from."""
+        """World from which the search starts."""
         firm, open_ = self.world.effects[: self.n_given], self.world.effects[self.n_given :]
         return replace(self.world, effects=(*firm, *self.read, *open_))
 
@@ -40,17 +40,17 @@ class Beginning:
 
     @property
     def label(self) -> str:
-        """Of the step by which the read effects came in."""
+        """Label of the step that added the effects read from the data."""
         return f"+ {', '.join(e.label for e in self.read)}"
 
 
 def opened(world: World, names: Collection[str] | None = None) -> Beginning:
-    """Fit what is partial anew, and put it last; with `names` only effects of these names are."""
+    """Move partial effects to the end, where they are refitted; with `names`, only effects of these names."""
     firm = [e for e in world.effects if not e.partial or names is not None and e.effect not in names]
     return Beginning(replace(world, effects=(*firm, *(e for e in world.effects if e not in firm))), len(firm))
 
 
 def of_joints(world: World, recordings: Sequence[Recording], unit: str) -> Beginning:
-    """Give the same, with the steps of encoders, which the readings of angles show; not where torques are compared."""
+    """Begin a search in joints, with encoder resolutions estimated from the angles unless torques are compared."""
     begin = opened(world)
     return replace(begin, read=gridded(begin.world, recordings)) if unit == "rad" else begin

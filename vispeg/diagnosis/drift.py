@@ -1,4 +1,4 @@
-"""Whether a robot still is what its model was identified to be: the named effects, fitted anew to each recording.
+"""Whether a robot has changed since its model was identified: the named effects, refitted to each recording.
 
 A value and its interval of then are compared with those of now: z = (now - then) / sqrt(s_now^2 + s_then^2), with s the
 95 % interval's width over 3.92, by Holm's procedure over all values and recordings. What a recording leaves over its

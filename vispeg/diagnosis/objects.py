@@ -314,9 +314,7 @@ def windows(
     seed: int,
     nthread: int,
 ) -> list[Mapping[str, object]]:
-    """Give what each length of window says: errors of both models on the held-out tosses, and each parameter's
-    profile.
-    """
+    """Return for each window length the errors of both models on the held-out tosses, and each parameter's profile."""
     rows = []
     rng = np.random.default_rng([seed, 41])
     for label, seconds in WINDOWS.items():

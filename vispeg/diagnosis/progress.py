@@ -1,4 +1,4 @@
-"""What a diagnosis has worked out so far, on disk, so that a killed one goes on where it stood.
+"""Intermediate results of a diagnosis on disk, so that a killed one can be resumed.
 
 A diagnosis is deterministic, so it is simply run again; the answers to its dear questions (the score test, where each
 optimizer ended) are read instead of computed. Every float comes back bit for bit, hence the same result.
@@ -45,7 +45,7 @@ class Progress:
         return self.answers[at]
 
     def part(self, of: str) -> Progress:
-        """Give the same progress for another diagnosis in the same run: its questions are not mistaken for these."""
+        """Return a separate part of the progress for another diagnosis in the same run."""
         other = copy(self)
         other.of = of
         return other

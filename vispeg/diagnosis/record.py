@@ -62,7 +62,7 @@ def with_origin(
 
 
 def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
-    """Give what was found, each with what these recordings cannot tell it from.
+    """Return the effects found, each with those confounded with it in these recordings.
 
     `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
     """
@@ -109,7 +109,7 @@ def ladder(
 
 
 def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:
-    """Give what else was tried, and why it was refused."""
+    """Return the rejected candidates and the reasons."""
     out = []
     for best, trials in state.steps:
         for t in trials:

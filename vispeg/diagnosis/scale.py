@@ -14,5 +14,5 @@ def times(ratio: float) -> str:
 
 
 def floors(mean_square: float) -> str:
-    """Give the same of a mean square in noise variances."""
+    """Return the floors of a mean square, in noise variances."""
     return times(math.sqrt(mean_square))

@@ -16,7 +16,7 @@ class Place(TypedDict):
 
 
 class FoundEffect(Place):
-    """An effect that was added, with its values (as in a model file) and what cannot be told from it."""
+    """An added effect with its values (as in a model file) and the effects confounded with it."""
 
     params: Mapping[str, Mapping[str, object]]
     indistinguishable_from: list[Place]
@@ -130,14 +130,14 @@ class NextMotion(TypedDict):
 
 
 class NotExcited(Place):
-    """An effect that the recordings would not show, whatever its size: why, and the motion that would show it."""
+    """An effect that the recordings cannot show at any size: why, and the motion that would show it."""
 
     why: str
     motion: str
 
 
 class Allowed(TypedDict):
-    """Of what a model leaves in held-out recordings, as read, the shares that errors which are allowed for take."""
+    """Shares of a model's held-out squared residual that nuisances (errors that are allowed for) explain."""
 
     model: str
     sensor: float
@@ -207,9 +207,7 @@ class ComparisonRecord(TypedDict):
 
 
 class Likely(Place):
-    """An effect that a linear model of torques calls for, the share of the missing torque that it takes away, and what
-    would do as well in its place.
-    """
+    """An effect proposed by the linear model of torques: its share of the missing torque, and equally good effects."""
 
     params: Mapping[str, Mapping[str, object]]
     share: float
@@ -226,7 +224,7 @@ class LeftTorque(TypedDict):
 
 
 class ProposalRecord(TypedDict):
-    """What torques call for, found in seconds and not confirmed by the search; `torque` is where they are from."""
+    """Effects proposed from torques, found in seconds, not yet confirmed; `torque` is the origin of the torques."""
 
     effects: list[Likely]
     torque: str

@@ -1,4 +1,4 @@
-"""What was measured beside what models predict: the one type behind reports, pages, evidence.npz and notebooks."""
+"""Measured values and model predictions: the one type behind reports, pages, evidence.npz and notebooks."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Trace:
 
 
 def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequence[np.ndarray] = ()) -> list[Trace]:
-    """Give what is compared of items: of each its principal columns, then those beside them.
+    """Return the traces of items: for each, the principal columns, then the additional ones.
 
     Args:
         items: of an evidence.

@@ -1,4 +1,4 @@
-"""What windows of one length can tell of a parameter: its profile, with an interval from tosses drawn anew."""
+"""The profile of a parameter from windows of one length, with an interval by bootstrap over tosses."""
 
 from __future__ import annotations
 

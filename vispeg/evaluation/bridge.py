@@ -25,7 +25,7 @@ ASK = "not played: --remainder 200"
 
 
 def cost(without: Sequence[Episode], with_it: Sequence[Episode]) -> Estimate:
-    """Give what the same seeds lose, with Tango's 95 % interval."""
+    """Return the paired loss of success on the same seeds, with Tango's 95 % interval."""
     d = statistics.difference(rows(without), rows(with_it), same_networks=True)
     return Estimate(d.value, *d.interval(statistics.ALPHA), d.n)
 
@@ -47,7 +47,7 @@ def replayed(
     home: tuple[Sequence[Episode], Sequence[Episode]] | None,
     home_world: str,
 ) -> RemainderRecord:
-    """Give what the remainder costs the policy.
+    """Return the loss of success due to the remainder.
 
     Args:
         remainder: what was resampled.

@@ -31,7 +31,7 @@ def controls_of(scene: Scene) -> tuple[str, ...]:
 
 
 def at_nominal(scene: Scene) -> Change:
-    """Give what keeps the goal of a cell at its nominal place."""
+    """Return the change that keeps a cell's goal at its nominal position."""
     return Change(scene.offset, {"x": 0.0, "y": 0.0, "z": 0.0})
 
 
@@ -63,7 +63,7 @@ class Controlled:
         self.policy.reset(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Give what the policy does with the images that the control gives it."""
+        """Return the policy's actions on the images of the control."""
         inputs = dict(obs)
         for key in (k for k in obs if kind_of(k) is not None):
             inputs[key] = self._instead(key, obs[key])

@@ -130,7 +130,7 @@ def _episode(policy: str, trial: Trial, number: int) -> Episode:
 
 
 def _ends(episodes: Sequence[Episode], side: str) -> dict[int, dict[Hashable, str]]:
-    """Of one network; a trial and a replay from its start are no pair, for the world's draws differ."""
+    """Return how one network's episodes end; a trial and its replay are not paired, as the world's draws differ."""
     return {0: {(side, i): e.category for i, e in enumerate(episodes)}}
 
 

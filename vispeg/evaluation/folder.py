@@ -69,7 +69,9 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
 
 
 def _kind(out: Path) -> str | None:
-    """Give what a folder holds by its marker; "" if it is of a version without, None if it is not of a run at all."""
+    """Return the kind of run in a folder by its marker; "" if written by a version without markers, None if it holds no
+    run.
+    """
     if (marked := holds(out)) is not None:
         return marked
     try:

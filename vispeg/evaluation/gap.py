@@ -160,7 +160,7 @@ class _Asked:
         return asked
 
     def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
-        """Give what a policy loses, how it fails, and on a robot how long it takes and how hard it presses."""
+        """Return a policy's loss of success, its kinds of failure, and on a robot its duration and peak force."""
         cells = [Cell(policy, reference), Cell(policy, world)]
         networks = table.networks(cells)
         if not networks:
@@ -178,9 +178,10 @@ class _Asked:
 
 
 def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesis | Difference]:
-    """Let the three questions of a page, what policies lose, one against another, and how they fail, share its 5 %.
+    """Split the page's 5 % error rate among its questions: losses of policies, comparisons of them, kinds of failure.
 
-    They share alike, for pairs grow with the square of policies and would leave the losses next to nothing.
+    Each question gets an equal share, because the number of comparisons grows with the square of the number of
+    policies.
     """
     question = {"beyond": "gap", "measure": "failures"}
     whole: defaultdict[str, float] = defaultdict(float)
@@ -193,7 +194,7 @@ def weighed(tests: Mapping[Key, Hypothesis | Difference]) -> dict[Key, Hypothesi
 
 
 def _beyond(y: Mapping[str, np.ndarray], reference: str, joint: str, factors: Sequence[str]) -> np.ndarray:
-    """Give what the joint world costs beyond the sum of the factors, an episode and network each."""
+    """Return the cost of the joint world beyond the sum of the factors', one value per episode and network."""
     return y[reference] - y[joint] - np.sum([y[reference] - y[f] for f in factors], axis=0)
 
 
@@ -234,7 +235,7 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[Succes
 
 
 def _mean(values: Iterable[float]) -> float | None:
-    """Of what is finite."""
+    """Return the mean of the finite values."""
     finite = [v for v in values if np.isfinite(v)]
     return float(np.mean(finite)) if finite else None
 
@@ -258,7 +259,7 @@ def _gap(table: Table, decision: Decision, key: Key, reference: str, home: Mappi
 
 
 def _worth(table: Table, policy: str, reference: str, world: str) -> Worth | None:
-    """Give what simulation is worth beside a robot's trials of one network; None where they are not of its starts.
+    """Return the value of simulation for one network's robot trials; None if they do not share its starts.
 
     A trial whose number is a simulated episode's seed had that one's start set up: no trial is the millionth.
     """
@@ -274,7 +275,7 @@ def _worth(table: Table, policy: str, reference: str, world: str) -> Worth | Non
 
 
 def worth_row(y: np.ndarray, f: np.ndarray) -> Worth:
-    """Give what simulation's f (n,) is worth beside outcomes y (n,), ready for JSON."""
+    """Return the value of simulated outcomes f (n,) for real outcomes y (n,), ready for JSON."""
     w = statistics.worth(y, f)
     return {"rho": w.rho.to_json(), "trials": w.trials.to_json(), "buys": w.buys, "words": w.words}
 

@@ -86,7 +86,7 @@ class Job:
         return [(e.name, e.train_seed, self.world_name, self.control, self.configuration, s) for s in self.seeds]
 
     def split(self, size: int) -> list[Job]:
-        """Give the same in pieces of `size` seeds."""
+        """Split a job into pieces of `size` seeds."""
         pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
         return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
 

@@ -114,7 +114,7 @@ def _action_names(folder: Path) -> tuple[str, ...]:
 
 
 def _stated(file: Path, *keys: str) -> Any:
-    """Give what a JSON file states under keys in each other; None where it does not, or is not there."""
+    """Return the value at nested keys of a JSON file; None if the key or the file is missing."""
     value = read_json(file) if is_file(file) else None
     for key in keys:
         value = value.get(key) if isinstance(value, dict) else None

@@ -130,7 +130,7 @@ def acts(source: Any, target: Any) -> str | None:
 
 
 def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
-    """Give what a policy observes, and the settings of the task that it was made for.
+    """Return the observations of a policy, and the task settings that it was made for.
 
     Raises:
         UserError: no such observation or setting; one that reads the ground truth.

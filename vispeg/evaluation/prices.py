@@ -24,13 +24,13 @@ TWICE = 2  # a recording to fit, one to judge on
 
 @dataclass(frozen=True)
 class Prices:
-    """What a person's work takes, and how much of it.
+    """Hours of work for the possible next steps.
 
     Attributes:
-        demonstrations: that would be recorded.
+        demonstrations: number that would be recorded.
         minutes_per_demonstration: setting up and doing one, min.
         minutes_per_recording: setting up a motion, min.
-        training_hours: of fine-tuning; None: as the policy's own training log says.
+        training_hours: duration of fine-tuning, h; None: from the policy's own training log.
     """
 
     demonstrations: int = 50
@@ -55,7 +55,7 @@ class Training:
 
 
 def training_of(policy: Path | None, prices: Prices) -> Training:
-    """Give what training takes: as stated, else what progress.csv of the policy's run measured."""
+    """Return the hours of training: as stated, else measured from progress.csv of the policy's run."""
     if prices.training_hours is not None:
         return Training(prices.training_hours, f"{prices.training_hours:g} h of training, stated")
     for folder in () if policy is None else (policy, *policy.parents[:2]):

@@ -62,7 +62,7 @@ class Episode:
 
     @property
     def key(self) -> tuple[str, int, str, str, str, int]:
-        """What an episode is found again by: policy, training seed, world, control, configuration, seed."""
+        """Key of an episode: policy, training seed, world, control, configuration, seed."""
         return self.policy, self.train_seed, self.world, self.control, self.configuration, self.seed
 
     def to_json(self) -> str:

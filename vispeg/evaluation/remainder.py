@@ -51,7 +51,7 @@ class Missing:
 
 
 def missing_of(rec: Recording, world: World) -> Missing | None:
-    """Give what a world lacks along a recording; None where that is too short.
+    """Return the missing torque of a world along a recording; None if the recording is too short.
 
     Raises:
         UserError: a recording whose controller is not known.

@@ -39,7 +39,7 @@ def run(
     watch: Watch = lambda new, done, total: None,
     engine: Engine = "local",
 ) -> list[Episode]:
-    """Plays what is not in OUT/episodes.jsonl yet; returns all episodes of the jobs, in the order of the jobs.
+    """Play the episodes that are not yet in OUT/episodes.jsonl; return all episodes in the order of the jobs.
 
     Args:
         jobs: what is asked for.
@@ -138,7 +138,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("run.json", _example)
 def read_names(path: Path) -> dict[str, dict[str, str]]:
-    """Give what the names in a run's folder stand for: `policies` and `worlds`, each names to hashes.
+    """Return the hashes behind the names in a run's folder: `policies` and `worlds`, each a map from name to hash.
 
     Raises:
         UserError: no run.json that a run wrote.

@@ -96,7 +96,7 @@ class Estimate:
         return value < self.low or value > self.high
 
     def to_json(self) -> Interval:
-        """Give {value, low, high, n}, null for what is not finite."""
+        """Return {value, low, high, n}, with null for numbers that are not finite."""
         value, low, high = (float(v) if math.isfinite(v) else None for v in (self.value, self.low, self.high))
         return {"value": value, "low": low, "high": high, "n": self.n}
 
@@ -536,7 +536,7 @@ def _root(b: int, c: int, n: int, low: float, high: float, target: float) -> flo
 
 @dataclass(frozen=True)
 class Decision:
-    """What a page may say of one of its tests.
+    """Result of one test of a page, adjusted for the others.
 
     Attributes:
         test: what was asked.
@@ -817,7 +817,7 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Worth:
-    """What a simulator is worth in trials.
+    """Value of a simulator, in equivalent trials.
 
     Attributes:
         rho: correlation of the trials' outcomes with simulation's of the same ones.
@@ -853,7 +853,7 @@ def _count(trials: float) -> str:
 
 
 def worth(y: np.ndarray, f: np.ndarray) -> Worth:
-    """Give what simulation's f (n,) is worth beside the outcomes y (n,) of the same trials."""
+    """Return the value of simulated outcomes f (n,) for the real outcomes y (n,) of the same trials."""
     rho = paired_correlation(y, f)
 
     def further(r: float) -> float:

@@ -160,7 +160,7 @@ def _points(e: Interval) -> str:
 
 
 def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
-    """Give what a correlation over the configurations says: measures, status, words."""
+    """Interpret a correlation over the configurations: measures, status, words."""
     if len(found) < FEWEST_POLICIES:
         return {}, CANNOT_TELL, f"{len(found)} configurations, a correlation needs {FEWEST_POLICIES}"
     x, y = (np.array([r[side]["value"] for r in found], float) for side in ("train", "target"))

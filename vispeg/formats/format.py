@@ -87,7 +87,7 @@ class Format:
         DECLARED.append(self)
 
     def read(self, path: str | Path) -> dict[str, Any]:
-        """Give what a file says, without its `format`.
+        """Read and check a file; return its content without `format`.
 
         Raises:
             UserError: unreadable, another language or format, an unknown or missing key, or beyond the limits.
@@ -96,7 +96,7 @@ class Format:
         return self.open(reader(path, most=self.most, finite=self.finite), path)
 
     def open(self, data: Any, path: str | Path) -> dict[str, Any]:
-        """Give the same for what has been read already."""
+        """Check data that have already been read."""
         if not isinstance(data, dict):
             expected = f"a mapping with 'format: {self.name}'"
             raise UserError(f"is not {self.what}", file=path, expected=expected, got=type(data).__name__)

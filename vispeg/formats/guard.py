@@ -1,4 +1,4 @@
-"""The bytes and the text of a file of unknown origin, and the limits that whatever it says must keep to."""
+"""Read bytes and text of untrusted files, and check the limits that their content must keep."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool =
 
 
 def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, list[str | int]] | None:
-    """Give what is wrong, what was expected, and the way there, innermost first; None if nothing is."""
+    """Return the violation, what was expected, and the keys that lead to it, innermost first; None if there is none."""
     if isinstance(value, float):
         return ("is not finite", "a finite number", []) if finite and not math.isfinite(value) else None
     if isinstance(value, str):

@@ -16,7 +16,7 @@ class _Twice(Exception):
 
 
 def read_json(path: str | Path, *, most: int = 64 * MB, finite: bool = True) -> Any:
-    """Give what a JSON file says.
+    """Read a JSON file.
 
     Args:
         path: of the file.
@@ -30,7 +30,7 @@ def read_json(path: str | Path, *, most: int = 64 * MB, finite: bool = True) -> 
 
 
 def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, finite: bool = True) -> Any:
-    """Give what JSON text says; `file` and `key` are what messages name. Raises UserError as `read_json` does."""
+    """Parse JSON text; `file` and `key` are named in messages. Raises UserError as `read_json` does."""
     try:
         data = json.loads(text, object_pairs_hook=_mapping)
     except json.JSONDecodeError as error:

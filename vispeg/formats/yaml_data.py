@@ -25,7 +25,7 @@ PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where 
 
 
 def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
-    """Give what a YAML file says.
+    """Read a YAML file.
 
     Args:
         path: of the file.
@@ -40,7 +40,7 @@ def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
 
 
 def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
-    """Give what YAML text says; `file` is what messages name. Raises UserError as `read_yaml` does."""
+    """Parse YAML text; `file` is named in messages. Raises UserError as `read_yaml` does."""
     try:
         data = _Builder(text, file).document()
     except yaml.YAMLError as error:
@@ -170,5 +170,5 @@ class _Builder:
             raise self.error("a tag beyond plain data", got=event.tag)
 
     def error(self, message: str, **more: Any) -> UserError:
-        """Give what is wrong, and in which line."""
+        """Return a UserError with the fault and its line."""
         return UserError(message, file=self.file, key=f"line {self.line}", **more)

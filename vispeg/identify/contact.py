@@ -25,7 +25,7 @@ ROWS = 4096  # samples whose Jacobians are worked out at a time
 
 @dataclass(frozen=True)
 class Contact:
-    """What a recorded arm touched, for its joints.
+    """External joint torques of a recorded contact.
 
     Attributes:
         free: (n,) bool, samples that can be compared.
@@ -42,7 +42,8 @@ class Contact:
 
 
 def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
-    """Give what the recorded arm touched; None where it touched nothing, or where nothing is said of its force sensor.
+    """Return the recorded arm's contact; None if there was none, or if the recording does not describe the force
+    sensor.
 
     Args:
         rec: with `ft`, and `wrench` that says how it is to be read.

@@ -145,7 +145,7 @@ class Drives:
         return np.concatenate(parts, axis=1)
 
     def _needed(self, i: int, world: World) -> np.ndarray:
-        """Give the same of one world and item (m, nj), not low-passed."""
+        """Return the torque needed for one world and item (m, nj) N m, not low-passed."""
         assert self.evidence is not None
         plain = World(effects=tuple(e for e in world.effects if not effect(e.effect).overrides("regressor")))
         out = self.evidence.torque_of(i, plain)

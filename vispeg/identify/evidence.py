@@ -179,7 +179,7 @@ class Evidence(Freedom):
     def compared(
         self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
     ) -> tuple[Channel, ...]:
-        """Give what is compared of a recording at some of its samples, where `late` (m, 1): the principal one first.
+        """Return the channels of a recording at some of its samples, at `late` (m, 1); the principal one comes first.
 
         `noise` is that of its own signals, `noise_of`.
         """
@@ -194,7 +194,7 @@ class Evidence(Freedom):
         return tuple(channels)
 
     def predicted(self, channel: Channel, item: Item, response: Response, worlds: Sequence[World]) -> np.ndarray:
-        """Give what rollouts of worlds say of a channel, (nworld, m, nj)."""
+        """Return a channel's values predicted by rollouts of worlds, (nworld, m, nj)."""
         if channel.kind == "load":
             return np.abs(response.tau_motor) if unsigned(item.recording) else response.tau_motor
         if channel.kind == "torque":
@@ -299,7 +299,7 @@ class Evidence(Freedom):
 
 
 def _used(rec: Recording, every: int) -> str:
-    """Give what is used of a long recording."""
+    """Return a note on which part of a long recording is used."""
     said = rec.chosen.said(rec.name) if rec.chosen else f"{rec.name}: all of it is simulated"
     return said if every == 1 else f"{said}; one sample in {every} is compared"
 
@@ -320,7 +320,7 @@ def _settle(rec: Recording) -> float:
 
 
 def _every(recordings: Sequence[Recording]) -> list[int]:
-    """Of so many samples of each recording one is compared: as many of all as leave `READINGS` readings."""
+    """Return the decimation of each recording, chosen so that at most `READINGS` readings are compared in total."""
     signals = [1 + (r.tau is not None and r.torque_sensor != "none") + (r.load is not None) for r in recordings]
     readings = sum(n * r.q.size for n, r in zip(signals, recordings, strict=True))
     most = int(np.ceil(readings / READINGS))

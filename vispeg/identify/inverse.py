@@ -78,7 +78,7 @@ class TorqueEvidence(Evidence):
 
     @property
     def floors(self) -> np.ndarray:
-        """(nj,) noise of each joint's torque, N m, whatever weight it has in the comparison."""
+        """Noise of each joint's torque, (nj,) N m, regardless of its weight in the comparison."""
         return self._floors
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:

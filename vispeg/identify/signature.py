@@ -1,4 +1,4 @@
-"""What an effect does to a motion: the same closed-loop robot with and without it, without noise."""
+"""Signature of an effect: difference of noiseless closed-loop motions with and without it."""
 
 from __future__ import annotations
 

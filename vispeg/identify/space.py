@@ -32,7 +32,8 @@ class Axis:
 
 
 class Freedom:
-    """What of an effect a fit moves, and how far it goes for a derivative: all parameters, as their Params say.
+    """Which parameters of an effect a fit may change, and the finite-difference steps; by default all, with steps from
+    Param.
 
     Attributes:
         held: parameters (effect, name) that a fit leaves.

@@ -19,7 +19,7 @@ KEPT = 2
 
 
 def spread(make: Callable[[], Evidence], workers: int) -> Submit:
-    """Give what evaluates worlds on a cluster, `workers` parts at a time.
+    """Return a function that evaluates worlds on a cluster in `workers` parallel parts.
 
     Args:
         make: builds the evidence, once in each worker; sent by value.

@@ -1,4 +1,4 @@
-"""Fitting to rough evidence: line searches along each parameter, then a quadratic surface with drawn-anew intervals.
+"""Fit to rough evidence: line searches along each parameter, then a quadratic surface with bootstrap intervals.
 
 Rollouts over contacts part at edges, so derivatives by small differences are noise; the error over finite sizes is
 smooth. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by drawing
@@ -58,7 +58,7 @@ def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: 
 
 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
-    """Give the world at the lowest point of a quadratic surface, with 95 % intervals over blocks drawn anew.
+    """Return the world at the minimum of a quadratic surface, with 95 % intervals by block bootstrap.
 
     A next surface stands about the last one's lowest point, as wide as its intervals, until that point lies inside.
     """

@@ -1,4 +1,4 @@
-"""What the numbers of an action mean, and how each meaning becomes what a task's controller takes.
+"""Kinds of actions, and their conversion to the commands of a task's controller.
 
 The controller takes an `offset`: how far the tip is to be from where it is measured, along the directions that the
 policy moves, in shares of the greatest step. Joints, and places and steps of the tip in SI units, are turned into that

@@ -89,7 +89,7 @@ class Exported:
         self._memory = fresh
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Observation (n, ...) -> actions (n, d) float32, offsets whatever the network's own are."""
+        """Return actions (n, d) float32 for observations (n, ...): always offsets, whatever the network outputs."""
         parts = {key: obs[key] for key in ("policy", *self.interface.images)}
         values = self._session.run(None, {**parts, **self._memory})
         out = dict(zip(self._outputs, values, strict=True))

@@ -150,7 +150,7 @@ class Stack:
         self.values = np.zeros((depth, n, size))
 
     def fill(self, rows: np.ndarray, value: np.ndarray) -> None:
-        """Rows begin anew with their `value` (n, size)."""
+        """Reset rows to their `value` (n, size)."""
         self.values[:, rows] = value[rows]
 
     def push(self, value: np.ndarray) -> None:

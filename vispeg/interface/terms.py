@@ -1,4 +1,4 @@
-"""What a policy is told beside pictures, by name: each term is read from what a robot measures.
+"""Named observation terms other than images, each computed from a robot's measurements.
 
 A term of a task's own is enrolled here too, so that it can be built off the simulator.
 """

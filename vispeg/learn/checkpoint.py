@@ -21,7 +21,7 @@ from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 
 class Counters(TypedDict):
-    """What a run knows beside its networks.
+    """State of a run besides its networks.
 
     Keys:
         command: that began the run; absent of older runs.

@@ -94,9 +94,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
 
 
 def open_policy(folder: str | Path) -> Policy:
-    """Give what a policy's folder holds: one network, or two of which one takes over. Raises UserError as `load`
-    does.
-    """
+    """Load the policy of a folder: one network, or a coarse and a fine one. Raises UserError as `load` does."""
     path = policy_folder(folder)
     record = read_record(path)
     if "within" not in record:

@@ -32,7 +32,7 @@ class Sb3Env(VecEnv):
         self._actions = np.zeros((env.num_envs, 1))
 
     def reset(self) -> dict[str, np.ndarray]:
-        """All rows anew, from the seed given by `seed` before, if any."""
+        """Reset all rows, with the seed set by `seed`, if any."""
         seed = self._seeds[0]
         obs, info = self.env.reset(seed=seed, options=self._begin(np.ones(self.num_envs, bool)))
         self._reset_seeds()
@@ -59,7 +59,7 @@ class Sb3Env(VecEnv):
         return obs, np.asarray(reward, np.float32), done, infos
 
     def _begin(self, rows: np.ndarray) -> dict[str, Any]:
-        """Give the options with which rows (n,) bool begin anew."""
+        """Return the reset options for rows (n,) bool."""
         if self._starts is None:
             return {"reset_mask": rows}
         return {"reset_mask": rows, "start": [next(self._starts) if row else None for row in rows]}

@@ -28,7 +28,7 @@ Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
 
 def objects(data: Dataset) -> Things:
-    """Map each number to (part, name of its pose) of what a dataset has poses of; a pose of no part's name is the
+    """Map object numbers to (part, name of its pose) for all parts with poses; a pose not named like a part is the
     goal's.
 
     Raises:
@@ -120,7 +120,7 @@ def _scene(folder: Path, data: Dataset, things: Things, frames: dict[str, np.nda
 
 
 def box(mask: np.ndarray) -> list[int]:
-    """x, y, width, height of what a mask (H, W) holds, px; all -1 where it is empty."""
+    """Return the bounding box x, y, width, height of a mask (H, W), px; all -1 if it is empty."""
     if not mask.any():
         return [-1, -1, -1, -1]
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))

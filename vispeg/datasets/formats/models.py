@@ -49,9 +49,7 @@ def read_models(folder: Path) -> dict[str, Mesh]:
 
 
 def described(mesh: Mesh) -> Mapping[str, object]:
-    """Give what BOP's models_info.json says of a mesh, in its unit: diameter, extent, symmetries about its own z
-    axis.
-    """
+    """Return a mesh's entry in BOP's models_info.json: diameter, extent, z-symmetries, in its own unit."""
     vertices = mesh[0]
     low, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     numbers = {"diameter": _diameter(vertices)}

@@ -1,4 +1,4 @@
-"""What is to be rendered, cut into shards: each follows from the plan and its number alone."""
+"""A rendering job cut into shards, each determined by the plan and the shard's number alone."""
 
 from __future__ import annotations
 

@@ -25,7 +25,9 @@ QUARTER = np.array([[np.cos(np.pi / 8), *(np.sin(np.pi / 8) * e)] for e in np.ey
 
 
 def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: World) -> list[np.ndarray]:
-    """Residuals (m, nj) in N m of each held-out item, invalid rows 0, where all was fitted beside `world`."""
+    """Residuals (m, nj) in N m of each held-out item, invalid rows 0, with all base parameters fitted in addition to
+    `world`.
+    """
     x, y = _system(fitted, world)
     scale = np.maximum(np.linalg.norm(x, axis=0), 1e-12)
     solution = np.linalg.lstsq(x / scale, y, rcond=RANK)[0] / scale

@@ -42,7 +42,7 @@ class Change:
     share: float
 
     def said(self) -> str:
-        """Give what a reader is told."""
+        """Return the sentence for the reader."""
         what = "as the recordings go on" if self.over == "time" else "over the joint's range"
         values = ", ".join(f"{p:.2g}" for p in self.parts)
         return f"{self.label} is not constant {what} ({values} of its value): it stands in for something that changes"

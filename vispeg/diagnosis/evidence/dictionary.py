@@ -1,4 +1,4 @@
-"""The linear model of a fit and of every candidate beside it: what a choice of effects would leave, without a rollout.
+"""Linear model of a fit and of all candidates: predicts the residual of any choice of effects without a rollout.
 
 All that it needs is one matrix of inner products, of the derivatives to the fitted parameters, the signatures of the
 candidates and the residual. Exact where torques are compared and an effect is straight; elsewhere it proposes, and
@@ -114,9 +114,7 @@ class Dictionary:
         return float(self.total - 2.0 * x @ self.slope[i] + x @ self.gram[np.ix_(i, i)] @ x)
 
     def crossed(self, chosen: Sequence[int]) -> float:
-        """Give the same with each fold predicted by coefficients of the others; what stands at its bound stays
-        there.
-        """
+        """Cross-validate: predict each fold with the coefficients of the others; coefficients at a bound stay there."""
         in_sample, x = self.loss(chosen)
         if not self.parts or not len(chosen):
             return in_sample
@@ -136,7 +134,7 @@ class Dictionary:
         return float(total)
 
     def gains(self, chosen: Sequence[int]) -> np.ndarray:
-        """Drop of the squared residual that each other entry promises beside the chosen ones, bounds left aside."""
+        """Return the predicted drop of the squared residual by adding each entry, ignoring bounds."""
         gram, slope = self.gram, self.slope
         taken = {self.entries[k].key for k in chosen}
         if len(chosen):

@@ -1,4 +1,4 @@
-"""What the readings of encoders show by themselves: all of them are whole multiples of one step.
+"""Encoder resolution from the readings alone: all of them are integer multiples of one step.
 
 No squared error shows a step of less than some ten times the noise: noise tips a rounded prediction over to the next
 step as often as the reading itself, which leaves as much as no rounding does. The grid is there to be seen.

@@ -61,7 +61,7 @@ INPUTS = {
 
 
 def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[Remainder]:
-    """Of each joint the RMS of the torque that is still missing, N m, noise taken off, and of the torque it needed."""
+    """Return for each joint the RMS of the torque still missing, minus noise, and of the torque it needed, N m."""
     missing = np.mean([np.mean(k.excess**2, axis=0) - k.sigma**2 for k in held_out], axis=0)
     needed = np.mean([np.mean(k.needed**2, axis=0) for k in held_out], axis=0)
     rms = np.sqrt(np.maximum(missing, 0.0)), np.sqrt(needed)

@@ -1,4 +1,4 @@
-"""Which recordings judge: those that were asked to, unless nothing that the model lacks shows in them.
+"""Which recordings are held out: those requested, unless they do not show what the model lacks.
 
 A drive that saturates in two of three motions leaves no trace in the third, and no effect can be judged there: then one
 of the two judges in its place, and it is fitted. Where it saturates in one motion alone, but in either half of it, the
@@ -21,7 +21,7 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Roles:
-    """Recordings to fit, those to judge on, what the reader is told of it, and the name of one that none can judge."""
+    """Fitted and held-out recordings, a note for the report, and the name of a recording that no other can judge."""
 
     fitted: list[Recording]
     held_out: list[Recording]
@@ -29,16 +29,16 @@ class Roles:
     alone: str = ""
 
     def unjudged(self, world: World, evidence: Evidence) -> Roles | None:
-        """Give these roles, if one recording alone shows what a model lacks, and `world` lacks it still."""
+        """Return these roles if only one recording shows what a model lacks, and `world` still lacks it."""
         return self if self.alone and max(shown(evidence, world)) > RULES.loud else None
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
-    """Roles of the recordings behind two sets of evidence, where those that they were given cannot be left unsaid.
+    """Reassign the roles of recordings if no held-out one shows what the model lacks; None if the roles can stay.
 
-    Of several fitted recordings that show what the model lacks the last one judges, but never the one that shows most,
-    if none that should judge does. One alone judges by its second half, if both its halves show it; else it is said
-    that nothing else shows it: what is fitted to it is judged nowhere.
+    If several fitted recordings show it, the last of them is held out, but never the one that shows most. If only one
+    does, its second half is held out, provided both halves show it; else the note says that nothing can be judged on
+    other data.
     """
     if max(shown(judged, world)) > RULES.quiet:
         return None

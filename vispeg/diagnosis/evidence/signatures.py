@@ -114,7 +114,7 @@ def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[J
 
 
 def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]) -> list[Signature]:
-    """Give what each probe takes off the `residual` of `world` on this evidence."""
+    """Return the change of the `residual` of `world` due to each probe."""
     return [*each_signature(evidence, world, residual, probes)]
 
 
@@ -131,7 +131,7 @@ def each_signature(
 
 
 def _drop(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Give what a parameter takes off a whitened residual; nothing where its rollout ran wild."""
+    """Return the change of the whitened residual due to a parameter; zeros if its rollout diverged."""
     return np.where(np.abs(after) > WILD, 0.0, before - after).astype(np.float32)
 
 

@@ -1,10 +1,10 @@
-"""Does a second recording, fitted by itself, say of an effect what the first one says?
+"""Agreement of two recordings on an effect: fitted separately, does it change the images in the same way?
 
-What an effect does to pictures is the difference of two worlds: with it and without it, everything else fitted anew in
-both. So what others can do as well counts for none of them: an offset of the camera beside a focal error is worth what
-a focal error alone leaves. An effect that is there does the same in either recording. What a look, or an arm's errors
-in a few views, make an effect of is of any direction, and another one in the other recording (mrcal's
-cross-validation, here of one effect; Kogan, mrcal documentation, "a tour of mrcal: cross-validation").
+The change of the images due to an effect is the difference between two worlds, with and without it, everything else
+refitted in both. So whatever other effects can imitate is not counted: a camera offset is credited only with what a
+focal error alone leaves. A real effect makes the same change in both recordings. A spurious one, due to appearance or
+to joint errors in a few views, has an arbitrary direction that differs between recordings (mrcal's cross-validation,
+applied to one effect; Kogan, mrcal documentation, "a tour of mrcal: cross-validation").
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Agreement:
-    """What an effect does to the held-out pictures by the first recording, and how far the second one differs, RMS px.
+    """Change of the held-out images due to an effect fitted to the first recording, and its difference to the second,
+    RMS px.
 
     Attributes:
-        size: of the difference that it makes, all else fitted anew.
-        apart: of the difference between the two recordings' differences.
+        size: change due to the effect, all else refitted.
+        apart: difference between the changes fitted to the two recordings.
     """
 
     size: float
     apart: float
 
     def doubt(self, least: float) -> str:
-        """Why it is no name, "" where it is one; `least` px is what looks do."""
+        """Return why the effect must not be named, or ""; `least` px is the change due to errors of appearance."""
         if self.size < least:
             return f"others do all but {self.size:.2f} px of what it does, under {least:.2f}"
         if self.apart > RULES.views_apart * self.size:
@@ -41,10 +42,10 @@ class Agreement:
 
 
 def agreement(search: PictureSearch, added: World, without: World, n_fixed: int) -> Agreement:
-    """Of two fitted worlds, one of which has an effect more.
+    """Compare two fitted worlds, of which `added` has one effect more.
 
     Args:
-        search: of borders.
+        search: the search by borders.
         added, without: the worlds, fitted to the first recording.
         n_fixed: number of effects that are not fitted.
     """

@@ -47,7 +47,7 @@ def excitations(
 
 
 def _of_sensor(scene: Scene, sights: Sequence[Sight], evidence: BorderEvidence, world: World) -> list[Excitation]:
-    """Give what effects on depth and light do where the borders were found."""
+    """Return the change that depth and light effects make where borders were found."""
     cameras = list({s.camera.name: s.camera for s in sights}.values())
     with Predictor(scene, cameras, finer=FINER) as predictor:
         shots = shots_by(predictor, sights, evidence, evidence.settled)

@@ -59,7 +59,7 @@ class Excitation:
 
     @property
     def unit(self) -> str:
-        """Of `change` and `needed`."""
+        """Unit of `change` and `needed`."""
         return "px" if self.channel == "border" else "times what is ordinary"
 
     @property
@@ -74,7 +74,7 @@ class Excitation:
 
 
 def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
-    """Give what typical effects, all their numbers at once, do to the borders to judge on."""
+    """Return the change of the held-out borders due to typical effects, all their parameters at once."""
     out = []
     for name, where in search.places(world):
         kind = effect(name)

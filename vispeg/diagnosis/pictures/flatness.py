@@ -27,7 +27,9 @@ ROUNDS = 3  # of a pose, and of robust weights
 
 
 def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[Sight], world: World) -> list[Left]:
-    """Give what heights of the corners, fitted to some views, explain in others; empty without a board in both."""
+    """Return what a board's non-flatness, corner heights fitted to some views, explains in others; empty without a
+    board in both.
+    """
     first, second = (_stacked(geometry, some, world) for some in (fitted, judged))
     if first is None or second is None:
         return []

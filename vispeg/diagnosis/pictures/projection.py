@@ -1,4 +1,4 @@
-"""What a camera's error is in a picture: the shift of every pixel at a working distance, with its uncertainty.
+"""A camera error seen in an image: the shift of every pixel at a working distance, with its uncertainty.
 
 Focal length and distance, principal point and rotation hardly differ one by one; together they move a picture in one
 way only. So that is what is stated (mrcal's "projection difference" and "projection uncertainty"; Kogan, mrcal
@@ -73,7 +73,7 @@ def projections(geometry: Geometry, before: World, after: World, fit: Fit | None
 
 
 def confounded(judged: BorderEvidence, world: World, rivals: Sequence[Rivals]) -> list[dict]:
-    """How far apart the pictures of an effect and of one that cannot be told from it are, and what would tell.
+    """Return how much the images of an effect and of a confounded one differ, and what would distinguish them.
 
     Args:
         judged: of the views that could not tell.

@@ -1,4 +1,4 @@
-"""What is left after the final world, and what it depends on: fitted on some views, judged on the others.
+"""The residual of the final world and what it depends on: fitted on some views, judged on the others.
 
 A moved part, a bent picture or a drift is no effect of the library: it shows here, in px.
 """

@@ -54,7 +54,7 @@ class SensorSearch(PictureSearch):
         return max(super().least_times(placed, world, without), min(odd, default=np.inf))
 
     def excitations(self, world: World) -> list[Excitation]:
-        """Give what every effect's numbers, one by one at a typical size, change in the frames to judge on."""
+        """Return the change of the held-out frames due to each parameter of every effect at a typical size."""
         return [self._excitation(world, *at) for at in super().places(world)]
 
     def _excitation(self, world: World, name: str, where: str) -> Excitation:
@@ -107,7 +107,7 @@ class Sensed:
         return any(abs(v) > 1.0 for k, v in moved.items() if k.startswith(ERROR))
 
     def ladder(self) -> tuple[list[Rung], NoiseFloor]:
-        """Errors of each model on the way, and the floor, in mm of depth where it is that which falls."""
+        """Errors of each intermediate model and the noise floor; in mm of depth if the depth error falls."""
         models = [("nominal", self.before), *((f"+ {t.score.label}", t.fit.world) for t, _ in self.state.steps)]
         if self.added and self.state.world != models[-1][1]:
             models[-1] = (f"+ {' + '.join(e.label for e in self.added)}", self.state.world)
@@ -156,7 +156,7 @@ def sensor_search(
     say: Callable[[str], None],
     progress: Progress | None = None,
 ) -> list[Sensed]:
-    """Give what the frames say of depth and light.
+    """Search the frames for effects on depth and light.
 
     Args:
         scene: the cell.

@@ -100,7 +100,7 @@ def likelier(t: Trial, first: Trial) -> bool:
 
 
 def _own(t: Trial) -> Sequence[EffectInstance]:
-    """Give what a candidate added, with fitted values."""
+    """Return the effects that a candidate added, with fitted values."""
     return t.fit.world.effects[-t.score.count :]
 
 

@@ -49,7 +49,7 @@ class Cross:
         return self.judge.loss(moved)
 
     def loss_of(self, fit: Fit | None, residual: np.ndarray) -> np.ndarray:
-        """Give the same of a fit, or of a world to which nothing was fitted."""
+        """Return the cross-validated loss of a fit, or of a world without fitted effects."""
         return self.loss(residual, None if fit is None else fit.jacobian)
 
 
@@ -75,7 +75,7 @@ def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray
 
 
 def on_held_out(judge: Judge, fit: Fit) -> Fit:
-    """Give the same fit with its residual and its derivatives on the held-out recordings; the last is remembered."""
+    """Return a fit with its residual and derivatives on the held-out recordings; the last one is cached."""
     if judge.last is not None and judge.last[0] is fit:
         return judge.last[1]
     steps = fit.space.steps(fit.u)

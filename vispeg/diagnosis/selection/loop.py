@@ -1,4 +1,4 @@
-"""The loop of every search: the best effect of a step comes in where it earns its place, until none does.
+"""The loop of every search: each step adds the best candidate that passes the test, until none does.
 
 What a step tries, how an effect is fitted and what it is held to are the evidence's own.
 """
@@ -48,14 +48,14 @@ class Loop(ABC, Generic[S, T]):
 
     @abstractmethod
     def offers(self, state: S, n_fixed: int) -> list[T]:
-        """Give what a step tries beside a state, fitted and judged; the best that passes before others that pass."""
+        """Return the candidates of a step, fitted and judged; those that pass come first, best first."""
 
     @abstractmethod
     def take(self, state: S, trial: T, trials: list[T], n_fixed: int) -> None:
         """Add what a trial tried, one of `trials`."""
 
     def settle(self, state: S, trial: T, before: S, n_fixed: int) -> None:
-        """Give what a state asks for once a trial came in: a richer effect in its place, others taken out."""
+        """Revise a state after an addition: refine the added effect, remove superfluous ones."""
 
     def announce(self, state: S) -> None:
         """Says where the search stands before a step."""

@@ -49,7 +49,7 @@ class Ground:
 
 @dataclass(frozen=True)
 class Exchange:
-    """What the linear model says of an accepted effect.
+    """The linear model's alternatives to an accepted effect.
 
     Attributes:
         label: of the effect.
@@ -177,7 +177,7 @@ def tentative(
 
 
 def _entangled(state: State, index: int) -> bool:
-    """Whether a magnitude of an effect is hardly told from another effect's: two that cancel are both needed."""
+    """Return whether a magnitude is strongly correlated with another effect's; of two that cancel, both are needed."""
     if state.fit is None:
         return False
     kinds = [effect(e.effect) for e in state.fit.world.effects]

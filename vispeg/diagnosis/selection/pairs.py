@@ -57,7 +57,7 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
 
 
 def all_common(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Give what every arm has, all of it at once, in the joint that misses most."""
+    """Return the effects that every arm has, as one group, in the joint with the largest missing torque."""
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(missing)))]
     places = [(name, where) for name, where in candidates(search.evidence, state.world, [worst]) if where == worst]

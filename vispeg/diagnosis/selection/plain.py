@@ -55,7 +55,9 @@ class PlainSearch(Loop[State, Trial], Shown):
 
     @property
     def least_share(self) -> float:
-        """Share of what effects so far removed that a later one must: what a form leaves is not another effect."""
+        """Share of the loss removed so far that a further effect must remove: errors of a law's form are not another
+        effect.
+        """
         return RULES.later
 
     def targets(self, kind: Effect) -> list[str]:
@@ -63,7 +65,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return kind.targets(self.evidence.items[0].robot)
 
     def places(self, world: World) -> list[tuple[str, str]]:
-        """Give every effect that the evidence can show, at every place that the world has it not at yet."""
+        """Return every effect that the evidence can show, at every place where the world does not have it yet."""
         have = {(e.effect, e.where) for e in world.effects}
         kinds = [(name, kind) for name, kind in sorted(REGISTRY.items()) if self.evidence.sees(kind)]
         open_ = [(name, t) for name, kind in kinds if (name, "all") not in have for t in self.targets(kind)]
@@ -75,13 +77,13 @@ class PlainSearch(Loop[State, Trial], Shown):
         return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
-        """Give what `step` tries."""
+        """Return the trials of `step`."""
         trials = self.step(state, n_fixed)
         state.screening = [t.score for t in trials]
         return trials
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """Take out what the effect that came in made superfluous."""
+        """Remove effects that the added one made superfluous."""
         self._prune(state, n_fixed)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
@@ -91,7 +93,8 @@ class PlainSearch(Loop[State, Trial], Shown):
         state.take(trial.fit, trial.loss)
 
     def scored(self, state: State) -> list[Score]:
-        """Every place's effect beside a state, best first by what secants over typical sizes explain of the residual.
+        """Score every place's effect when added to a state, by the residual that secants over typical sizes explain;
+        best first.
 
         Nothing is fitted, so a score is a promise only: of the part that the effects of the state cannot make.
         """
@@ -130,23 +133,25 @@ class PlainSearch(Loop[State, Trial], Shown):
         return PlainSearch.places(self, world)
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """Give the multiple of an effect, which one of two worlds has more than the other, below which it is no name
-        whatever its trace.
+        """Return the multiple of the effect by which two worlds differ below which it is not named, even if it is
+        detectable.
         """
         return 0.0
 
     def tested(self, state: State) -> int:
-        """How many places share the level of the test where one of them is tried beside a state."""
+        """Return the number of places that share the significance level of a test."""
         return len(self.places(state.world))
 
     def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
-        """Fits the best of the places' effects beside what was accepted and judges them; those that pass come first."""
+        """Fit the best of the places' effects in addition to the accepted ones and judge them; those that pass come
+        first.
+        """
         places = self.places(state.world) if places is None else list(places)
         scores = [s for s in self._scored(state, places) if s.gain > 0]
         return self.try_all(state, shortlist(scores, RULES.fitted), n_fixed, len(places))
 
     def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
-        """Fits each score's effect beside what was accepted and judges all; those that pass come first.
+        """Fit each score's effect in addition to the accepted ones and judge all; those that pass come first.
 
         `tested` places share the level of the test.
         """
@@ -164,19 +169,21 @@ class PlainSearch(Loop[State, Trial], Shown):
         return sorted(out, key=lambda t: bool(t.rejected))
 
     def error(self, world: World) -> float:
-        """Give the RMS error of what judges, in its unit."""
+        """Return the RMS error on the held-out evidence, in its unit."""
         return self.judged.errors([world])[0]
 
     def small(self, trial: Trial) -> str:
-        """Why what a trial adds changes too little to be a name; empty where it does not."""
+        """Return why a trial's effect is too small to be named; "" if it is not."""
         return ""
 
     def idle(self, placed: EffectInstance, state: State, rest: State, n_fixed: int) -> bool:
-        """Whether an effect of a state, which `rest` is without, is no name for a reason of this channel's own."""
+        """Return whether an effect of a state, which `rest` lacks, must not be named for a reason specific to the
+        channel.
+        """
         return False
 
     def fits(self, worlds: Sequence[World], n_fixed: int, evidence: Any = None) -> list[Fit]:
-        """Fits everything after the first `n_fixed` effects of each world; where each ended is remembered."""
+        """Fit all but the first `n_fixed` effects of each world; the results are cached."""
         chosen, fresh = self.evidence if evidence is None else evidence, list[Fit]()
         if not worlds:
             return []
@@ -195,7 +202,9 @@ class PlainSearch(Loop[State, Trial], Shown):
         return fresh or run_together(again, chosen.residuals, length=chosen.length)
 
     def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
-        """For every accepted effect, what the recordings to judge on cannot tell from it, the others fitted anew."""
+        """Return, for every accepted effect, those that the held-out recordings cannot distinguish from it, others
+        refitted.
+        """
         out = []
         for placed in state.world.effects[n_fixed:]:
             reduced = self._without(state, placed, n_fixed)
@@ -223,7 +232,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return State(world, loss, residual, fit, state.first, state.steps)
 
     def _prune(self, state: State, n_fixed: int) -> None:
-        """Take out, one by one, what the others have made superfluous."""
+        """Remove, one by one, the effects that the others make superfluous."""
         while len(state.world.effects) - n_fixed > 1:
             rests = [(e, self._without(state, e, n_fixed)) for e in state.world.effects[n_fixed:]]
             gains = [self.judge.gain(r.loss, state.loss) for _, r in rests]

@@ -82,9 +82,7 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """Give the same for single places; those that were screened beside the same world before are not screened
-        again.
-        """
+        """Screen single places; scores already computed for the same world are reused."""
         fresh = [p for p in places if p not in self._alone.get(model_text(world), {})]
         if fresh:
             self.screened(world, residual, fit, fresh, missing)
@@ -92,7 +90,8 @@ class Proposals:
         return sorted((s for p in places if (s := scores[p]) is not None), key=lambda s: -s.gain)
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """Give what each effect of the fit costs beside every other candidate, and what may stand in its place.
+        """Return for each fitted effect the loss of leaving it out given any other candidate, and its possible
+        replacements.
 
         None where nothing was fitted.
         """

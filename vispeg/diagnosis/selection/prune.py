@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def prune(search: Search, state: State, n_fixed: int) -> None:
-    """Drop from the state what is not needed, the least needed first, and fit the rest anew."""
+    """Remove effects that are not needed, the least needed first, and refit the rest."""
     spare = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
         useless = _spare(search, state, n_fixed) if spare else []

@@ -55,7 +55,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return self.advance, partial(refined, self), partial(cast_out, self), partial(gathered, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Where a search for what `world` lacks begins: its open effects after the first `n_fixed` are fitted anew."""
+        """Return the state at which a search begins; open effects of `world` after the first `n_fixed` are refitted."""
         residual, loss = self.evidence.residuals([world])[0], self.judge.losses([world])[0]
         state = State(world, loss, residual, first=self.judge.mean(loss))
         if n_fixed is not None and n_fixed < len(world.effects):
@@ -74,7 +74,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
-        """Give what `step` tries."""
+        """Return the trials of `step`."""
         return self.step(state, n_fixed)
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
@@ -161,7 +161,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Trial]:
-        """Give the same at these places, for the `groups`, and with `several` for what `together` proposes.
+        """Run a step at these places and for the `groups`; with `several`, also for the proposals of `together`.
 
         `tested` places in all share the level of the test. Groups are tried where no effect alone promises as much.
         """
@@ -199,7 +199,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Give the same for several (state, scores, places tested), all fitted side by side; a state's candidates race.
+        """Try the candidates of several (state, scores, places tested), all fitted in one batch; those of a state race.
 
         With a `goal`, a mean squared residual, each gives up where it cannot come to it instead. A rollout of many rows
         costs little more than one of a few.
@@ -224,9 +224,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return out
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """Give what might stand in the place of an effect that `state` is without, best first; how many were
-        screened.
-        """
+        """Return possible replacements of an effect that `state` lacks, best first, and the number screened."""
         joints = self.evidence.items[0].robot.joints
         near = [placed.where] if placed.where in joints else []
         places = [c for c in candidates(self.evidence, state.world, near) if c != (placed.effect, placed.where)]
@@ -279,7 +277,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return self.fits(worlds, n_fixed, iterations=5, columns=columns)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add what a trial tried, one of `trials`; derivatives that earlier effects had are taken anew."""
+        """Add the effects of a trial, one of `trials`; derivatives of the earlier effects are recomputed."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         fit, loss = trial.fit, trial.loss
         if state.fit is not None:

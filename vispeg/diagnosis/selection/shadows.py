@@ -82,7 +82,7 @@ def _again(state: State, n_fixed: int) -> list[EffectInstance]:
 
 
 def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
-    """Give what not every arm has in the joint with the greatest error, where so much is left that something is wrong.
+    """Return the effects, not common to all arms, of the joint with the largest error, if that error is too large.
 
     None where that joint has all that every arm has; nor where nothing else came in, for a search begins so.
     """
@@ -98,7 +98,7 @@ def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance
 
 
 def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
-    """Give a state without some effects, the others fitted anew; steps that brought in nothing else were none."""
+    """Return a state without some effects, the others refitted; steps that added nothing else are dropped."""
     world, fit = without(state.world, gone), None
     if len(world.effects) > n_fixed:
         (fit,) = search.fits([world], n_fixed, columns=[state.derivatives(gone)])

@@ -1,4 +1,4 @@
-"""What the effects of kind `camera` share: where they act, and which images of a stack they are at work in."""
+"""Base of the `camera` effects: where they act, and in which images of a stack."""
 
 from __future__ import annotations
 

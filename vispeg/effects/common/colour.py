@@ -50,7 +50,8 @@ def xyz_of_blackbody(kelvin: float) -> tuple[float, float, float]:
 
 
 def tint_of_blackbody(kelvin: float, white: float = 6500.0) -> np.ndarray:
-    """Give what a lamp of this temperature multiplies encoded colours by, (3,), for an eye at home at `white` kelvin.
+    """Return the factors (3,) on encoded colours under a lamp of this temperature, with white balance at `white`
+    kelvin.
 
     The greatest channel is 1: temperature changes colour, not brightness. The ratio of linear light is raised to
     1/2.2, because MuJoCo's renderer multiplies encoded colours.

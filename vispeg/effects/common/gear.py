@@ -42,6 +42,6 @@ def motor_step(theta, omega, tau, x, offset, compliance, relaxation, inertia):
 
 
 def free_step(theta, omega, tau, x, inertia):
-    """Give the same with open gear: the motor turns on its own inertia (> 0)."""
+    """Advance by one step inside the backlash gap, where the motor turns only its own inertia (> 0)."""
     new = omega + x.h * tau / inertia
     return theta + 0.5 * x.h * (omega + new), new

@@ -44,7 +44,7 @@ class LightEffect(CameraEffect):
     """A fault that acts on linear light, image by image. A pipeline decodes once for several of them in a row."""
 
     def light(self, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> Through:
-        """Give what becomes of the light of one image of the frame; the result need not be cut to [0, 1]."""
+        """Return the changed light of one image of the frame; it need not be clipped to [0, 1]."""
         raise NotImplementedError
 
     def image(self, state, frame, p, rng):

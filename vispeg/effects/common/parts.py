@@ -28,12 +28,12 @@ def touching(model: Any) -> list[str]:
 
 
 def held(model: Any) -> list[str]:
-    """Give what the gripper of a Scene holds; [] where it holds nothing."""
+    """Return the bodies that the gripper of a Scene holds; [] if it holds none."""
     return [model.held] if assembles(model) else []
 
 
 def fixture(model: Any) -> list[str]:
-    """Give what the goal of a Scene is part of; [] without a goal."""
+    """Return the bodies that the goal of a Scene is part of; [] without a goal."""
     return [model.fixture] if assembles(model) else []
 
 

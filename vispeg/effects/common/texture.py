@@ -76,7 +76,7 @@ KINDS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
 
 
 def stretch(values: np.ndarray) -> np.ndarray:
-    """Give the same pattern with its least value at 0 and its greatest at 1, float32."""
+    """Scale a pattern to the range 0 to 1, float32."""
     low, high = values.min(), values.max()
     return ((values - low) / max(float(high - low), 1e-9)).astype(np.float32)
 

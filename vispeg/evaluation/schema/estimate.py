@@ -6,7 +6,7 @@ from typing import TypedDict
 
 
 class Interval(TypedDict):
-    """An estimate, its 95 % interval and the episodes behind it; None for what is not finite."""
+    """An estimate, its 95 % interval and its number of episodes; None for numbers that are not finite."""
 
     value: float | None
     low: float | None

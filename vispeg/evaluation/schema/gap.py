@@ -34,7 +34,7 @@ class SuccessRow(TypedDict):
 
 
 class Worth(TypedDict):
-    """What a simulator is worth in real trials: the correlation of paired outcomes, and how many further trials."""
+    """Value of a simulator in real trials: correlation of paired outcomes, and how many further trials it is worth."""
 
     rho: Interval
     trials: Interval
@@ -43,8 +43,8 @@ class Worth(TypedDict):
 
 
 class GapRow(TypedDict):
-    """What a policy loses from the reference world to another, over these networks (by training seed); `home`: it was
-    trained there, so that it is no transfer. `worth`: of a robot whose trials are paired with episodes, else None.
+    """Loss of a policy from the reference world to another, over its networks (by training seed); `home`: trained in
+    that other world, so not a transfer. `worth`: for a robot whose trials are paired with episodes, else None.
     """
 
     policy: str

@@ -35,7 +35,7 @@ class SuiteRow(TypedDict):
 
 
 class Fall(TypedDict):
-    """What a policy loses from the training world to the target, over configurations."""
+    """Loss of a policy from the training world to the target, over configurations."""
 
     policy: str
     fall: Interval

@@ -14,7 +14,7 @@ def ends(placed: EffectInstance) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def verdict(low: float, high: float, episodes: int) -> str:
-    """Give what the 95 % interval of the change of success says.
+    """Return the verdict of the 95 % interval of a change of success.
 
     Args:
         low, high: of success at one end of the measurement's interval less at the other, shares.

@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open, priced in success: a policy in the cell with the identified model, and with the rest.
+"""Cost of a diagnosis's unexplained residual: success of a policy in the identified model, without and with it.
 
 The same seeds are played twice. First every identified value is what the fit says. Then each is drawn from its 95 %
 interval, and the torque that no effect explains is played back in every joint as random torque of its size.

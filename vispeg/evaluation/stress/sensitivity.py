@@ -55,7 +55,7 @@ class Sweep:
 
     @property
     def unit(self) -> str:
-        """Of the values."""
+        """Unit of the values."""
         if self.end:
             return "of the interval" if self.measured else "times the value found"
         return effect(self.effect).params[self.params[0]].unit
@@ -174,8 +174,8 @@ def tag(what: Sweep, value: float) -> str:
 
 
 def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[SweepRecord]:
-    """Of each sweep {format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success, cost,
-    p_holm, verdict}], falls_at}]}.
+    """Return for each sweep {format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success,
+    cost, p_holm, verdict}], falls_at}]}.
 
     The costs of all values, policies and sweeps are one family. falls_at: the value nearest to null at which success is
     lower than at null; None where these data show no fall.
@@ -239,7 +239,7 @@ def _curve(
 
 
 def _over(cost: Estimate) -> str:
-    """Give what the cost of the high end, against the low one, says of the measurement."""
+    """Return words on the loss of success at the high end of a measured interval against the low end."""
     low, high = -cost.high, -cost.low
     return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
 

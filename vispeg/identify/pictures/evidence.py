@@ -60,7 +60,7 @@ class Item:
 
     @property
     def name(self) -> str:
-        """Of the recording."""
+        """Name of the recording."""
         return self.sight.name
 
 

@@ -1,4 +1,4 @@
-"""What the arm's own error does in each frame: an edge that is off by it belongs to its border nevertheless.
+"""Joint errors in each frame, allowed for so that a displaced edge is still matched to its border.
 
 A camera in the hand sees the tool in one place, however the arm errs, and the cell elsewhere in every frame. By the
 tool's edges alone the noise is a tenth of a pixel, and all of the cell an outlier. So how far an edge may be trusted is
@@ -36,7 +36,7 @@ class Postures:
 
     @classmethod
     def of(cls, geometry: Geometry, sight: Sight, world: World, points: Points) -> Postures:
-        """Of the points of a sight, about a world."""
+        """Build from the points of a sight, linearised at a world."""
         here, nj = pixels(geometry, sight, world, points), len(geometry.scene.joints)
         moved = [pixels(geometry, sight, world, points, SMALL * axis) - here for axis in np.eye(nj)]
         along = [np.nan_to_num(np.sum(m * points.normal, axis=1)) / SMALL for m in moved]

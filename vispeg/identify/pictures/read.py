@@ -22,7 +22,7 @@ MOST = 40  # frames of a camera that are looked at in one recording: evenly spre
 
 
 def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
-    """Give what the cameras of some recordings photographed.
+    """Return the frames of recordings, one sight per recording and camera.
 
     Raises:
         UserError: a recording without frames, a camera whose pose is not stated, or too few frames to compare.

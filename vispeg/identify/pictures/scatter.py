@@ -75,7 +75,9 @@ def robots() -> tuple[float, ...]:
 
 
 def columns_of(evidence: BorderEvidence, known: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Columns]:
-    """Of each item of an evidence, about the world that it was aligned with; `known` are common unknowns and joints."""
+    """Return the columns for each item of the evidence, linearised at its aligned world; `known` are common unknowns
+    and joints.
+    """
     parts = zip(evidence.items, evidence.misplaced(evidence.settled), known, slopes(evidence), strict=True)
     return [Columns(*c, fields(item), fixed, evidence.weighted(item, away)) for item, away, c, fixed in parts]
 

@@ -62,7 +62,7 @@ class FigureItem:
 
     @property
     def name(self) -> str:
-        """Of the recording."""
+        """Name of the recording."""
         return self.sight.name
 
 
@@ -105,7 +105,7 @@ class SensorEvidence(Evidence):
         return name not in PARAMS and (kind.name, name) not in self.held
 
     def holding(self, names: Collection[tuple[str, str]]) -> SensorEvidence:
-        """Give the same evidence, to which fits leave these parameters of effects as they are."""
+        """Return a copy of the evidence in whose fits these parameters of effects stay fixed."""
         out = copy(self)
         out.held = frozenset(names)
         return out

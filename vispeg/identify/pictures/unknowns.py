@@ -51,7 +51,9 @@ def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray,
 
 
 def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tuple[np.ndarray, np.ndarray]:
-    """Give what one standard deviation of each common unknown (n, k), and one rad of each joint in each frame, do."""
+    """Return the effect of one standard deviation of each common unknown (n, k), and of one rad of each joint in each
+    frame.
+    """
     p, sight, scene = item.points, item.sight, geometry.scene
     scale = np.sqrt(item.trust) * item.valid[:, 0] / item.sigma[0]
     here = pixels(geometry, sight, world, p)

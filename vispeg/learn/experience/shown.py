@@ -85,7 +85,7 @@ def from_folder(
         raise UserError("no episode of the dataset succeeded", file=place, got=f"{len(index.episodes)} that did not")
 
     def read(number: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        """Give what is seen in an episode's frames, the actions, and the rewards."""
+        """Return the observations in an episode's frames, the actions, and the rewards."""
         episode = data.episode(number)
         seen, action = {key: _channels_first(key, episode[name]) for key, name in names.items()}, episode[act]
         if theirs is not None:

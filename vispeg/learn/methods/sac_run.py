@@ -220,7 +220,7 @@ class SacRun:
             self._move_to(self.course.at)
 
     def meta(self, row: Row) -> Mapping[str, object]:
-        """Give what a policy's record says of where it comes from."""
+        """Return the entries of a policy's record on its origin."""
         origin = provenance(sys.argv, self.config.seed)
         record = {
             "command": self.command,

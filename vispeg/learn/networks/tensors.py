@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 
 
 def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
-    """Give what Adam remembers, as `adam.NAME.PARAMETER.KEY`; not copies, and nothing of what never had a gradient."""
+    """Return Adam's state as `adam.NAME.PARAMETER.KEY`, not copied, without parameters that never had a gradient."""
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
     return {
         f"adam.{name}.{number}.{key}": value
