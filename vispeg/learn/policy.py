@@ -52,7 +52,7 @@ class Policy(Protocol):
     estimate: np.ndarray | None
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forgets the past of n episodes: of all, or of the rows (n,) bool that begin anew."""
+        """Clear the memory of n episodes: of all, or of the rows (n,) bool that are reset."""
         ...
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -22,7 +22,7 @@ class Teacher(Protocol):
     """Says what to do in a student's environment."""
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forgets the past of n episodes, or of those rows (n,) bool that begin anew."""
+        """Clear the memory of n episodes, or of those rows (n,) bool that are reset."""
         ...
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -80,7 +80,7 @@ class Arm:
         return float(self.inertia[self.joint, self.joint])
 
     def with_friction(self, viscous: float) -> Arm:
-        """Give the same with viscous friction, N m s/rad, in the joint."""
+        """Return a copy with viscous friction in the joint, N m s/rad."""
         return replace(self, passive=self.passive + viscous * np.eye(len(self.passive))[self.joint])
 
     def modes(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, float]:
@@ -114,7 +114,7 @@ class Arm:
     def dry(
         self, loop: Loop, friction: float, goals: np.ndarray, dt: float, wound: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give what the joint does from rest, with dry friction; without the loop's delay.
+        """Simulate the joint from rest with dry friction, without the loop's delay.
 
         Args:
             loop: of the joint.

@@ -1,4 +1,4 @@
-"""What a measured number becomes in a model: the effect, its place, its values with their intervals."""
+"""Convert a measured number to a model's effect: its place, its values and their intervals."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def _moment(g: np.ndarray) -> np.ndarray:
 def _instruments(
     r: Readings, wrench: np.ndarray, down: np.ndarray, force: _Fit, torque: _Fit
 ) -> tuple[dict[str, tuple[float, np.ndarray]], dict[str, tuple[float, np.ndarray]]]:
-    """Give what the instruments leave open, as half widths: source -> (of the mass kg, of the moment (3,) kg m).
+    """Return the half widths due to the instruments: source -> (mass, kg; moment (3,), kg m).
 
     Half a digit is off in each row anew, so that its shares add in squares over the rows. A limit of error is taken as
     one of scale, reached at the largest reading, for a constant one is the sensor's bias, which is fitted beside. An

@@ -44,7 +44,7 @@ class Point:
 
 
 def points(trace: Trace) -> list[Point]:
-    """Of a trace: one a stretch of sine; or many of a command that sweeps; none of steps and ramps."""
+    """Return the points of a trace: one per stretch of sine, many for a sweep, none for steps and ramps."""
     held = sines(trace)
     changing = np.abs(np.diff(trace.q_cmd)) > 1e-9
     if sum(period * count for _, period, _, count in held) > 0.4 * changing.mean() * np.ptp(trace.time):

@@ -62,7 +62,7 @@ def _columns(strokes: Sequence[Stroke], inertia: bool) -> np.ndarray:
 
 
 def _covariance(strokes: Sequence[Stroke]) -> np.ndarray:
-    """Of the heights (n, n), for rows of variance 1: the way back of one stroke is the way out of the next."""
+    """Return the covariance (n, n) of the loop heights for rows of variance 1; neighbours share a stroke."""
     out = np.zeros((len(strokes), len(strokes)))
     for i, a in enumerate(strokes):
         for j, b in enumerate(strokes[: i + 1]):
@@ -139,11 +139,11 @@ def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> 
 
 
 def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[Input]:
-    """Give what the log does not say of the time between its rows, as errors of the viscous friction, N m s/rad.
+    """Return the error of the viscous friction due to timing between the log's rows, N m s/rad.
 
-    A row's torque may be up to a row older or younger than its angle: gravity has changed by then. And a servo's own
-    loop is faster than the log: its torque jumps with each command and falls until the next, so that the torque at the
-    rows is off its mean by up to half a command's step times the loop's stiffness.
+    A row's torque may be sampled up to one row before or after its angle, with gravity torque changing in between.
+    Also, a servo loop is faster than the log: its torque jumps with each command and decays until the next, so that the
+    logged torque differs from its mean by up to half a command step times the loop's stiffness.
     """
     period = max(t.period for t in traces)
     slope = abs(max(strokes, key=lambda s: s.speed).slope)  # of the longest way, whose height tells the most

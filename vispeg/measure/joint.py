@@ -29,7 +29,7 @@ NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out
 
 @dataclass(frozen=True)
 class Joint:
-    """What the recordings of one joint show; empty where they do not.
+    """Results from the recordings of one joint; empty for what they do not show.
 
     Attributes:
         servo: that the joint answers like: through the steps beside dry friction, or through the frequency response.
@@ -113,9 +113,7 @@ def measure(
 
 
 def effects(joint: str, measured: Joint) -> list[EffectInstance]:
-    """Give what the numbers become: the joint's friction and backlash, where they are above nothing, and its own
-    servo.
-    """
+    """Return the effects: the joint's friction and backlash, if significantly above 0, and its servo."""
     by_name = {q.quantity: q for q in measured.results}
     out = []
     for quantity, name, key in (
@@ -234,7 +232,7 @@ def _half(traces: Sequence[Trace]) -> float:
 
 
 def _noise(traces: Sequence[Trace]) -> float:
-    """Of an angle, rad."""
+    """Return the noise of an angle, rad."""
     return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
 
 
@@ -314,7 +312,7 @@ def _loop_of_frequencies(
     results: list[Quantity],
     rng: np.random.Generator,
 ) -> Loop:
-    """Give the same from a frequency response and its fit."""
+    """Return the servo loop from a frequency response and its fit."""
     servo, covariance, dof = fit
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value

@@ -1,4 +1,4 @@
-"""What a joint's loops of slow strokes give: lost motion, Coulomb and viscous friction, backlash."""
+"""Lost motion, Coulomb and viscous friction, and backlash from hysteresis loops of a joint's slow strokes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a protocol hands over: numbers, notes, tables."""
+"""Outcome of a measurement protocol: numbers, notes, tables."""
 
 from __future__ import annotations
 

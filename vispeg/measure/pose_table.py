@@ -252,7 +252,7 @@ def _words(name: str) -> list[str]:
 
 
 def _word(name: str, with_w: bool) -> str:
-    """Give what a name says of a pose: `tip_x` x, `ee.qw` qw, `orientation.x` qx where there is a w, else rx."""
+    """Return the pose component of a column: `tip_x` x, `ee.qw` qw, `orientation.x` qx if there is a w, else rx."""
     words = _words(name)
     if not words:
         return ""

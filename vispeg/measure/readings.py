@@ -119,7 +119,7 @@ def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
 def instrument_law(
     readings: Readings, names: Sequence[str], function: Callable[..., float]
 ) -> tuple[list[Input], Callable[..., float]]:
-    """Give what the instruments' errors do to a function of the mean readings.
+    """Propagate the instruments' errors through a function of the mean readings.
 
     Returns:
         (errors, law): inputs of value 0, and `law(*errors)` = function(mean readings + errors).

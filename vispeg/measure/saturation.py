@@ -44,13 +44,13 @@ class Limit:
     reached: list[Step]
 
     def inputs(self) -> list[Input]:
-        """Give what the limit at rest is the sum of."""
+        """Return the inputs whose uncertainties add up to that of the limit at rest."""
         if len(self.stall) < 2:
             return [rectangular("noise of the torque", 2.0 * self.noise, float(self.stall[0]))]
         return [repeated("steps at the limit", self.stall), rectangular("time of a row", self.row[0])]
 
     def inputs_of_slope(self) -> list[Input]:
-        """Give what the slope is the sum of."""
+        """Return the inputs whose uncertainties add up to that of the slope."""
         return [repeated("slope over the steps at the limit", self.slope), rectangular("time of a row", self.row[1])]
 
 
@@ -168,7 +168,7 @@ def _given(x: np.ndarray, r: _Rows) -> np.ndarray:
 
 
 def _slopes(x: np.ndarray, r: _Rows) -> np.ndarray:
-    """Of `_given` over x, (n, 5)."""
+    """Return the derivatives of `_given` with respect to x, (n, 5)."""
     asked, most = r.asked(x[2:]), _most(x, r)
     over, way = np.abs(asked) > most, np.sign(asked)
     forward = np.maximum(r.speed * way, 0.0)

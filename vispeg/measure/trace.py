@@ -53,7 +53,7 @@ class Trace:
 
     @property
     def period(self) -> float:
-        """Of the samples, s."""
+        """Sample period, s."""
         return float(np.median(np.diff(self.time)))
 
     def signed(self) -> bool:
@@ -65,7 +65,7 @@ class Trace:
 
 
 def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str]:
-    """Give the traces of a recording, one an episode; the joint, that which moves most where none is named; the robot.
+    """Return the traces of a recording, one per episode, the joint (by default the one that moves most), and the robot.
 
     Raises:
         UserError: unreadable, in units that cannot be true, without commanded angles, or without that joint.
@@ -93,7 +93,7 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
 
 
 def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
-    """Give what the motor of joint j gives, (n,) N m, before the gear's friction; or None and why not.
+    """Return the motor torque of joint j before gear friction, (n,) N m; or None and the reason.
 
     The motor's own sensor; else the recorded control law, where it is known and its torque acts at once. A sensor
     behind the gear sees what the friction has left.

@@ -24,7 +24,7 @@ AGREE = 0.05  # of u: ends of both intervals this near count as the same (JCGM 1
 
 @dataclass(frozen=True)
 class Input:
-    """What a measured number is computed from.
+    """One input of a measured number.
 
     Attributes:
         name: the source, for the budget.

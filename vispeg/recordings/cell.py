@@ -1,4 +1,4 @@
-"""What a recording says of contact: the cell as its user believes it, how its wrench is read, how trials ended."""
+"""Contact sections of a recording: the believed cell, the convention of its wrench, the outcome of trials."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Outcome:
 
 
 def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.ndarray:
-    """Give what the flange exerts on the tool, about the flange's origin and in its axes.
+    """Return the wrench of the flange on the tool, about the flange's origin, flange axes.
 
     Args:
         ft: (n, 6) N and N m as recorded.

@@ -86,9 +86,7 @@ def load(
 
 
 def needed(header: Header) -> tuple[str, ...]:
-    """Give what a recording with this header is compared by: torque and wrench where it says what they are, and
-    commands.
-    """
+    """Return the signals to compare for a recording with this header: commands, and torque and wrench if described."""
     torque = ("tau",) if header.torque_sensor != "none" else ()
     rates = {"position": ("dq_cmd",), "osc": ("dq",), "servo": ("load",)}.get(header.control.mode, ())
     wrench = ("ft",) if header.wrench is not None else ()

@@ -1,4 +1,4 @@
-"""The sections of recording.yaml that speak of contact, as what they become in memory."""
+"""Load the sections of recording.yaml on contact."""
 
 from __future__ import annotations
 

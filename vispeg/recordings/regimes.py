@@ -1,4 +1,4 @@
-"""What a tool does at an instant: in free air, pressing, sliding, inserted, or hitting."""
+"""Contact regime at each instant: free air, pressing, sliding, inserted, or impact."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def header_from(data: Any, file: Path) -> Header:
 
 
 def plain(section: BaseModel) -> Mapping[str, Any]:
-    """Give what is given of a section, without keys that this version does not know."""
+    """Return the stated entries of a section, without keys unknown to this version."""
     return section.model_dump(exclude_none=True, include=set(type(section).model_fields))
 
 

@@ -22,7 +22,7 @@ READABLE = 0.9  # share of a window's angles that must be there
 
 
 def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
-    """Give what was chosen, for a record; empty where every recording is used whole."""
+    """Return the chosen windows for a record; empty if every recording is used whole."""
     return [{"recording": r.name} | asdict(r.chosen) | {"said": r.chosen.said(r.name)} for r in recordings if r.chosen]
 
 
@@ -109,7 +109,9 @@ def _runs(episode: np.ndarray) -> list[np.ndarray]:
 def _cells(
     rec: Recording, runs: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]], np.ndarray]:
-    """Of every window: time in each cell (w, k), reversals (w,), its rows, (3, w, nj) top speed, acceleration, load."""
+    """Return for every window: time in each cell (w, k), reversals (w,), its rows, peak speed, acceleration and load
+    (3, w, nj).
+    """
     every = max(1, round(rec.rate_hz / LOOK_HZ))
     rows = np.concatenate([run[::every] for run in runs])
     episode = np.concatenate([np.full(len(run[::every]), k) for k, run in enumerate(runs)])

@@ -46,7 +46,7 @@ def depth(
     rng: np.random.Generator,
     qpos: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Give what the matcher makes of the scene as the renderer has it, lens distortion rectified.
+    """Return the matcher's depth of the rendered scene, with lens distortion rectified.
 
     Args:
         renderer: dressed in the world's look; its cameras are the same afterwards.

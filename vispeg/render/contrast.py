@@ -61,7 +61,7 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 
 
 def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
-    """How well what is held, the fixture, its mouth and the background can be told apart, 0 to 1; 1 is good enough.
+    """Return how well held part, fixture, its mouth and background can be distinguished, 0 to 1; 1 is good enough.
 
     The least of: distances over the rule's, pixels seen over the rule's, and shares of pixels that show something.
 

@@ -113,7 +113,7 @@ def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[S
 
 
 def _channel(record: Record, said: Mapping[str, Any]) -> list[Section]:
-    """Give what a channel has to show: its verdict, and the sections of its kind of evidence."""
+    """Return the sections of a channel: its verdict, and those of its kind of evidence."""
     name = str(said.get("channel"))
     own = Record(record.kind, said.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
     values = channel_section.context(own, name)

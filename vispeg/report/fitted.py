@@ -46,7 +46,7 @@ class FitRecord(TypedDict):
 def fit_record(
     nominal: World, calibration: Calibration, free: Sequence[int], evidence: Evidence, judged: Evidence | None
 ) -> tuple[FitRecord, World]:
-    """Give what fit.json says, and the fitted world with where its values come from.
+    """Return the content of fit.json, and the fitted world with the origin of its values.
 
     Args:
         nominal: the user's model.

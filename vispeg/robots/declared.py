@@ -33,7 +33,7 @@ class Carried(TypedDict):
 
 
 def carried(model: mujoco.MjModel) -> Carried:
-    """Give what hangs at the flange of a compiled arm with a body `tool`, in the same form without a name."""
+    """Return the load at the flange of a compiled arm with a body `tool`, in the same form without a name."""
     root = model.body("tool").id
     parts = []
     for b in range(model.nbody):

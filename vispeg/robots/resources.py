@@ -1,4 +1,4 @@
-"""What an MJCF may ask for: looked at before MuJoCo reads it, which would obey."""
+"""Limits on an MJCF, checked before MuJoCo reads it, because MuJoCo would allocate whatever the file requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a URDF may say: names, kinds of joints and numbers, looked at before MuJoCo reads it, which takes anything."""
+"""Check names, joint types and numbers of a URDF before MuJoCo reads it, because MuJoCo accepts anything."""
 
 from __future__ import annotations
 

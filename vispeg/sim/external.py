@@ -62,7 +62,9 @@ class External:
 
     @property
     def sigma(self) -> np.ndarray:
-        """(n, 6) N, N m, of the mean over a block: what does not average out, and what is not seen."""
+        """Standard deviation of the wrench averaged over a block, (n, 6) N, N m: noise that remains, and unobservable
+        parts.
+        """
         steady = np.einsum("nij,j->ni", self.gain**2, self.steady**2)
         return np.sqrt(steady + np.sum(self.blind**2, axis=2))
 

@@ -32,7 +32,7 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
 
 @lru_cache(maxsize=64)  # robots compare by identity
 def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
-    """Of the answers from many starts, the best by `_worth`; always the same for the same arm and pose."""
+    """Solve from many starts and return the best by `_worth`; deterministic for a given arm and pose."""
     low, high = bounds(robot)
     starts = low + (high - low) * np.random.default_rng(0).random((TRIES, len(low)))
     nominal = nominal_of(robot, TRIES)

@@ -21,7 +21,7 @@ GEAR = 80  # drive stages from here on lie behind the motor, where its current n
 
 @dataclass(frozen=True)
 class Forces:
-    """What the effects make of a command in one physics step, each (nsim, nj) N m.
+    """Torques from the effects in one physics step, each (nsim, nj) N m.
 
     Attributes:
         drive: torque that leaves the last stage of the drive.
@@ -79,7 +79,7 @@ class EffectLoop:
         self.states = {a.effect.name: a.effect.start(x, a.p) for a in self.active}
 
     def restart(self, x: DriveState, rows: np.ndarray) -> None:
-        """Rows (indices) begin anew in the state `x`; the others go on."""
+        """Reset rows (indices) to the state `x`; the others continue."""
         for a in self.active:
             name = a.effect.name
             self.states[name] = merged(self.states[name], a.effect.start(x, a.p), rows)
@@ -132,7 +132,7 @@ class EffectLoop:
         return q, dq
 
     def goal(self, goal: np.ndarray, x: DriveState) -> np.ndarray:
-        """Give what reaches the servos' loops of goals (nsim, nj) rad that were sent."""
+        """Return the goals (nsim, nj) rad as they reach the servo loops."""
         for a in self.goals:
             goal = a.effect.goal(self.states[a.effect.name], goal, x, a.p)
         return goal
@@ -145,7 +145,7 @@ class EffectLoop:
         return q, dq
 
     def feel(self, wrench: np.ndarray, x: DriveState) -> np.ndarray:
-        """Give what the wrist's force sensor makes of a wrench (nsim, 6) N, N m; to be asked once a control tick."""
+        """Return the wrist sensor's reading of a wrench (nsim, 6) N, N m; call once per control tick."""
         for a in self.wrists:
             wrench = a.effect.wrench(self.states[a.effect.name], wrench, x, a.p)
         return wrench

@@ -116,7 +116,9 @@ class Plant:
         return self.loop.read(*noise(self.x.q, self.x.dq), self.x)
 
     def forces(self, command: np.ndarray) -> Forces:
-        """Give what the effects make of `command` (nsim, nj) N m in the step that comes; sets the dry friction."""
+        """Return the torques that the effects make of `command` (nsim, nj) N m in the coming step; also set the dry
+        friction.
+        """
         forces = self.loop.forces(command, self.x, self.dry)
         if forces.friction is not None:
             self.loss[:, self.vadr] = forces.friction

@@ -62,7 +62,7 @@ class Touch:
 
 
 def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = None) -> Touch | None:
-    """Give what the recorded tool touched; None where no wrench was recorded.
+    """Return the contact of the recorded tool; None without a recorded wrench.
 
     The sensor's zero, in its own axes, is what it reads beyond the tool's weight in the first half second of each
     episode, in which nothing may be touched.

@@ -106,7 +106,7 @@ class Task(ABC):
         """Give the judge of one episode."""
 
     def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
-        """Give what the judge sees beside forces and the tip: arrays (n,) by keyword of `Track.add`."""
+        """Return what the judge observes besides forces and the tip: arrays (n,) by keyword of `Track.add`."""
         return {}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome] | None:

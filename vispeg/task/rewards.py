@@ -29,7 +29,7 @@ EVENTS = {
 
 @dataclass(frozen=True)
 class Moment:
-    """What a reward is given for.
+    """Inputs of a reward at one step.
 
     Attributes:
         tip: (n, 3) in the goal's frame, m.

@@ -71,7 +71,7 @@ class WorldFile:
 
 @dataclass
 class _Parts:
-    """What a file and the files it is based on add up to; `said` is file and key of each range."""
+    """A world file merged with the files it is based on; `said` is file and key of each range."""
 
     ranges: dict[tuple[str, str], RandomizedEffect] = field(default_factory=dict)
     said: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
@@ -274,7 +274,7 @@ def _placed(stated: Any, file: Path) -> Any:
 
 
 def _given(data: Mapping[str, Any], key: str, otherwise: Any) -> Any:
-    """Give what a key says; `otherwise` where it is absent or left empty."""
+    """Return the value of a key, or `otherwise` if it is absent or empty."""
     return otherwise if data.get(key) is None else data[key]
 
 

@@ -275,7 +275,7 @@ class LeRobotRobot:
                 return
 
     def _next(self, dt: float) -> np.ndarray | None:
-        """Give what to send now; None as long as nothing was commanded."""
+        """Return the next command to send; None before the first command."""
         if self._goals is None or self._pose is None:
             return None
         return self._motors.action(self._goals.towards(self._pose, min(dt, SILENCE)), self._state)

@@ -19,7 +19,7 @@ REACH = 0.15  # m: twice the farthest that episodes begin, and that goals are mo
 
 @dataclass(frozen=True)
 class Limits:
-    """What a run allows; beyond it the arm stops.
+    """Safety limits of a run, beyond which the arm stops.
 
     Attributes:
         force: force on the wrist, the tool's weight off, at which the arm stops, N; default: the task's.

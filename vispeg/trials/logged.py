@@ -127,7 +127,7 @@ class LoggedRobot(Clock):
         return Connected(None if self._at.wrench is None else self._at.sensor)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """Give what was measured by now. Raises EOFError: the episode is over."""
+        """Return the current measurement. Raises EOFError: the episode is over."""
         e = self._episode
         if self._now > e.time[-1] + 1e-9:
             raise EOFError

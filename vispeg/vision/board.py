@@ -54,7 +54,7 @@ class Corners:
 
 
 def corners_in(geometry: Geometry, camera: str, board: Board, looks: Mapping[int, Look]) -> dict[int, Corners]:
-    """Give what is left of the corners in each frame of a camera, in the geometry's world; empty where none shows
+    """Return the residuals of board corners in each frame of a camera, in the geometry's world; empty if none shows
     them.
     """
     eye = geometry.eyes[camera]

@@ -57,7 +57,7 @@ class View:
 
 
 def excited(geometry: Geometry, camera: str, views: Sequence[View]) -> list[Precision]:
-    """Give what these views of a camera tell of each number of its errors.
+    """Return how well these views of a camera determine each parameter of its errors.
 
     Args:
         geometry: of the cell; it is moved.

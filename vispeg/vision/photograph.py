@@ -78,7 +78,7 @@ def photograph(
 
 
 def _sensor(world: World, camera: Camera) -> Pipeline:
-    """Give what is left of a camera's effects once its pictures are drawn: the sensor, which may remember."""
+    """Return the sensor effects of a camera, which are applied after rendering and may have state."""
     sensor = optical(world, [camera.name]).only(lambda e: effect(e.effect).family == "camera" and e.effect not in DRAWN)
     return Pipeline([replace(sensor, effects=tuple(_still(e, camera.name) for e in sensor.effects))], camera.name)
 

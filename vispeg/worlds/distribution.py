@@ -1,4 +1,4 @@
-"""What a parameter may be drawn from. Each draw maps one uniform number in (0, 1), so that draws can be correlated."""
+"""Distributions of parameters. Each draw maps one uniform number in (0, 1), so that draws can be correlated."""
 
 from __future__ import annotations
 

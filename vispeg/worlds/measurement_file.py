@@ -170,7 +170,7 @@ def measurement_text(measurement: Measurement) -> str:
 
 
 def measurement_data(measurement: Measurement) -> dict[str, object]:
-    """Give the same as plain data."""
+    """Return a measurement as plain data."""
     data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
     data["results"] = [_plain(asdict(quantity)) for quantity in measurement.results]

@@ -1,4 +1,4 @@
-"""A randomized world: effects whose parameters are drawn anew for every episode."""
+"""Randomized worlds: effects whose parameters are drawn for every episode."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class RandomizedWorld:
 
     @classmethod
     def of(cls, world: World | RandomizedWorld) -> RandomizedWorld:
-        """Give the same world; one that is drawn already varies nothing."""
+        """Return the world itself: a drawn world does not vary."""
         return cls(base=world) if isinstance(world, World) else world
 
     def sample(self, seed: int, model: Any, levels: Mapping[str, float] | float = 1.0) -> World:

@@ -17,7 +17,7 @@ AnyWorld = TypeVar("AnyWorld", World, RandomizedWorld)
 
 
 def of_arm(world: AnyWorld) -> AnyWorld:
-    """Give what of the world an arm alone can show."""
+    """Return the effects of a world that an arm alone can show."""
     return world.only(lambda e: effect(e.effect).family in ARM)
 
 
@@ -27,7 +27,7 @@ def physical(world: AnyWorld) -> AnyWorld:
 
 
 def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
-    """Give what is only seen of the world, without what acts on other cameras than these; nothing without a camera."""
+    """Return the optical effects of a world, limited to these cameras; empty without a camera."""
 
     def visible(e) -> bool:
         family = effect(e.effect).family

@@ -53,7 +53,8 @@ def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
 
 
 def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list[EffectInstance]:
-    """Effects from `NAME:WHERE[:param=number,...]`; what is not given is as `present` has it, else as `completed` says.
+    """Effects from `NAME:WHERE[:param=number,...]`; parameters not given are taken from `present`, else from
+    `completed`.
 
     WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
     """

@@ -40,12 +40,12 @@ class Opening:
         self.drawn: list[Levels] = []  # of each row's present episode
 
     def begin(self, env: VecEnv, step: int) -> None:
-        """Every row is about to begin anew at this step of the run."""
+        """Note that all rows are about to be reset at this step of the run."""
         self._set(env, step)
         self.drawn = [self.levels] * env.num_envs
 
     def after(self, env: VecEnv, step: int, dones: np.ndarray, infos: Sequence[Mapping[str, Any]]) -> None:
-        """Give a step of every row has led to this step of the run; rows that are done (n,) have begun anew already."""
+        """Update after a step of every row, rows that are done (n,) have already been reset."""
         for row in np.flatnonzero(dones).tolist():
             drawn, self.drawn[row] = self.drawn[row], self.levels
             if self.adaptive is not None and isinstance(drawn, dict):

@@ -78,7 +78,7 @@ class CheckReport:
     contact: ContactCheck | None = None
 
     def to_json(self) -> Mapping[str, object]:
-        """Plain data for JSON; what is not finite becomes None."""
+        """Return plain data for JSON, with None for numbers that are not finite."""
         return _finite(asdict(self))
 
 

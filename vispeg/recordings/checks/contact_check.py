@@ -1,4 +1,4 @@
-"""What a recording shows of contact: how long in which regime, how hard, how fast, and so which effects it excites.
+"""Contact in a recording: time, force and speed in each regime, and the effects that these excite.
 
 What an effect needs is derived from the measured forces and speeds, see `vispeg.recordings.checks.extent`.
 """

@@ -1,4 +1,4 @@
-"""What a motion can tell about each joint: friction, inertia, gravity."""
+"""Excitation of each joint by a motion: friction, inertia, gravity."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ NEEDS = {  # what an effect needs (`Effect.needs`), in the order in which effect
 
 @dataclass(frozen=True)
 class Extent:
-    """Of one recording or of several together.
+    """Extent of one recording, or of several together.
 
     Attributes:
         begins_free: s in free air at the start.
@@ -105,7 +105,7 @@ def lacking(e: Extent) -> dict[str, str]:
 
 
 def lacks_blows(blows: Sequence[float] | None) -> str:
-    """Give what some recordings lack to tell a contact's damping: "" for nothing.
+    """Return what recordings lack to identify a contact's damping; "" if nothing.
 
     Args:
         blows: of those that can be run again, in any recording; None where none of the recordings can.

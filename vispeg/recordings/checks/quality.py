@@ -1,4 +1,4 @@
-"""What is wrong with a signal: saturation, quantization, limits."""
+"""Faults of a signal: saturation, quantization, violated limits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Limited(Protocol):
 
 @dataclass(frozen=True)
 class Limits:
-    """What the robot can do, in the recording's joint order; infinite where not known.
+    """Limits of the robot in the recording's joint order; infinite if unknown.
 
     Attributes:
         range: (nj, 2) rad.

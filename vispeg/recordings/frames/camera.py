@@ -113,7 +113,7 @@ def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
 
 
 def camera_entry(camera: RecordedCamera) -> Mapping[str, object]:
-    """Give what `cameras.yaml` says of a camera, plain values."""
+    """Return a camera's entry in `cameras.yaml` as plain values."""
     out: dict[str, object] = {"width": int(camera.width), "height": int(camera.height)}
     out |= {key: float(getattr(camera, key)) for key in ("fx", "fy", "cx", "cy")}
     out |= {"distortion": [float(k) for k in camera.distortion], "depth_unit_m": float(camera.depth_unit)}

@@ -77,7 +77,7 @@ class Frames:
         return self.some(np.array([frame.camera.name == camera for frame in self], bool))
 
     def of_kinds(self, kinds: Mapping[str, Sensor]) -> Frames:
-        """Give the same with the kind of depth camera stated of some cameras, by name."""
+        """Return a copy in which the kind of depth camera is set for some cameras, by name."""
         cameras = {n: replace(c, sensor=kinds[n]) if n in kinds else c for n, c in self.cameras.items()}
         frames = tuple(replace(frame, camera=cameras[frame.camera.name]) for frame in self)
         return replace(self, cameras=cameras, frames=frames)

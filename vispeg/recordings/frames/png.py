@@ -18,7 +18,7 @@ COLOURS = {0: 1, 2: 3, 3: 3, 4: 1, 6: 3}  # PNG's colour type: channels that are
 
 @dataclass(frozen=True)
 class Head:
-    """What a PNG says of itself: px, bits of a sample, colours (1 or 3)."""
+    """Header of a PNG: size, px, bits per sample, colour channels (1 or 3)."""
 
     width: int
     height: int
@@ -27,9 +27,7 @@ class Head:
 
 
 def head(file: Path) -> Head:
-    """Give what the first bytes of a PNG say. Raises UserError: no such file, no PNG, or one that has been cut
-    short.
-    """
+    """Read the header of a PNG. Raises UserError: no such file, not a PNG, or truncated."""
     with opened(file) as stream:
         begin = stream.read(33)
         stream.seek(0, 2)

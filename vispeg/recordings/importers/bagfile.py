@@ -21,7 +21,7 @@ STORAGES = {".db3": "sqlite3", ".mcap": "mcap"}
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Any]:
-    """Open a `rosbags.highlevel.AnyReader`; whatever goes wrong while it is read becomes a UserError.
+    """Open a `rosbags.highlevel.AnyReader`; any error while reading becomes a UserError.
 
     Args:
         path: a .bag file, a ROS 2 bag folder, or a .db3 or .mcap file with or without its folder's metadata.yaml.

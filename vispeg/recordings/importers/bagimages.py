@@ -166,7 +166,7 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
 
 
 def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """Give the same of a CompressedImage: JPEG or PNG, or depth as PNG after a head of its own (compressed_depth)."""
+    """Decode a CompressedImage: JPEG, PNG, or depth as a PNG after a header (compressed_depth)."""
     import cv2
 
     data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)

@@ -52,8 +52,7 @@ class Album:
         self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
 
     def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
-        """Give what came, within the times of a recording's samples; colour and depth of a camera at a moment are one
-        frame.
+        """Return the frames within the times of a recording; colour and depth of a camera at one time form one frame.
 
         Raises:
             UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.

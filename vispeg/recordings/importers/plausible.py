@@ -33,7 +33,7 @@ Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n,
 
 
 def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
-    """Give what the units of a recording make impossible, the surest first; empty where all can be.
+    """Return implausible consequences of a recording's units, the most certain first; empty if all are plausible.
 
     Args:
         rec: the recording, in what is said to be SI units.

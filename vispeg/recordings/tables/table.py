@@ -1,4 +1,4 @@
-"""Reads a table of numbers from CSV or Parquet, naming the row and column of what is not a number.
+"""Read a table of numbers from CSV or Parquet; errors name row and column of a cell that is not a number.
 
 A table is read block by block, and only the columns that somebody wants are kept, so that half an hour at 1 kHz needs
 little more memory than its numbers.
@@ -76,7 +76,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Reading:
-    """What of a table is wanted, and who looks on.
+    """Which columns of a table to read, and callbacks while reading.
 
     Attributes:
         keep: column names in the file -> those to keep; the others are not even converted. None keeps all.

@@ -1,4 +1,4 @@
-"""Reads a text table block by block: quickly where every cell is a number, else cell by cell to name what is not."""
+"""Read a text table block by block: fast if every cell is a number, else cell by cell to locate the one that is not."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ class Renderer:
     def render(
         self, qpos: np.ndarray | None = None, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
     ) -> dict[str, Shot]:
-        """Give what every camera sees.
+        """Render every camera.
 
         Args:
             qpos: (nq,) joint positions, rad and m; default: as they were.
@@ -235,9 +235,7 @@ class Renderer:
 
 
 def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
-    """Give what makes a picture's normals; a caller may change the depth that it was given, so they are made of a
-    copy.
-    """
+    """Return a function that computes an image's normals, from a copy of the depth, as a caller may modify its own."""
     if (normals := picture.normals) is not None:
         return lambda: normals
     return partial(normals_of, picture.depth.copy(), view.camera)

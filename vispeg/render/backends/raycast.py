@@ -46,7 +46,7 @@ class Raycast:
 
 
 def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give what the rays through the pixels' centres meet first, the lens included.
+    """Cast rays through the pixel centres, with lens distortion; return the first hits.
 
     Returns:
         Planar depth (H, W) in m, 0 where nothing is; geom ids (H, W) int32, -1 there; outward normals (H, W, 3) in the
@@ -62,7 +62,7 @@ def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.nda
 def cast_rays(
     model: mujoco.MjModel, data: mujoco.MjData, pos: np.ndarray, directions: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give what rays from one point meet first of what is for the eye.
+    """Cast rays from one point; return the first hits on visible geoms.
 
     Args:
         model, data: with kinematics done.

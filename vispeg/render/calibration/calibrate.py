@@ -148,7 +148,7 @@ def _half_widths(
     mount: Mount,
     hand_eye: HandEye | None,
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Of the intrinsics (9,) and of the camera's place (6,), each None where it was not estimated."""
+    """Return half widths of the intrinsics (9,) and of the camera's pose (6,); None for either if not estimated."""
 
     def shift(retained: np.ndarray) -> np.ndarray:
         some, out = [views[i] for i in retained], []

@@ -79,7 +79,7 @@ class Chain:
         return np.einsum("nij,...nj->...ni", self.whiten, self.differences(x, z))
 
     def weighted(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Give the same with each view as far as it is trusted: what least squares sees."""
+        """Return the residuals weighted by the trust in each view, for least squares."""
         return np.sqrt(self.trust)[:, None] * self.standard(x, z)
 
     def slopes(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ class CalibrationRecord(TypedDict):
 
 
 def record(calibration: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
-    """Give what results.json holds, provenance aside: SI and degrees as the names say, intervals as half widths.
+    """Return the content of results.json without provenance: SI units or degrees as named, intervals as half widths.
 
     Args:
         missed: names of the pictures that were not used, and why.

@@ -34,7 +34,7 @@ class Stage:
 
 
 class Pipeline:
-    """What a camera makes of rendered images: row i of a stack goes through the effects of world i.
+    """Sensor pipeline of a camera: image i of a stack passes through the effects of world i.
 
     An image's result depends on its own world and generator only, not on what else is in the stack; each effect draws
     from a stream of its own, so that one more leaves the others' draws as they were.
@@ -55,7 +55,7 @@ class Pipeline:
         return sorted(self._stages.values(), key=lambda s: (s.effect.order, s.effect.name))
 
     def place(self, rows: Sequence[int], worlds: Sequence[World]) -> None:
-        """Give some rows new worlds, as when episodes begin anew; what effects remembered of them is forgotten."""
+        """Assign new worlds to some rows, as at a reset; the effects' state of these rows is cleared."""
         for row, world in zip(rows, worlds, strict=True):
             for stage in self._stages.values():
                 for name, param in stage.effect.params.items():
@@ -109,7 +109,7 @@ class Pipeline:
 
 
 class Streams(Sequence[np.random.Generator]):
-    """One generator an image for one effect: it starts anew from the image's key and the effect's name in every frame.
+    """Random generators of one effect, one per image, seeded in each frame by the image's key and the effect's name.
 
     Small Fast Chaotic generators whose state is set and mixed by hand, as its author seeds it (Doty-Humphrey,
     PractRand): a tenth of the time that a new one costs.

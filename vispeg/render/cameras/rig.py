@@ -1,4 +1,4 @@
-"""What the cameras of every row see: a renderer a row, dressed in its episode's look, and a pipeline a camera."""
+"""Cameras of a batch of environments: one renderer per row with its episode's appearance, one pipeline per camera."""
 
 from __future__ import annotations
 

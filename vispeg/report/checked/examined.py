@@ -73,7 +73,7 @@ def examined(
     touched: Touch | None,
     drawing: bytes,
 ) -> Examined:
-    """Give what the page keeps of a recording.
+    """Return the data of a recording that the page shows.
 
     Args:
         rec, report, limits, touched: the recording, and what was found of its joints and of contact.
@@ -97,7 +97,9 @@ def examined(
 
 
 def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Track:
-    """Give what was recorded of each joint. A bad reading stands in `bad` and in no line, a clipped torque in both."""
+    """Return the signals of each joint. Bad readings are listed in `bad` and left out of the lines; clipped torques are
+    in both.
+    """
     time, period = laid_out(rec), 1.0 / report.timing.rate_hz
     bad = np.full(rec.q.shape, np.nan)
     good, speed = rec.q.copy(), np.empty(rec.q.shape)

@@ -86,7 +86,9 @@ def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> lis
 
 
 def _excited(rows: Sequence[Excitation]) -> Sheet:
-    """Give what a typical size of each effect does to the pictures, of what can be told, and what shows the others."""
+    """Return the change of the images due to each detectable effect at a typical size, and motions that show the
+    others.
+    """
     heads = Column("changes pictures by", right=True), Column("told from", right=True), Column("not shown: it takes")
     return Sheet([Column("effect"), *heads], [_effect(x) for x in rows])
 

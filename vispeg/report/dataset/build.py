@@ -111,7 +111,7 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
 
 
 def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
-    """Give what is said of a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
+    """Return the figures on a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
     missing, read = (depths == 0).mean(axis=(1, 2)), depths[depths > 0]
     return {
         "low": f"{low:.3f}",

@@ -1,4 +1,4 @@
-"""What was drawn: a histogram of every parameter that varies, and the values of those that do not."""
+"""Drawn parameters: a histogram of every one that varies, and the values of the constant ones."""
 
 from __future__ import annotations
 

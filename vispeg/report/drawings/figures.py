@@ -181,7 +181,7 @@ def _bare(axis: XAxis | YAxis) -> bool:
 
 
 def _lighter(text: str) -> str:
-    """Give the same drawing in fewer letters: 0.01 px, 0.1 px in long paths, no names that nothing refers to."""
+    """Shrink an SVG: coordinates to 0.01 px, or 0.1 px in long paths, and no unreferenced ids."""
     used = {*re.findall(r'(?:url\(|href=")#([^)"]+)', text), *re.findall(r'id="([^"]*QuadMesh[^"]*)"', text)}
     text = re.sub(r' id="([^"]*)"', lambda name: name[0] if name[1] in used else "", text)
     text = re.sub(r' transform="rotate\(-0 [^"]*"', "", text)

@@ -43,7 +43,7 @@ def _part(name: str, e: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, 
 
 
 def _of(row: Mapping[str, Any]) -> str:
-    """Give what a gap is of: `60 pairs`, `3 networks`, `20 episodes, not the same`."""
+    """Return the sample behind a gap: `60 pairs`, `3 networks`, `20 episodes, not the same`."""
     if len(row["train_seeds"]) > 1:
         return f"{len(row['train_seeds'])} networks"
     return f"{row['gap']['n']} {'pairs' if row['paired'] else 'episodes, not the same'}"

@@ -1,4 +1,4 @@
-"""What a reader should take away: the picture, what the worlds in it are, and a line a policy."""
+"""Headline of the page: the figure, its worlds, and one line per policy."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _evaluation(values: Mapping[str, Any]) -> str:
 
 
 def _dearest(values: Mapping[str, Any], policy: str) -> str:
-    """Give what the single factors cost that are called different from nothing, the dearest first."""
+    """Return the costs of the single factors with verdict `different`, the largest first."""
     for row in values["attribution"]:
         if row["policy"] == policy:
             parts = [(f, row["parts"][f]) for f in values["factors"] if row["verdict"][f] == "different"]

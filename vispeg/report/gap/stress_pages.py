@@ -41,7 +41,7 @@ def _title(sweep: Mapping[str, Any]) -> str:
 
 
 def _axis(sweep: Mapping[str, Any]) -> str:
-    """Give what is swept, as `--sweep` takes it, and its unit."""
+    """Return the swept parameter, in the form of `--sweep`, and its unit."""
     return sweep["label"] + (f", {sweep['unit']}" if sweep["unit"] not in ("", "1") else "")
 
 

@@ -86,7 +86,7 @@ def role(policy: Row) -> str:
 
 
 def conclusion(row: Row) -> str:
-    """Give what the episodes of a row of `success` can tell, and how many could tell more."""
+    """Return what the episodes of a row of `success` can resolve, and how many more would be needed."""
     more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
     return f"{name(row)}: {row['words']}{more}"
 

@@ -66,7 +66,7 @@ def picked(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def stage(arm: Mapping[str, np.ndarray]) -> dict[str, object]:
-    """Give what the page's script draws: numbers as they are, vertices and faces as text of 16-bit numbers.
+    """Return the data for the page's script: plain numbers, with vertices and faces encoded as 16-bit text.
 
     Bodies' vertices stand together, so that each is one stretch of faces.
     """

@@ -63,7 +63,7 @@ def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
 
 
 def _beside(row: Mapping[str, Any]) -> str:
-    """Give what was in the model already when a candidate was added to it; empty where a record does not say."""
+    """Return the effects already in the model when a candidate was tried; empty if the record does not say."""
     if "tried_beside" not in row:
         return ""
     return ", ".join(label(other) for other in rows(row, "tried_beside")) or "the initial model"

@@ -92,7 +92,7 @@ def bounds_of(effect: str, param: str) -> Param | None:
 
 
 def remark(value: float | None, low: float | None, high: float | None, param: Param | None) -> str:
-    """Give what the numbers call for: no interval, at a bound, the interval reaches the null value."""
+    """Return a remark on the values: no interval, at a bound, or an interval that includes the null value."""
     if value is None:
         return "no value"
     notes = []

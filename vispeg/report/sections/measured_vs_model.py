@@ -75,9 +75,7 @@ def _worst_first(record: Record) -> list[Trace]:
 
 
 def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
-    """Give what was measured, and what each model leaves of it: residuals on their own scale, so that they stay
-    exact.
-    """
+    """Return the measured values and each model's residuals, with a scale of their own so that they stay exact."""
     if trace is None:
         return {}
     arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
@@ -99,7 +97,7 @@ def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
-    """Give what happens to the residual of this recording, overall and at the joint that is worst in the end."""
+    """Return the change of this recording's residual, overall and at the joint that is worst in the end."""
     before, final = rms(trace.before - trace.measured), _final(trace)
     if before is None or final is None:
         return f"{trace.name}: no residual (the model has no finite prediction)"

@@ -13,7 +13,7 @@ HEADS = {"reprojection_px": "reprojection px", "through_robot_px": "through robo
 
 
 def calibration_summary(results: Mapping[str, Any]) -> list[Block]:
-    """Of what results.json holds."""
+    """Summarise the content of results.json."""
     keys = [key for key in HEADS if key in results["views"][0]]
     columns = [Column("image"), *(Column(head, right=True) for head in ("corners", *(HEADS[k] for k in keys)))]
     views = [[row["file"], str(row["corners"]), *(f"{row[key]:.2f}" for key in keys)] for row in results["views"]]

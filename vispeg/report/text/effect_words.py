@@ -26,7 +26,7 @@ def summary(kind: Effect) -> str:
 
 
 def equation(kind: Effect) -> str:
-    """Give what its file says: equation, mechanism and source."""
+    """Return equation, mechanism and source from the effect's docstring."""
     return (getattr(sys.modules.get(type(kind).__module__), "__doc__", None) or "").strip()
 
 

@@ -1,4 +1,4 @@
-"""What a model leaves of each joint's readings, against the noise of those readings alone."""
+"""Residual of each joint's readings against their noise floor."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FAR = 3.0  # noise floors of its own from which a joint is named, though all joi
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Of each joint and kind of reading: held-out error before and after, noise floor, and the former over the latter.
+    """Tabulate for each joint and kind of reading: held-out error before and after, noise floor, and their ratio.
 
     `least` is what least squares of base parameters leaves, where that was asked.
     """

@@ -184,7 +184,7 @@ def baseline(values: Mapping[str, Any]) -> str:
 
 
 def paid(values: Mapping[str, Any]) -> list[str]:
-    """Give what the remainder costs each policy that played; none where none did."""
+    """Return the cost of the remainder for each policy that was evaluated; empty if none was."""
     cost = values.get("cost")
     if not isinstance(cost, Mapping):
         return []
@@ -272,7 +272,7 @@ def depends_on(row: Mapping[str, Any]) -> str:
 
 
 def onward(values: Mapping[str, Any]) -> str:
-    """Give what is worth recording next, and why, in one sentence."""
+    """Return the recommended next recording and its reason, in one sentence."""
     following = values.get("next_experiment")
     if not isinstance(following, dict) or not (following.get("motion") or following.get("why")):
         if values.get("verdict") == "unexplained":
@@ -287,7 +287,7 @@ def onward(values: Mapping[str, Any]) -> str:
 
 
 def _names(values: Mapping[str, Any]) -> list[str]:
-    """Give what is named, with its size; of partial effects with rivals, each class once. Nothing that is tentative."""
+    """Return the named effects with sizes; each class of competing partial effects once, no tentative ones."""
     names: dict[frozenset[str], str] = {}
     for effect in (e for e in rows(values, "effects") if not e.get("tentative")):
         several = one_of(effect) != named_effect(effect)
@@ -357,7 +357,7 @@ def _depends(values: Mapping[str, Any]) -> str:
 
 
 def _left_over(values: Mapping[str, Any]) -> str:
-    """Give what a record says of what is left; empty where that is its share and what it depends on."""
+    """Return a record's text on the residual; empty if the record gives only its share and what it depends on."""
     rest = values.get("unexplained")
     if not isinstance(rest, dict) or "explained_share" in rest or rows(rest, "depends_on"):
         return ""

@@ -52,7 +52,7 @@ class Segment:
         return len(self.q)
 
     def until(self, count: int) -> Segment:
-        """Give the same up to its first `count` samples: what comes after them is not simulated."""
+        """Cut the segment after `count` samples; later ones are not simulated."""
         ticks = min(self.ticks, max(2, math.ceil(self.time[count - 1] / self.tick - 1e-6) + 1))
         command = {name: values[:ticks] for name, values in self.command.items()}
         q, dq, raw = (values[:ticks] for values in (self.q, self.dq, self.q_raw))

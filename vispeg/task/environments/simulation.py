@@ -171,10 +171,10 @@ class TaskSimulation:
                 pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
 
     def _offer(self, rows: np.ndarray, worlds: Sequence[World]) -> None:
-        """Cells that rows may have these worlds in: made anew where an effect comes in that none could have so far.
+        """Ensure that the cells can hold these worlds; rebuild them if a world has an effect that they lack.
 
         Raises:
-            UserError: an effect comes in while other rows are in an episode.
+            UserError: a new effect is needed while other rows are in an episode.
         """
         new = {e.effect for world in worlds for e in world.effects} - set(self.cell.names)
         if new:

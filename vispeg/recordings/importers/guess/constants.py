@@ -19,7 +19,7 @@ EXPECTED = "N m/A at the joint (motor constant x gear): a number a joint, JOINT=
 
 @dataclass(frozen=True)
 class Constant:
-    """What a joint gives for an ampere.
+    """Torque constant of a joint.
 
     Attributes:
         value: N m/A, above 0.

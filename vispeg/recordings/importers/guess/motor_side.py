@@ -86,7 +86,7 @@ def _by_torques(
     places: list[int],
     needs_of: Callable[[Recording], Needs | None],
 ) -> dict[int, Ratio]:
-    """Give what measured torques tell of the ratios of the joints at `places`; nothing where there are none."""
+    """Estimate gear ratios of the joints at `places` from measured torques; empty without torques."""
     if "tau" not in out.signals():
         return {}
     chosen = {

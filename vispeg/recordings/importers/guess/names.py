@@ -1,4 +1,4 @@
-"""What a column's name says: a quantity, whether it was measured or commanded, a unit, and which joint."""
+"""Parse column names: quantity, measured or commanded, unit, joint."""
 
 from __future__ import annotations
 

@@ -381,7 +381,7 @@ def joint_columns(
 
 
 def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str, Meaning]:
-    """Give the same columns in another order: joint `i` gets that of joint `order[i]`."""
+    """Reorder columns: joint `i` gets the column of joint `order[i]`."""
     if order is None or len(order) != len(pairs):
         return pairs
     names, columns = list(pairs), list(pairs.values())
@@ -513,7 +513,7 @@ def _amperes(columns: Mapping[str, Meaning]) -> str:
 
 
 def _sensor(names: list[str], out: Proposal) -> None:
-    """Give what measured torque is, as far as the names say."""
+    """Return the kind of torque sensor, as far as column names tell."""
     words = {word for name in names for word in split(name)}
     if all(re.search(r"tau_?J(?![a-z])", name) for name in names):
         sensor, why = "joint", "from the name (as Franka's tau_J); say motor if it comes from a current"

@@ -269,7 +269,7 @@ def _named(key: str, feature: Any) -> list[tuple[str, str]]:
 
 
 def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
-    """Give what separates cells in a text table, and what stands in its numbers.
+    """Return the dialect of a text table: cell separator and decimal mark.
 
     Args:
         file: the table.

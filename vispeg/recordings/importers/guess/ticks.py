@@ -67,8 +67,7 @@ def span_of(values: np.ndarray, full: float) -> int | None:
 def decoded(
     stack: np.ndarray, names: Sequence[str], calibration: Mapping[str, int] | None = None
 ) -> list[Decoded | None]:
-    """Give what each column (n, nj) is decoded by; None where it is not normalised, for all of them where the log is
-    not.
+    """Return the scale that decodes each column (n, nj); None for columns, or the whole log, that are not normalised.
 
     Args:
         stack: measured values as they are in the file.

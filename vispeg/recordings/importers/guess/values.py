@@ -1,4 +1,4 @@
-"""What the numbers say of their units, held against the robot's limits and against each other."""
+"""Guess units from the numbers, compared with the robot's limits and with each other."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def _entry(line: Line) -> dict[str, object] | str:
 
 
 def text(proposal: Proposal) -> str:
-    """Give the map file: a line a column with the reason behind it, then what to look at, and what is not used."""
+    """Return the map file: one line per column with its reason, then what to check, and the unused columns."""
     entries = data(proposal)
     why = {line.target: f"{line.sure}: {line.why}" for line in proposal.lines}
     why |= {"motors": "measured: joint over motor, by which the measured torques are the model's; power stays"}
@@ -59,7 +59,7 @@ def text(proposal: Proposal) -> str:
 
 
 def advice(proposal: Proposal) -> list[str]:
-    """Give what could be compared as proposed, and with a stated controller and torque sensor, in sentences."""
+    """Return sentences on what can be compared as proposed, and with a stated controller and torque sensor."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     torque = "tau" in signals and sensor != "none"
     servo = proposal.recording.get("control", {}).get("mode") == "servo"
