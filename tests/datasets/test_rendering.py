@@ -51,7 +51,7 @@ def test_two_workers_one_of_them_killed_make_the_same_bytes(tmp_path, whole, mon
 
 
 def test_workers_that_always_die_are_given_up(tmp_path):
-    with pytest.raises(UserError, match="die again and again"):
+    with pytest.raises(UserError, match="die repeatedly"):
         render(PLAN, LAYOUT, always_deadly, tmp_path / "d", workers=1)
 
 

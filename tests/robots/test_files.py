@@ -322,7 +322,7 @@ TIP = re.sub(r"<inertial>.*?</inertial>", "", URDF, flags=re.DOTALL)
         ("a.urdf", "<robot", "is not XML"),
         ("a.urdf", "<mujoco/>", "not a URDF"),
         ("a.urdf", URDF.replace('effort="50"', 'effort="lots"'), "shoulder.effort"),
-        ("a.urdf", TIP, "turns no mass"),
+        ("a.urdf", TIP, "moves no mass"),
     ],
 )
 def test_bad_files_are_named_in_one_line(tmp_path, name, text, says):

@@ -61,7 +61,7 @@ def test_urdf(tmp_path, monkeypatch, old, new, said):
     ("old", "new", "said"),
     [
         ('mass="2"', 'mass="inf"', "inertial.mass: is not finite"),
-        ('mass="2"', 'mass="1e300"', "upper: an impossible mass"),
+        ('mass="2"', 'mass="1e300"', "upper: implausible mass"),
         ('axis="0 1 0"', 'axis="nan 0 0"', "joint.axis: is not finite"),
         ('pos="0 0 0.4"', 'pos="0 nan 0.4"', "body.pos: is not finite"),
         ('range="-2 2"', 'range="2 -2"', "joint.range: limits are inverted"),
@@ -129,7 +129,7 @@ def test_a_linear_axis_that_carries_the_arm_is_said_to_be_held(tmp_path):
     path.write_text(
         path.read_text().replace('<joint name="shoulder"', '<joint name="rail" type="slide"/><joint name="shoulder"', 1)
     )
-    with pytest.warns(UserWarning, match="sliding joints that carry others are held where they stand: rail$"):
+    with pytest.warns(UserWarning, match="sliding joints that carry others are fixed at their initial position: rail$"):
         assert load(path).joints == ("shoulder", "elbow")
 
 

@@ -21,7 +21,7 @@ NO_READINGS: dict[str, Any] = {**MEASURED, "resolution": None, "accuracy": None}
 
 
 def _measured(call: Call) -> None:
-    """Print the measurement; then, where policies are named, play them and say whether it is enough."""
+    """Print the measurement; if policies are given, play them and print whether its precision suffices."""
     from vispeg.api.measure.enough import check_stop, enough
     from vispeg.api.measure.result import MeasureSettings
     from vispeg.cli.progress import playing
@@ -72,9 +72,10 @@ def joint(call: Call) -> None:
 def zeros(call: Call) -> None:
     """Measure joint zeros and the frames of base and tip, from poses at rest.
 
-    A row a pose, no time: the joint angles as read (called as the joints, or q1, q2, ..), the tip's measured x y z, and
-    if there is one its orientation: qw qx qy qz, rx ry rz, or roll pitch yaw. Units stand in the header (x_mm, q1_deg),
-    or the data decide. A zero that no pose can tell from a frame is named, not invented.
+    One row per pose, no time: the joint angles as read (named like the joints, or q1, q2, ..), the tip's measured x y
+    z, and if there is one its orientation: qw qx qy qz, rx ry rz, or roll pitch yaw. Units are given in the header
+    (x_mm, q1_deg), or inferred from the data. A zero that the poses cannot distinguish from an error of a frame is
+    reported as such, without a value.
 
     Example:
         vispeg measure zeros tracker.csv --robot iiwa14 --out zeros.yaml

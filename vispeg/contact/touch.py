@@ -1,4 +1,4 @@
-"""Whether recordings are of contact: a wrench was measured, or torques to tell one from while the tip touches."""
+"""Decide whether recordings are of contact: with a wrench, or one that joint torques can estimate."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ SENSORS = ("joint", "motor")
 
 
 def felt(recordings: Sequence[Recording]) -> bool:
-    """Whether all of them have a wrench, or those without one touch something and have joint torques to tell it from.
+    """Return whether a wrench is available in all recordings, measured or to be estimated from joint torques in
+    contact.
 
     Raises:
-        UserError: one that touches something has neither, nor frames.
+        UserError: a recording with contact has neither wrench nor joint torques nor frames.
     """
     without = [rec for rec in recordings if rec.ft is None]
     touched = [rec for rec in without if touches(rec, recorded_cell(rec).scene)]
@@ -31,15 +32,15 @@ def felt(recordings: Sequence[Recording]) -> bool:
 
 
 def torqued(rec: Recording) -> bool:
-    """Whether joint torques were recorded."""
+    """Return whether joint torques were recorded."""
     return rec.tau is not None and rec.torque_sensor in SENSORS and bool(np.isfinite(rec.tau).any())
 
 
 def refuse_numb(rec: Recording) -> None:
-    """Raise UserError for a recording of contact without joint torques, where no wrench was measured either."""
+    """Raise UserError if a recording of contact without a wrench has no joint torques either."""
     if not torqued(rec):
         raise UserError(
-            "touches the cell and has no wrench, nor joint torques to tell it from",
+            "touches the cell, but has neither a wrench nor joint torques to estimate it",
             file=rec.path / "recording.yaml",
             key="ft.*",
             expected="columns ft.fx .. ft.tz (N, N m), or tau.* and torque_sensor: joint or motor",
@@ -47,7 +48,7 @@ def refuse_numb(rec: Recording) -> None:
 
 
 def touches(rec: Recording, scene: Scene) -> bool:
-    """Whether the tip came so near to the fixture or the table that it may have touched."""
+    """Return whether the tip came so close to the fixture or the table that it may have touched."""
     pose = flange_pose(scene.nominal, rec.q)
     w, x, y, z = pose[:, 3:].T
     out = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)

@@ -23,7 +23,7 @@ FREE = (np.inf, np.inf)
 
 @dataclass(frozen=True)
 class Arm:
-    """Names and limits of a prepared arm; see RobotModel."""
+    """Names and limits of a prepared arm; the attributes are those of `RobotModel`, `torque` and `speed` its limits."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
@@ -46,7 +46,7 @@ class Arm:
         mujoco.mj_fullM(model, data, full)
         for i, joint in enumerate(self.joints):
             if full[i, i] < 1e-9:
-                raise UserError("this joint turns no mass", file=label, key=joint, expected="a link with an inertia")
+                raise UserError("this joint moves no mass", file=label, key=joint, expected="a link with an inertia")
 
 
 def prepare(
@@ -128,7 +128,7 @@ def _sound(model: mujoco.MjModel, label: str) -> None:
                 name = getattr(model, kind)(int(bad[0])).name
                 got = np.ravel(values[bad[0]]).tolist()
                 expected = f"finite numbers, at most {LARGEST:g}"
-                raise UserError(f"an impossible {key}", file=label, key=name or kind, expected=expected, got=got)
+                raise UserError(f"implausible {key}", file=label, key=name or kind, expected=expected, got=got)
 
 
 def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
@@ -150,7 +150,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
     carrying = [joint.name for joint in slides if _carries(joint)]
     if carrying:  # fingers of a gripper carry no hinge, so fixing them does not change how the arm moves
         named = ", ".join(sorted(name or "without a name" for name in carrying))
-        note(f"{label}: sliding joints that carry others are held where they stand: {named}")
+        note(f"{label}: sliding joints that carry others are fixed at their initial position: {named}")
     _hold(spec, slides)
     if not list(spec.joints):
         raise UserError("no hinge joint", file=label, expected="an arm with revolute (hinge) joints")

@@ -1,4 +1,4 @@
-"""A training run as it lies on disk: the rows that it has written, its checkpoints and its films. Without torch."""
+"""Read a training run from disk, without torch: its progress table, checkpoints and films."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FILM_BYTES = 8 * MB
 
 @dataclass(frozen=True)
 class Run:
-    """What a run has written so far.
+    """Files that a run has written so far.
 
     Attributes:
-        folder: of it.
-        curves: column -> (n,) values, NaN where a row has none.
-        failures: of the last row, in words.
-        checkpoints: names, the best first, then the newest.
-        films: files.
+        folder: the run's folder.
+        curves: column of the progress table -> (n,) values, NaN for empty cells.
+        failures: text of the last row's column `failures`.
+        checkpoints: names, the best first, the others from newest to oldest.
+        films: video files.
     """
 
     folder: Path
@@ -37,12 +37,12 @@ class Run:
 
 
 def is_run(path: Path) -> bool:
-    """Whether a folder is a training run's."""
+    """Return whether a folder is that of a training run."""
     return any((path / name).is_file() for name in (TABLE, BEGUN))
 
 
 def runs_in(path: Path) -> list[Path]:
-    """Give the runs in a folder: itself, or those one or two levels below it, the one that wrote last first."""
+    """Return the runs in a folder: itself, or those one or two levels below, the most recently written first."""
     if is_run(path):
         return [path]
     runs = [p for pattern in ("*", "*/*") for p in path.glob(pattern) if p.is_dir() and is_run(p)]
@@ -50,15 +50,15 @@ def runs_in(path: Path) -> list[Path]:
 
 
 def newest(path: Path) -> Path | None:
-    """Give the run in a folder that wrote last; None without any."""
+    """Return the most recently written run in a folder; None without any."""
     return next(iter(runs_in(path)), None)
 
 
 def read(folder: Path) -> Run:
-    """Give what a run has written.
+    """Read what a run has written so far.
 
     Raises:
-        UserError: no run's folder, or a table that is none.
+        UserError: not the folder of a run, or an unreadable table.
     """
     if not is_run(folder):
         raise UserError("no training run", file=folder, expected=f"{TABLE} or {BEGUN}, as `vispeg train` writes")
@@ -75,9 +75,9 @@ def read(folder: Path) -> Run:
 
 
 def film(path: Path) -> bytes:
-    """Give a film's bytes. Raises UserError: too large to be shown."""
+    """Return a film's bytes. Raises UserError: too large to show."""
     if path.stat().st_size > FILM_BYTES:
-        raise UserError("is too large to be shown here", file=path, expected=f"{FILM_BYTES / MB:.0f} MB at most")
+        raise UserError("is too large to show here", file=path, expected=f"{FILM_BYTES / MB:.0f} MB at most")
     return path.read_bytes()
 
 

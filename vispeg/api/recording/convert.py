@@ -1,4 +1,4 @@
-"""Logs become recording folders: what `vispeg convert` does, from Python."""
+"""`vispeg.convert`: convert logs to recording folders."""
 
 from __future__ import annotations
 
@@ -48,25 +48,26 @@ def convert(
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Give a log as a recording folder.
+    """Convert a log to a recording folder.
 
     Args:
         source: a table (.csv, .csv.gz, .tsv, .txt, .parquet), arrays (.hdf5, .h5, .mat, .npz, .npy, .json, .jsonl), a
             bag (.bag, .db3, .mcap), or a folder: a LeRobot data set, a ROS 2 bag, tables of episodes or of one run's
             signals.
         robot: a robot's name (iiwa14) or a path to its MJCF or URDF.
-        out: the recording folder to write; a guess that is only shown or saved needs none.
+        out: the recording folder to write; not needed if a guess is only shown or saved.
         mapping: a YAML file with the source's names and units.
-        topics: of a bag.
-        cameras: camera files with the intrinsics and poses that the source lacks, and the robot's own file too.
-        depth_camera: kind of the depth cameras, by whose noise their depth is judged: d405, d435 or structured_light;
-            NAME=KIND where they differ.
-        torque_sensor: where torque was measured: behind the gear (joint) or from the current (motor); default: torque
-            is not used.
-        torque_constants: for a bag, or with a guess: measured torque is a motor current, with these N m/A at the joint
-            (motor constant x gear): a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350).
-        rate_hz: samples a second of a file that keeps no time.
-        column_names: of the columns of a table without a header line; else they are numbered from 1.
+        topics: topics of a bag.
+        cameras: camera files with intrinsics and poses that neither the source nor the robot's file has.
+        depth_camera: kind of the depth cameras, which sets the expected depth noise: d405, d435 or structured_light;
+            NAME=KIND if they differ.
+        torque_sensor: where torque was measured: behind the gear (joint) or from the motor current (motor); default:
+            torque is not used.
+        torque_constants: for a bag or with a guess, if the log has motor currents in place of torques: N m/A at the
+            joint (motor constant x gear ratio), as one number per joint, JOINT=NUMBER, or the name of an arm or servo
+            (ur5e, XM430-W350).
+        rate_hz: sample rate of a file without time stamps, Hz.
+        column_names: names for the columns of a table without a header line; default: numbers from 1.
         insist: accept impossible units.
         table: format of the samples.
         overwrite: replace `out` if it exists.
@@ -125,18 +126,18 @@ def convert_object(
     last: int | None = None,
     overwrite: bool = False,
 ) -> ObjectRecording:
-    """Give a free object's tosses, an .npz archive, as a recording folder.
+    """Convert tosses of a free object, an .npz archive, to a recording folder.
 
     Args:
         source: the archive, see `import_object`.
         robot: the path of the object's model.
         out: the folder.
-        rate_hz: samples a second of an archive without `time`.
-        first, last: the tosses taken, `last` not included.
+        rate_hz: sample rate of an archive without `time`, Hz.
+        first, last: range of tosses to convert, `last` excluded.
         overwrite: replace `out`.
 
     Raises:
-        UserError: no archive, or one of something else; a rate that cannot be; `out` exists.
+        UserError: not an archive of tosses; an impossible rate; `out` exists.
     """
     source, robot = Path(source), placed(robot)
     if source.suffix.lower() != ".npz":
@@ -149,12 +150,12 @@ def convert_object(
 
 
 def placed(robot: str) -> str:
-    """Give a robot's name, or the absolute path of its file: a recording may be read from another folder."""
+    """Return a robot's name, or the absolute path of its file, as a recording may be read from another folder."""
     return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
 
 
 def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:
-    """Kind of depth camera by camera, "" for all of them. Raises UserError: an unknown kind, or two of one camera."""
+    """Return the depth camera kind by camera, "" for all. Raises UserError: an unknown kind, or two for one camera."""
     out: dict[str, Sensor] = {}
     for text in [stated] if isinstance(stated, str) else stated:
         name, equals, kind = text.rpartition("=")
@@ -172,7 +173,7 @@ def _kinds(stated: str | Sequence[str]) -> dict[str, Sensor]:
 
 
 def _stated(rec: Recording, kinds: Mapping[str, Sensor], source: Path) -> Recording:
-    """Give the recording whose cameras state their kinds. Raises UserError: a camera that has no depth."""
+    """Return the recording with the kinds of its depth cameras set. Raises UserError: a camera without depth."""
     frames = rec.frames
     deep = [] if frames is None else frames.deep
     if frames is None or not deep:
@@ -191,7 +192,7 @@ def _of_currents(
     sensor: Literal["joint", "motor", "none"] | None,
     source: Path,
 ) -> Recording:
-    """Give the recording whose efforts, A, are torques. Raises UserError: no efforts, or a joint without a constant."""
+    """Convert efforts in A to torques in N m. Raises UserError: no efforts, or a joint without a constant."""
     lacking = [joint for joint in rec.joints if joint not in constants]
     if rec.tau is None or lacking:
         said = "no constant of this joint" if lacking else "the bag has no efforts"

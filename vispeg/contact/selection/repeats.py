@@ -1,7 +1,8 @@
 """Repeatability of the arm, which widens the interval of a part's pose beyond the noise of the recordings.
 
-Errors of the kinematics are whitened along with the noise (`vispeg.contact.errors.nuisance`), but to first order about
-the contacts that there are. Where a contact begins they do not move, and a pose is told by that.
+Errors of the kinematics are already part of the noise covariance (`vispeg.contact.errors.nuisance`), but linearised at
+given contacts, so they do not shift the point where a contact begins. A pose is identified by that very point, so its
+interval has to include the repeatability separately.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from vispeg.worlds.world import World
 
 
 def repeats() -> dict[str, float]:
-    """By unit how closely an arm repeats a pose, m and rad."""
+    """Return the standard deviation with which an arm repeats a pose, by unit (m, rad)."""
     return {"m": RULES.repeats * RULES.kinematics_place, "rad": RULES.repeats * RULES.kinematics_turn}
 
 
 def repeated(world: World, n_fixed: int) -> World:
     """Return the world with the pose intervals of effects after the first `n_fixed` widened by the arm's repeatability.
 
-    A recording says where a part is to where the arm takes itself to be, and no more precisely than it knows that.
+    A recording locates a part relative to the arm's own estimate of its pose, and so no more precisely than that.
     """
     return replace(world, effects=(*world.effects[:n_fixed], *map(allowing, world.effects[n_fixed:])))
 
@@ -40,6 +41,6 @@ def allowing(placed: EffectInstance) -> EffectInstance:
 
 
 def uncertainty(name: str, parameter: str) -> float:
-    """Give the standard uncertainty with which an arm repeats a parameter of an effect that is a pose; 0 of others."""
+    """Return the standard uncertainty of a parameter due to the arm's repeatability; 0 if the effect is not a pose."""
     kind = effect(name)
     return repeats().get(kind.params[parameter].unit, 0.0) if kind.posed else 0.0

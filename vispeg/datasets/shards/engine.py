@@ -1,4 +1,4 @@
-"""Makes shards in worker processes of one thread each, or on a Ray cluster; a lost worker's shard is made again."""
+"""Make shards in single-threaded worker processes or on a Ray cluster; the shard of a lost worker is repeated."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ Engine = Callable[[Sequence[Shard], Source, Plan, Layout, int, Callable[[int], N
 def local(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
-    """Shards with their bytes as they are done, on this machine.
+    """Make shards on this machine; yield each with its bytes when it is done.
 
     Args:
-        shards: those that are wanted.
-        source, plan, layout: what makes them.
-        workers: processes; 0: in this one.
-        tick: called with frames as they are done.
+        shards: the shards to make.
+        source, plan, layout: content and format of the data set.
+        workers: number of processes; 0 works in this process.
+        tick: called with the number of frames just done.
 
     Raises:
-        UserError: what the source raises, or a shard that killed its worker again and again.
+        UserError: from the source, or a shard kills its worker repeatedly.
     """
     if workers < 1:
         yield from ((s, shard_bytes(source, plan, layout, s, tick)) for s in shards)
@@ -50,9 +50,7 @@ def local(
         except BrokenProcessPool:
             deaths = 1 if done else deaths + 1
             if deaths >= TRIES:
-                raise UserError(
-                    "workers die again and again; is there enough memory?", key="workers", got=workers
-                ) from None
+                raise UserError("workers die repeatedly; is there enough memory?", key="workers", got=workers) from None
         todo = [s for s in todo if s.number not in done]
 
 
@@ -60,11 +58,11 @@ def _pool(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
     context = multiprocessing.get_context("spawn")
-    ticks: Any = context.SimpleQueue()  # put is done when it returns, so a frame is reported before its shard
+    ticks: Any = context.SimpleQueue()  # put blocks until written, so frames are reported before their shard is done
     count = min(workers, len(shards))
     tasks = jobs_a_process(plan.backend)
     with pool_of(count, tasks, _listen, (ticks,)) as pool:
-        # few are handed out ahead, so that finished bytes do not pile up while earlier ones are written
+        # submit few shards in advance, so that finished ones do not pile up in memory while earlier ones are written
         remaining, waiting = list(shards), dict[Future[bytes], Shard]()
         while remaining or waiting:
             while remaining and len(waiting) < count + 1:
@@ -96,10 +94,10 @@ def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
 def on_ray(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
-    """As `engine.local`: `workers` shards at a time, each on one core. A killed worker's shard is made again.
+    """As `engine.local`, on a Ray cluster: `workers` shards at a time, each on one core.
 
     Raises:
-        UserError: Ray is not installed, its cluster cannot be reached, a shard killed its worker again and again.
+        UserError: Ray is not installed, its cluster cannot be reached, or a shard kills its worker repeatedly.
     """
     for shard, data in done_on_ray(partial(shard_bytes, source, plan, layout), shards, workers, what="shard"):
         tick(shard.frames)

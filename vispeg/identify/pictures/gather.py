@@ -1,4 +1,4 @@
-"""Where the picture has the borders and corners that a world predicts."""
+"""Measure in images the borders and board corners that a world predicts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPACING = 3.0  # px between points along a border
 
 
 def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> Points:
-    """Give the points that a world predicts, of borders and a board's corners, each sought within `window` px."""
+    """Return the predicted points of borders and board corners, each with its measured offset within `window` px."""
     name, geometry, parts = sight.camera.name, predictor.geometry, []
     for i, rgb, b in _drawn(predictor, sight, world):
         ahead, behind = (
@@ -39,18 +39,20 @@ def gather(predictor: Predictor, sight: Sight, world: World, window: float) -> P
     points = _joined([*parts, *corners_of(geometry, sight, world, window)])
     if not len(points.frame) or not values_of(world, "rolling_shutter", name):
         return points
-    shift = pixels(geometry, sight, world, points) - points.pixel  # rows that were exposed at other times
+    shift = (
+        pixels(geometry, sight, world, points) - points.pixel
+    )  # rolling shutter: rows are exposed at different times
     along = points.along - np.sum(shift * points.normal, axis=1)
     return replace(points, pixel=points.pixel + shift, along=along)
 
 
 def outlined(predictor: Predictor, sight: Sight, world: World) -> Points:
-    """Give the border points that a world predicts, sought nowhere."""
+    """Return the predicted border points without measuring them; their offsets are NaN."""
     return _joined([_points(i, b, np.full(len(b), np.nan)) for i, _, b in _drawn(predictor, sight, world)])
 
 
 def _drawn(predictor: Predictor, sight: Sight, world: World) -> Iterator[tuple[int, np.ndarray, Borders]]:
-    """Give number, picture and predicted borders of each frame that has a picture at measured angles."""
+    """Yield number, colour image and predicted borders of each frame with an image and measured joint angles."""
     name, frames = sight.camera.name, np.arange(len(sight))
     predictor.see(world)
     for i, q in zip(frames, sight.at(frames, -delay_of(world, name)), strict=True):
@@ -64,7 +66,7 @@ def _points(frame: int, b: Borders, along: np.ndarray) -> Points:
 
 
 def _joined(some: Sequence[Points]) -> Points:
-    """Points of several frames, one after the other."""
+    """Concatenate the points of several frames."""
     if not some:
         none, flat = np.zeros(0), np.zeros((0, 2))
         return Points(none.astype(int), none.astype(int), np.zeros((0, 3)), flat, flat, none, flat.astype(int), none)

@@ -1,4 +1,4 @@
-"""The critics: Q functions of ground truth and action, which need no pixels, or of what the actor sees."""
+"""The critics: Q functions of action and ground truth, without images, or of action and the actor's observations."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Critic(nn.Module):
         )
 
     def inputs(self, obs: Mapping[str, Tensor]) -> Tensor:
-        """(..., inputs) unscaled."""
+        """Return the unscaled input vector (..., inputs)."""
         return torch.cat([obs[key] for key in self.keys], dim=-1)
 
     def forward(self, obs: Mapping[str, Tensor], action: Tensor, shift: int = 0) -> Tensor:
-        """Q values (..., 2). `shift` moves images at random, in pixels."""
+        """Return Q values (..., 2); images are shifted randomly by up to `shift` px."""
         parts = [self.scale(self.inputs(obs))]
         for key, encoder in self.encoders.items():
-            images = obs[key].flatten(0, -4)  # of a sequence's (time, n)
+            images = obs[key].flatten(0, -4)  # (time, n) of sequences
             parts.append(encoder(random_shift(images, shift)).unflatten(0, obs[key].shape[:-3]))
         x = torch.cat([*parts, action], dim=-1)
         return torch.cat([net(x) for net in self.nets], dim=-1)

@@ -1,7 +1,7 @@
-"""The actor's latents along a batch, for actors with a memory and without.
+"""Batches and latents for training actors with and without memory.
 
-A recurrent actor learns from whole episodes from their beginning, so that its memory holds in training what it holds
-in use and no stored state can be stale (the alternative that Kapturowski et al. 2019, "R2D2", needs burn-in for).
+A recurrent actor is trained on whole episodes from their start, so that its hidden state in training equals that in
+use. Stored hidden states would become stale and need a burn-in (Kapturowski et al. 2019, "R2D2").
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from torch import Tensor
 from vispeg.learn.experience.replay import Batch, Images, Replay
 from vispeg.learn.networks.actor import Actor
 
-PER_EPISODE = 32  # transitions of a batch that one episode stands for
+PER_EPISODE = 32  # one episode replaces so many transitions of a batch
 
 
 def draw(
     ring: Replay, n: int, horizon: int, recurrent: bool, rng: np.random.Generator, images: Images = "both"
 ) -> Batch:
-    """Give a batch worth n transitions: n of them, or n / 32 whole episodes (at least 2) of up to `horizon` steps.
+    """Draw a batch: n transitions, or for a recurrent actor n / 32 whole episodes (at least 2) of up to `horizon`
+    steps.
 
-    `images` says where single transitions need theirs; episodes need all.
+    `images` selects which observations of single transitions include images; episodes include all.
     """
     if not recurrent:
         return ring.sample(n, rng, images)
@@ -29,13 +30,13 @@ def draw(
 
 
 def latents(actor: Actor, batch: Batch, after: bool = False, shift: int = 0) -> Tensor:
-    """Give the actor's latent (..., hidden) at each transition's start, or at its end where `after`.
+    """Return the actor's latent (..., hidden) at the start of each transition, or at its end with `after`.
 
     Args:
-        actor: with a memory, the batch must hold sequences (time, n, ...) that start with an episode.
+        actor: the actor; if recurrent, the batch must hold sequences (time, n, ...) from the start of episodes.
         batch: transitions.
-        after: whether the observation after the transition is looked at.
-        shift: random shift of images, in pixels.
+        after: use the observation after the transition.
+        shift: largest random shift of images, px.
     """
     if not actor.recurrent:
         return actor.latent(actor.features(batch.next_obs if after else batch.obs, shift))[0]

@@ -1,4 +1,4 @@
-"""What `check` has to say about a recording, in sentences for a person."""
+"""Sentences of `vispeg check` on a recording."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from vispeg.recordings.recording import Recording
 if TYPE_CHECKING:
     from vispeg.recordings.checks.check import JointCheck
 
-SILENT_Q = 1e-7  # rad: no encoder is as quiet as this
-FLAT = 0.02  # least share of its own that a parameter's column needs to be separable from the others
-POOR_TRACKING = 2.0  # degrees RMS: the article on sim-to-real transfer suspects the actuator model beyond 2 to 3
+SILENT_Q = 1e-7  # rad: real encoders are noisier
+FLAT = 0.02  # smallest share of a regressor column, unexplained by the others, at which its parameter is identifiable
+POOR_TRACKING = 2.0  # degrees RMS; beyond 2 to 3 the article on sim-to-real transfer suspects the actuator model
 
 
 def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck], doubts: Sequence[Doubt] = ()) -> list[str]:
-    """Sentences on units that cannot be true, on the clock, on silent sensors, and on each joint."""
+    """Return sentences on impossible units, on the clock, on sensors without noise, and on each joint."""
     each = [line for joint in joints for line in _joint_warnings(joint, rec)]
     units = [doubt.line for doubt in doubts]
     return units + said(rec) + _clock_warnings(clock) + _silence_warnings(joints, rec) + each
@@ -94,10 +94,12 @@ def _joint_warnings(joint: JointCheck, rec: Recording) -> list[str]:
         if stated and estimate and not 1 / 3 < estimate / stated < 3:
             out.append(f"noise of {name} looks like {estimate:.2g}, recording.yaml says {stated:.2g}")
     if motion.condition is None:
-        out.append("does not move enough to tell anything about it")
+        out.append("does not move enough to identify anything")
     else:
         if motion.reversals < 2:
-            out.append(f"reverses {motion.reversals} times: dry friction cannot be told from a constant torque")
+            out.append(
+                f"reverses {motion.reversals} times: dry friction cannot be distinguished from a constant torque"
+            )
         weak = [name for name, share in motion.identifiability.items() if share < FLAT]
         if weak:
             out.append(f"this motion alone cannot separate {', '.join(weak)}")

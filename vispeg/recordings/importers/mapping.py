@@ -1,4 +1,4 @@
-"""A map from a file's own names and units to those of a recording."""
+"""Map files: how a log's own names and units translate to those of a recording."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from vispeg.recordings.tables.table import Dialect
 FACTORS = {
     **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     **{"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi},
-    "tick": 2 * math.pi / 4096,  # of the encoders of Feetech's STS3215 and Dynamixel's X series
+    "tick": 2 * math.pi / 4096,  # encoder tick of Feetech's STS3215 and Dynamixel's X series
     **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
-    **{"A": 1.0, "mA": 1e-3},  # with a torque constant alone
+    **{"A": 1.0, "mA": 1e-3},  # only with a torque constant
     **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
 }
 AMPERES = ("A", "mA")
@@ -29,12 +29,12 @@ SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column or array comes from: value = factor * raw + offset, the offset in SI units.
+    """Source of a column or array: value = factor * raw + offset, with the offset in SI units.
 
     Attributes:
-        name: of the column; empty for one that is stated as missing.
-        factor, offset: as above.
-        plus: what is added: nanoseconds beside seconds, another motor's angle.
+        name: name of the source's column; empty for a column that is declared missing.
+        factor, offset: see above.
+        plus: columns to add, such as nanoseconds to seconds, or another motor's angle.
     """
 
     name: str
@@ -44,23 +44,23 @@ class Source:
 
     @property
     def names(self) -> set[str]:
-        """All columns that are asked for."""
+        """Names of all columns that it needs."""
         return {self.name}.union(*(term.names for term in self.plus))
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A map file.
+    """The content of a map file.
 
     Attributes:
-        file: the file, or None where names are taken as they are.
-        columns: `time`, `episode`, `q.joint1`, or (for arrays) `q` -> where it comes from.
-        joints: joint name -> its name in the source, where they differ.
+        file: the file, or None without a map, when the source's names are used directly.
+        columns: recording column (`time`, `episode`, `q.joint1`, or for arrays `q`) -> its source.
+        joints: joint name -> its name in the source, if different.
         recording: further keys of recording.yaml (control, tool, torque_sensor, noise, ...).
-        dialect: how a text table is written.
-        rate_hz: samples a second of a log that keeps no time; None where it does.
-        motors: joint -> motor -> factor, of joints whose columns hold motors' readings: the joint's angle is the sum
-            over motors, each called as the joint in whose columns it stands.
+        dialect: separators of a text table.
+        rate_hz: sample rate of a log without time stamps, Hz; None for a log with time stamps.
+        motors: joint -> motor -> factor, for logs of motor readings: a joint's angle is the sum over motors of factor
+            times motor angle. A motor has the name of the joint whose columns hold its readings.
     """
 
     file: Path | None = None
@@ -73,12 +73,12 @@ class ColumnMap:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Signals of channels of one's own that the header declares."""
+        """Signals of user-defined channels that the header declares."""
         return tuple(map(str, self.recording.get("signals", ())))
 
     @property
     def names(self) -> set[str]:
-        """All columns of the source that are asked for."""
+        """Names of all columns of the source that are needed."""
         return set[str]().union(*(source.names for source in self.columns.values())) - {""}
 
 
@@ -96,11 +96,11 @@ def _read(file: Path) -> ColumnMap:
 
 
 def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
-    """Read a map file for a robot with these joints; without one every name stands for itself.
+    """Read a map file for a robot with these joints; without a file, the source's names are used directly.
 
     A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
     offset (SI) is added last, and `plus` names a further column to add, or lists several. A torque in A or mA has a
-    `torque_constant`, N m/A at the joint. `none` stands for a column of missing readings.
+    `torque_constant`, N m/A at the joint. `none` declares a column of missing readings.
 
     Raises:
         UserError: an unknown target, unit or key, or a value of the wrong kind.
@@ -109,7 +109,7 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
 
 
 def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
-    """Give the map that plain data stand for; `file` is what messages name. Raises UserError as `read_map` does."""
+    """Parse a map from plain data; `file` is named in messages. Raises UserError as `read_map` does."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected="lines like 'q.joint1: pos_1'", got=data)
     recording = _section(data, "recording", file)
@@ -119,7 +119,7 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
     for joint in renamed:
         if joint not in names:
             raise UserError("no such joint", file=file, key="joints", got=joint, choices=map(str, names))
-    own = _section(recording, "signals", file)  # of a channel of one's own
+    own = _section(recording, "signals", file)  # of user-defined channels
     every = (*SIGNALS, *map(str, own))
     targets = ["time", "episode", *every, *(c for s in every for c in columns_of(s, list(map(str, names))))]
     columns, rate = {}, None
@@ -137,7 +137,7 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
 
 
 def _motors(section: dict, joints: Sequence[str], file: Path) -> dict[str, dict[str, float]]:
-    """Joint -> motor -> factor of a map's section: a number or a fraction, or a mapping of them."""
+    """Parse the section `motors` to joint -> motor -> factor; a factor is a number or a fraction."""
     out = {}
     for joint, value in section.items():
         terms = value if isinstance(value, dict) else {joint: value}
@@ -151,7 +151,7 @@ def _motors(section: dict, joints: Sequence[str], file: Path) -> dict[str, dict[
 
 
 def _factor(value: Any, key: str, file: Path) -> float:
-    """Give a number that is not 0; `1/8` counts as one."""
+    """Parse a factor other than 0, a number or a fraction such as `1/8`."""
     parts = value.split("/") if isinstance(value, str) else [value]
     try:
         numbers = [float(part) for part in parts if not isinstance(part, bool)]
@@ -165,7 +165,7 @@ def _factor(value: Any, key: str, file: Path) -> float:
 
 
 def checked_rate(value: Any, key: str, file: Path | None = None) -> float:
-    """Give a rate, samples a second. Raises UserError: none that a log can have."""
+    """Check a sample rate, Hz. Raises UserError: outside 1 to 100000 Hz."""
     number = not isinstance(value, bool) and isinstance(value, int | float)
     if not number or not 1 <= value <= 100_000:
         raise UserError("not a rate", file=file, key=key, expected="1 to 100000 samples a second", got=value)
@@ -185,7 +185,9 @@ def _dialect(section: dict, file: Path) -> Dialect:
             names = [repr(choice) for choice in choices]
             raise UserError("cannot be read", file=file, key=f"table.{key}", got=dialect[key], choices=names)
     if dialect["separator"] == dialect["decimal"]:
-        raise UserError("separates cells and decimals by one sign", file=file, key="table", got=dialect["decimal"])
+        raise UserError(
+            "uses the same sign between cells and as decimal mark", file=file, key="table", got=dialect["decimal"]
+        )
     return Dialect(**dialect, names=tuple(map(str, names)))
 
 
@@ -229,10 +231,10 @@ def _source(value: Any, target: str, file: Path) -> Source:
 
 
 def _check_current(value: dict, target: str, file: Path) -> None:
-    """Refuse a current without its torque constant, a constant without a current, and a current that is no torque."""
+    """Refuse a current without torque constant, a constant without current, or a current mapped to a non-torque."""
     constant, amperes = value.get("torque_constant"), value.get("unit") in AMPERES
     if target.partition(".")[0] not in SIGNALS and constant is None:
-        return  # a channel of one's own may compare currents
+        return  # a user-defined channel may compare currents
     if amperes and target.partition(".")[0] not in ("tau", "tau_cmd"):
         raise UserError("a current is no reading of this", file=file, key=target, expected="tau.JOINT or tau_cmd.JOINT")
     if amperes and constant is None:

@@ -1,4 +1,4 @@
-"""Any log as a recording, by the importer that its name asks for."""
+"""Convert any log to a recording, with the importer chosen by its file name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.read import STORES, TABLES, parts
 
 BAGS = (".bag", ".db3", ".mcap")
-INSTEAD = {  # what is not read, and how to get a table of it
+INSTEAD = {  # unsupported formats, and how to get a table from them
     ".xlsx": "pandas.read_excel(FILE).to_csv('log.csv')",
     ".xls": "pandas.read_excel(FILE).to_csv('log.csv')",
     ".pkl": "a CSV that its own program writes: a pickle can run any code, and is never opened",
@@ -30,14 +30,14 @@ FLAGS = {"joints": "--topic", "command": "--command-topic", "pose": "--pose-topi
 
 
 def is_table(source: Path) -> bool:
-    """Whether a log's columns have names that a map may give: a table, a file of arrays, or a folder of them."""
+    """Return whether a log has named columns for a map: a table, a file of arrays, or a folder of them."""
     if source.is_dir():
         return not is_bag(source) and bool(parts(source))
     return source.name.lower().endswith((*TABLES, *STORES))
 
 
 def is_bag(source: Path) -> bool:
-    """Whether a log is a ROS bag: a file of one, or the folder of a ROS 2 bag."""
+    """Return whether a log is a ROS bag: a bag file, or the folder of a ROS 2 bag."""
     return source.name.lower().endswith(BAGS) or (source / "metadata.yaml").is_file()
 
 
@@ -54,22 +54,22 @@ def read_source(
     scratch: Path | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Give the recording that a table, an archive or a ROS bag makes.
+    """Convert a table, an archive or a ROS bag to a recording.
 
     Args:
         source: a .csv, .csv.gz, .parquet, .npz, .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
-        robot: a name or a path.
-        joints: the robot's.
-        mapping: names and units.
-        limits: of these joints, by which angles that wrap are put into their ranges; None leaves them as they are.
-        topics: of a bag; `images` also names the videos of a LeRobot table.
-        cameras: what the source does not say of its cameras, by name.
-        torque_sensor: what measured torque is, in place of what the map says.
-        scratch: where pictures lie until the recording is written.
+        robot: the robot's name, or a path to its model.
+        joints: names of the robot's joints.
+        mapping: names and units of the source's columns.
+        limits: limits of these joints, into whose ranges wrapped angles are shifted; None leaves angles unchanged.
+        topics: topics of a bag; `images` also names the videos of a LeRobot table.
+        cameras: intrinsics and poses that the source lacks, by camera name.
+        torque_sensor: kind of the measured torque; overrides the map.
+        scratch: folder for images until the recording is written.
         progress: called with the share of a table that has been read.
 
     Raises:
-        UserError: nothing that can be converted; topics or images for another kind of log; as the importers.
+        UserError: not a supported log; topics or images for another kind of log; errors of the importers.
     """
     if torque_sensor is not None:
         mapping = replace(mapping, recording={**mapping.recording, "torque_sensor": torque_sensor})
@@ -101,7 +101,7 @@ def _read(
         if field.name in FLAGS and getattr(topics, field.name) is not None:
             raise UserError(f"{FLAGS[field.name]} is for bags", file=source)
     whole = any(target in SIGNALS for target in mapping.columns) or not mapping.columns
-    if source.name.lower().endswith(".npz") and whole:  # the recording's own arrays, or a map of whole ones
+    if source.name.lower().endswith(".npz") and whole:  # arrays named as in a recording, or mapped as a whole
         if topics.images:
             raise UserError("--images is for bags and LeRobot tables", file=source)
         from vispeg.recordings.importers.npz import import_npz

@@ -1,7 +1,7 @@
-"""A scripted policy that sees what a `state` policy sees: hover, lower, feel around in a spiral, push down.
+"""A scripted policy with the observations of a `state` policy: hover, lower, search in a spiral, push down.
 
-Errors that the student can see are all that it acts on, so that what it does can be imitated. Spiral search after
-Chhatpar and Branicky, "Search strategies for peg-in-hole assemblies with position uncertainty", IROS 2001.
+It acts only on errors that a student policy observes as well, so that it can be imitated. Spiral search after Chhatpar
+and Branicky, "Search strategies for peg-in-hole assemblies with position uncertainty", IROS 2001.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vispeg.task.terms import Observation
 
 HOVER = 0.004  # m, height at which the lateral error is removed before lowering
 TOUCHING = 2.0  # N
-PITCH, STEP = 0.0008, 0.0008  # m between turns of the spiral, m along it a policy step
+PITCH, STEP = 0.0008, 0.0008  # m: radial distance between turns of the spiral, arc length per policy step
 
 
 class Expert:
@@ -33,13 +33,13 @@ class Expert:
         self.angle, self.searching = np.zeros(nsim), np.zeros(nsim, dtype=bool)
 
     def reset(self, rows: np.ndarray) -> None:
-        """Let these rows begin a new episode."""
+        """Reset the search of these rows for a new episode."""
         self.angle[rows], self.searching[rows] = 0.0, False
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Actions (n, len(dof)) in [-1, 1] from `policy` (n, ..): see PegTask.terms for its layout.
+        """Return actions (n, len(dof)) in [-1, 1] from the observation `policy` (n, ..), laid out by `PegTask.terms`.
 
-        It turns the peg upright where it may turn it.
+        With rotation among its degrees of freedom it also turns the peg upright.
         """
         c, terms = self.config, observation["policy"]
         tip, force = self._read("tip", terms), self._read("force", terms)
@@ -63,5 +63,5 @@ class Expert:
         return np.clip(action[:, [DOF.index(d) for d in c.dof]], -1.0, 1.0).astype(np.float32)
 
     def _read(self, name: str, terms: np.ndarray) -> np.ndarray:
-        """Give a term (n, size) of the newest moment, in its unit."""
+        """Return a term (n, size) of the newest time step, in its unit."""
         return self.observed.term(name).scale * terms[:, self.observed[name]].astype(float)
