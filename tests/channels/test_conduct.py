@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -130,6 +131,12 @@ def test_the_page_and_the_terminal_have_every_channel(tmp_path):
     assert "camera_offset<wbr>(wrist_wide)" in page and "contact_friction<wbr>(peg)" in page
     said = [block for block in diagnosis_summary(record) if "channel" in str(block).lower()]
     assert said
+    old = {key: value for key, value in record.items() if key != "by_channel"}
+    old |= {"rooms": [{"room": r["channel"], "given": r["given"], "record": r["record"]} for r in record["by_channel"]]}
+    old["effects"] = [{"room": e["channel"], **{k: v for k, v in e.items() if k != "channel"}} for e in old["effects"]]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(old))
+    write_report(tmp_path, overwrite=True)
+    assert (tmp_path / "report.html").read_text() == page, "a record of the last release shows the same"
 
 
 def test_what_the_encoders_misread_is_taken_off():

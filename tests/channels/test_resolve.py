@@ -111,6 +111,7 @@ def test_all_look_in_the_same_channels(whole, tmp_path, monkeypatch):
         lambda: main(["diagnose", cell, *first, *last, *wanted]),
         lambda: main(["compare", cell, *first, *wanted]),
         lambda: main(["fit", cell, *first, *last, "--effects", *effects, *wanted]),
+        lambda: main(["diagnose", cell, *first, *last, "--rooms", *wanted[1:]]),
     )
     for calls, channels in ((by_default, ("contact",)), (as_asked, asked)):
         for call in calls:

@@ -35,6 +35,11 @@ def seen(rng, rows=ROWS, base=BASE, tool=TOOL, noise=NOISE, offset=OFFSET, still
     return q, tip[:, :3, 3] + rng.normal(scale=noise[0], size=(rows, 3)), turn
 
 
+def alone(joint, offset):
+    """The flange at zero, with the reading of one joint off."""
+    return ARM.poses(-offset * np.eye(7)[[joint]])[0]
+
+
 def test_the_product_of_exponentials_is_the_models_kinematics():
     q = stream(1, "screws").uniform(-3, 3, (50, 7))
     pose = flange_pose(MODEL, q)

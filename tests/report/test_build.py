@@ -84,9 +84,13 @@ def test_every_verdict_has_every_section(run, diagnosis, evidence, verdict):
     assert ("Held-out error falls 40-fold" in page.text) == (verdict in ("identified", "ambiguous"))
 
 
-def test_what_helped_without_sufficing_is_called_partial(run, diagnosis):
+@pytest.mark.parametrize("old", [False, True])
+def test_what_helped_without_sufficing_is_called_partial(run, diagnosis, old):
     record = diagnosis("unexplained")
-    record |= {"reason": "7 times the noise", "effects": [e | {"partial": True} for e in record["effects"]]}
+    apart = {"partial": record["effects"], "effects": []}
+    record |= {"reason": "7 times the noise"} | (
+        apart if old else {"effects": [e | {"partial": True} for e in record["effects"]]}
+    )
     record["next_experiment"]["expected_separation_sigma"] = 0.0
     text = _page(run(record)).text
     assert "Partial. Each of these lowers the held-out error" in text and "No effect is named" not in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -110,6 +111,7 @@ def diagnose(
     episodes: int = 100,
     part: str | Path | None = None,
     channels: Sequence[str] = (),
+    rooms: Sequence[str] = (),
     say: Callable[[str], None] = lambda text: None,
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
@@ -138,6 +140,7 @@ def diagnose(
             diagnosis goes on.
         channels: the evidence to diagnose; default: all that the recordings hold, in a cell the joints only beside both
             others.
+        rooms: what `channels` was called; goes with the next release.
         say: called with a line on each step.
         likely: called within seconds with what torques call for, before the search confirms or corrects it: the
             `proposal` of docs/formats.md.
@@ -147,6 +150,7 @@ def diagnose(
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that
             cannot be played, or whose cell has another robot.
     """
+    channels = renamed(channels, rooms)
     check_seed(seed)
     thing, asked = object_world(model), bool(policies)
     if thing is not None:
@@ -191,6 +195,16 @@ def diagnose(
     effects = result.world.effects[len(result.world.effects) - len(record["effects"]) :]
     files = inputs.files if before is None else (*inputs.files, *before.files)
     return DiagnosisResult(record, result.world, result.arrays, effects, files, progress)
+
+
+def renamed(channels: Sequence[str], rooms: Sequence[str]) -> Sequence[str]:
+    """Give the channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
+    if not rooms:
+        return channels
+    warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=4)
+    if channels:
+        raise UserError("is what --channels was called; both were given", key="--rooms", expected="--channels alone")
+    return rooms
 
 
 def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: Inputs | None = None) -> Progress:

@@ -129,7 +129,7 @@ def evidence_of(arrays: Mapping[str, np.ndarray]) -> Evidence:
 def _read(path: Path, arrays: Mapping[str, np.ndarray]) -> Evidence:
     channels: dict[str, dict[str, np.ndarray]] = {}
     for key, value in arrays.items():
-        if key.startswith("channel/") and key.count("/") > 1:
+        if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # a room is what a channel was called
             _, name, rest = key.split("/", 2)
             channels.setdefault(name, {})[rest] = value
     each = {name: _Reader(path, inner).evidence() for name, inner in channels.items()}

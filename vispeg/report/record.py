@@ -112,4 +112,16 @@ def _read(path: Path) -> Mapping[str, Any]:
     values = read_json(path, finite=False)
     if not isinstance(values, dict):
         raise UserError("is not a record", file=path, expected="a mapping", got=type(values).__name__)
-    return values
+    return renamed(values)
+
+
+def renamed(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Give a record with today's names of its keys: a channel was called a room."""
+    if "rooms" not in values:
+        return values
+
+    def each(key: str) -> list[Mapping[str, Any]]:
+        return [{"channel" if k == "room" else k: v for k, v in row.items()} for row in rows(values, key)]
+
+    rest = {key: value for key, value in values.items() if key != "rooms"}
+    return {**rest, "effects": each("effects"), "by_channel": each("rooms")}

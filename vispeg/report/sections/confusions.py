@@ -18,7 +18,7 @@ def context(record: Record) -> Mapping[str, object]:
     return {
         "combinations": [words.join(some) for some in words.combinations(record.values)],
         "classes": words.rivals(record.values),
-        "named": bool(record.rows("effects")),
+        "named": bool(record.rows("effects") or record.rows("partial")),
         "remedy": str(following.get("why") or "").rstrip("."),
         "sigma": plain(sigma, 2) if sigma else "",  # zero: not predicted
     }

@@ -48,7 +48,8 @@ def context(record: Record) -> dict[str, object] | None:
 
 
 def _named(record: Record, name: str, where: str) -> dict[str, str]:
-    row = next((e for e in record.rows("effects") if (e.get("effect"), e.get("where")) == (name, where)), None)
+    listed = [*record.rows("effects"), *record.rows("partial")]
+    row = next((e for e in listed if (e.get("effect"), e.get("where")) == (name, where)), None)
     sure = " (tentative)" if row is not None and row.get("tentative") else ""
     return {
         "words": effect_words.named({"effect": name, "where": where}) + sure,

@@ -22,12 +22,13 @@ AT_BOUND = "at a bound: the true value may lie beyond"
 
 def context(record: Record) -> Mapping[str, object]:
     """Give the effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
-    everything = sorted(record.rows("effects"), key=lambda e: not e.get("partial"))
+    listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
+    everything = [*listed, *(e for e in record.rows("effects") if not in_part(record, e))]
     return {
         "glance": [_glance(e) for e in sorted(everything, key=lambda e: bool(e.get("tentative")))],
         "folded": len(everything) > MOST_OPEN,
         "effects": [_effect(e) for e in record.rows("effects") if not (e.get("partial") or e.get("tentative"))],
-        "partial": [_effect(e) for e in everything if e.get("partial") and not e.get("tentative")],
+        "partial": [_effect(e) for e in listed if not e.get("tentative")],
         "tentative": [_effect(e) for e in everything if e.get("tentative")],
         "moved": [_moved(row) for row in record.rows("parameters_moved")],
         "correlations": correlations(record),
@@ -44,6 +45,11 @@ def sure(effect: Mapping[str, Any]) -> str:
     """How sure the name of an effect is: `named`, `tentative`, or `1 of 3` where others explain the recordings too."""
     others = len(rows(effect, "indistinguishable_from"))
     return "tentative" if effect.get("tentative") else f"1 of {others + 1}" if others else "named"
+
+
+def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
+    """Whether an effect is true as far as it goes: accepted, and a remainder left. Old records list those apart."""
+    return bool(effect.get("partial")) or effect in record.rows("partial")
 
 
 _NOTHING: dict[str, str] = dict.fromkeys(("param", "value", "interval", "unit", "bound"), "")

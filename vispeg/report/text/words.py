@@ -288,8 +288,9 @@ def onward(values: Mapping[str, Any]) -> str:
 
 def _names(values: Mapping[str, Any]) -> list[str]:
     """Return the named effects with sizes; each class of competing partial effects once, no tentative ones."""
+    listed = rows(values, "effects") or rows(values, "partial")
     names: dict[frozenset[str], str] = {}
-    for effect in (e for e in rows(values, "effects") if not e.get("tentative")):
+    for effect in (e for e in listed if not e.get("tentative")):
         several = one_of(effect) != named_effect(effect)
         members = [named_effect(e) for e in (effect, *(_others(effect) if several else ()))]
         names.setdefault(frozenset(members), f"one of {_among(members)}" if several else sized(effect))
