@@ -13,6 +13,8 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
+OTHERS = "the variable VISPEG_PLUGINS names modules with others"
+
 
 def channel(name: str, key: str = "--channels") -> Channel:
     """Give a channel by its name.
@@ -21,7 +23,7 @@ def channel(name: str, key: str = "--channels") -> Channel:
         UserError: there is none of that name; `key` is how the user asked.
     """
     if name not in CHANNELS:
-        raise UserError("unknown channel", key=key, got=name, choices=[c.name for c in ordered()])
+        raise UserError("unknown channel", key=key, got=name, choices=[c.name for c in ordered()], see=OTHERS)
     return CHANNELS[name]
 
 
@@ -31,7 +33,7 @@ def ordered() -> list[Channel]:
 
 
 def resolve(
-    world: World, *groups: Sequence[Recording], asked: Sequence[str] = (), key: str = "--channels"
+    world: World, *groups: Sequence[Recording], asked: str | Sequence[str] = (), key: str = "--channels"
 ) -> tuple[str, ...]:
     """Name the channels that a model and recordings are compared in, in the order in which they are diagnosed.
 
@@ -42,14 +44,14 @@ def resolve(
     Args:
         world: the model.
         groups: recordings, fitted and held out.
-        asked: channels that are wanted; empty for the default.
+        asked: a channel or several that are wanted; empty for the default.
         key: how the user asked, for errors.
 
     Raises:
         UserError: a channel asked for that is unknown or that a recording lacks, or a recording of contact without
             wrench and torques.
     """
-    can = available(world, *groups)
+    asked, can = [asked] if isinstance(asked, str) else asked, available(world, *groups)
     for name in asked:
         if channel(name, key).name not in can:
             raise UserError("not all of the recordings have this channel", key=key, got=name, choices=can)

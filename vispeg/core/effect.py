@@ -271,7 +271,7 @@ class Effect(ABC):
         return self.smooth and not self.torqueless and not bent
 
 
-ALL_NAMES = "`vispeg effects` lists all"
+ALL_NAMES = "`vispeg effects` lists all; the variable VISPEG_PLUGINS names modules with others"
 
 
 def searchable() -> dict[str, Effect]:

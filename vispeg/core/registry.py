@@ -4,6 +4,7 @@ not matter.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, MutableMapping
 from importlib import import_module
 from typing import TypeVar
@@ -11,6 +12,7 @@ from typing import TypeVar
 from vispeg.core.errors import UserError
 
 Item = TypeVar("Item")
+PLUGINS = "VISPEG_PLUGINS"  # environment variable: modules of a user's own, separated by commas
 
 
 class Registry(MutableMapping[str, Item]):
@@ -43,6 +45,7 @@ class Registry(MutableMapping[str, Item]):
     def _load(self) -> None:
         for room in self.rooms:
             import_module(room)  # at once where it is loaded, or is just being loaded
+        load_plugins()
 
     def __getitem__(self, name: str) -> Item:
         self._load()
@@ -61,3 +64,17 @@ class Registry(MutableMapping[str, Item]):
     def __len__(self) -> int:
         self._load()
         return len(self._items)
+
+
+def load_plugins() -> None:
+    """Import the modules that `VISPEG_PLUGINS` names, whose classes enrol themselves.
+
+    Raises:
+        UserError: one that cannot be imported.
+    """
+    for name in filter(None, map(str.strip, os.environ.get(PLUGINS, "").split(","))):
+        try:
+            import_module(name)  # at once where it is loaded, or is just being loaded
+        except (ImportError, SyntaxError, ValueError) as error:
+            expected = "modules that are installed or on PYTHONPATH, separated by commas"
+            raise UserError(f"cannot be imported ({error})", key=PLUGINS, expected=expected, got=name) from error
