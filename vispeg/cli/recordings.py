@@ -121,7 +121,7 @@ def convert(
             column_names=names,
             progress=share,
         )
-    signals = [name for name in SIGNALS if getattr(rec, name) is not None]
+    signals = [*(name for name in SIGNALS if getattr(rec, name) is not None), *rec.signals]
     shape = {"samples": len(rec.time), "joints": list(rec.joints), "rate_hz": rec.rate_hz}
     frames = 0 if rec.frames is None else len(rec.frames)
     line = f"{call.out}: {len(rec.time)} samples of {len(rec.joints)} joints at {rec.rate_hz:g} Hz: "

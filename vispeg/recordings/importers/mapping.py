@@ -14,14 +14,17 @@ from vispeg.formats.yaml_data import read_yaml
 from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.tables.table import Dialect
 
-FACTORS = {
-    **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    **{"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi},
-    "tick": 2 * math.pi / 4096,  # encoder tick of Feetech's STS3215 and Dynamixel's X series
-    **{"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
-    **{"A": 1.0, "mA": 1e-3},  # only with a torque constant
-    **{"m": 1.0, "mm": 1e-3, "N": 1.0, "N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
-}
+TICK = 2 * math.pi / 4096  # rad, encoder tick of Feetech's STS3215 and Dynamixel's X series
+QUANTITIES: tuple[dict[str, float], ...] = (  # unit -> SI, those of one quantity together
+    {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi, "tick": TICK},
+    {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
+    {"A": 1.0, "mA": 1e-3},  # only with a torque constant
+    {"m": 1.0, "mm": 1e-3},
+    {"N": 1.0},
+    {"N m": 1.0, "Nm": 1.0, "mNm": 1e-3, "N cm": 1e-2, "kg cm": 9.80665e-2},
+)
+FACTORS = {unit: factor for quantity in QUANTITIES for unit, factor in quantity.items()}
 AMPERES = ("A", "mA")
 OTHER = ("joints", "recording", "table", "motors")
 SEPARATORS, DECIMALS = (",", ";", "\t", " "), (".", ",")
@@ -99,8 +102,9 @@ def read_map(file: Path | None, joints: Sequence[str]) -> ColumnMap:
     """Read a map file for a robot with these joints; without a file, the source's names are used directly.
 
     A value is the source's name, or {column: .., unit: deg, scale: -1, offset: 0.1}: scale and unit multiply, the
-    offset (SI) is added last, and `plus` names a further column to add, or lists several. A torque in A or mA has a
-    `torque_constant`, N m/A at the joint. `none` declares a column of missing readings.
+    offset (SI, or the unit of a user-defined signal) is added last, and `plus` names a further column to add, or lists
+    several. A torque in A or mA has a `torque_constant`, N m/A at the joint. `none` declares a column of missing
+    readings.
 
     Raises:
         UserError: an unknown target, unit or key, or a value of the wrong kind.
@@ -131,7 +135,7 @@ def map_from(data: Any, file: Path, joints: Sequence[str]) -> ColumnMap:
             continue
         if target not in targets:
             raise UserError("is not a column of a recording", file=file, got=target, choices=[*targets, *OTHER])
-        columns[target] = _source(value, target, file)
+        columns[target] = _source(value, target, file, _own_unit(own, target))
     motors = _motors(_section(data, "motors", file), [str(name) for name in names], file)
     return ColumnMap(file, columns, renamed, recording, _dialect(_section(data, "table", file), file), rate, motors)
 
@@ -198,7 +202,24 @@ def _section(data: dict, key: str, file: Path) -> dict:
     return value
 
 
-def _source(value: Any, target: str, file: Path) -> Source:
+def _own_unit(own: dict, target: str) -> str:
+    """Give the unit that the header states for the user-defined signal that a column is of; empty for all others."""
+    declared = own.get(target.partition(".")[0])
+    return str(declared.get("unit", "")) if isinstance(declared, dict) else ""
+
+
+def _unit(unit: Any, into: str, target: str, file: Path) -> float:
+    """Give the factor from a unit into SI, or into that of a user-defined signal, which may be no unit known here."""
+    if unit is None or unit == into:
+        return 1.0
+    known = FACTORS if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})
+    if not isinstance(unit, str) or unit not in known:
+        what = f"cannot be brought into {into}, the unit of this signal" if into else "unknown unit"
+        raise UserError(what, file=file, key=target, got=unit, choices=known)
+    return known[unit] / known.get(into, 1.0)
+
+
+def _source(value: Any, target: str, file: Path, into: str = "") -> Source:
     if value == "none":
         return Source("")
     if isinstance(value, str | int):
@@ -211,10 +232,7 @@ def _source(value: Any, target: str, file: Path) -> Source:
     for key in value:
         if key not in keys:
             raise UserError("unknown key", file=file, key=target, got=key, choices=keys)
-    unit = value.get("unit")
-    if unit is not None and str(unit) not in FACTORS:
-        raise UserError("unknown unit", file=file, key=target, got=unit, choices=FACTORS)
-    factor = 1.0 if unit is None else FACTORS[str(unit)]
+    factor = _unit(value.get("unit"), into, target, file)
     _check_current(value, target, file)
     numbers = {}
     for key, default in (("scale", 1.0), ("offset", 0.0), ("torque_constant", 1.0)):
@@ -224,7 +242,7 @@ def _source(value: Any, target: str, file: Path) -> Source:
         numbers[key] = float(number)
     added = value.get("plus", [])
     terms = added if isinstance(added, list) else [added]
-    plus = tuple(_source(term, f"{target}.plus", file) for term in terms)
+    plus = tuple(_source(term, f"{target}.plus", file, into) for term in terms)
     if not all(term.name for term in plus):
         raise UserError("names no column", file=file, key=f"{target}.plus", expected="{column: ..}", got=added)
     return Source(str(value["column"]), numbers["torque_constant"] * numbers["scale"] * factor, numbers["offset"], plus)
