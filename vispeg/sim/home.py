@@ -19,6 +19,7 @@ CLEAR = 0.10  # m: joints that a posture moves are at least so high over the tab
 ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, share of a half range: more of either is no better
 ASIDE = 0.05  # m
 ROUND = 1e-3  # rad
+POSE = 6  # degrees of freedom of a pose
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
@@ -33,6 +34,9 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
 @lru_cache(maxsize=64)  # robots compare by identity
 def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
     """Solve from many starts and return the best by `_worth`; deterministic for a given arm and pose."""
+    if len(robot.joints) < POSE:
+        what, expected = "an arm of so few joints cannot hold its tool at any pose", "six joints or more, or robot.home"
+        raise UserError(what, file=robot.name, expected=expected, got=f"{len(robot.joints)} joints")
     low, high = bounds(robot)
     starts = low + (high - low) * np.random.default_rng(0).random((TRIES, len(low)))
     nominal = nominal_of(robot, TRIES)
