@@ -17,6 +17,7 @@ from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.errors import UserError
 from vispeg.identify.excitation import motion
 from vispeg.identify.record import centre_of, controller, record
+from vispeg.recordings.importers.mapping import read_map
 from vispeg.recordings.load import load
 from vispeg.recordings.noise import NOISE
 from vispeg.recordings.recording import Signal, in_order
@@ -167,6 +168,41 @@ def test_a_log_with_it_comes_in_by_a_map(sides, tmp_path):
     vispeg.convert(table, "iiwa14", tmp_path / "out", mapping=tmp_path / "map.yaml")
     again = load(tmp_path / "out").signals["current"]
     assert np.allclose(again.values, rec.signals["current"].values, rtol=1e-12) and again.unit == "A"
+
+
+@pytest.mark.parametrize(
+    ("stated", "unit", "factor"), [("A", "mA", 1e-3), ("mA", "mA", 1.0), ("mA", "A", 1e3), ("degC", "degC", 1.0)]
+)
+def test_a_map_brings_readings_into_the_unit_that_the_header_states(sides, tmp_path, capsys, stated, unit, factor):
+    """The values and the unit that stands beside them agree, also where the unit is none that is known."""
+    rec, table = load(sides[0]), tmp_path / "log.csv"
+    columns = {"t": rec.time} | {f"angle{j}": q for j, q in enumerate(rec.q.T)} | {"i": rec.time + 20.0}
+    np.savetxt(table, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments="")
+    lines = [f"q.{joint}: angle{j}\ncurrent.{joint}: {{column: i, unit: {unit}}}" for j, joint in enumerate(rec.joints)]
+    header = f"recording: {{signals: {{current: {{unit: {stated}, noise: 0.03}}}}}}\n"
+    (tmp_path / "map.yaml").write_text("\n".join(["time: t", *lines, header]))
+    asked = [str(table), "--robot", "iiwa14", "--map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out")]
+    assert main(["convert", *asked]) == 0
+    assert capsys.readouterr().out.rstrip().endswith("q, current")
+    signal = load(tmp_path / "out").signals["current"]
+    np.testing.assert_allclose(signal.values[:, 0], factor * (rec.time + 20.0), rtol=1e-9)
+    assert signal.unit == stated
+
+
+def test_a_map_refuses_a_unit_of_another_quantity(tmp_path):
+    text = "current.joint1: {column: i, unit: deg}\nrecording: {signals: {current: {unit: A}}}\n"
+    (tmp_path / "map.yaml").write_text(text)
+    with pytest.raises(UserError, match="cannot be brought into A, the unit of this signal.*choices: A, mA"):
+        read_map(tmp_path / "map.yaml", ["joint1"])
+
+
+def test_python_takes_the_name_of_one_channel(sides):
+    whole = vispeg.compare("iiwa14", sides[1], channels=["current"])
+    assert vispeg.compare("iiwa14", sides[1], channels="current").error == whole.error
+    fitted = vispeg.fit("iiwa14", sides[0], ["coulomb_friction:joint4"], sides[1], channels="current")
+    assert fitted.record["channel"] == "current"
+    with pytest.raises(UserError, match="unknown channel; got 'amperes'"):
+        vispeg.diagnose("iiwa14", sides[0], sides[1], channels="amperes")
 
 
 def test_a_name_is_one_channels(sides):

@@ -88,7 +88,7 @@ def compare(
     model: Model,
     recordings: Source | Sequence[Source],
     *,
-    channels: Sequence[str] = (),
+    channels: str | Sequence[str] = (),
     seconds: float = SECONDS,
     threads: int = 2,
     reading: Reading = silent,

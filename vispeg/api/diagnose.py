@@ -110,7 +110,7 @@ def diagnose(
     cell: str | Path = "nominal",
     episodes: int = 100,
     part: str | Path | None = None,
-    channels: Sequence[str] = (),
+    channels: str | Sequence[str] = (),
     rooms: Sequence[str] = (),
     say: Callable[[str], None] = lambda text: None,
     likely: Callable[[ProposalRecord], None] = lambda record: None,
@@ -150,7 +150,7 @@ def diagnose(
         UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that
             cannot be played, or whose cell has another robot.
     """
-    channels = renamed(channels, rooms)
+    channels = renamed([channels] if isinstance(channels, str) else channels, rooms)
     check_seed(seed)
     thing, asked = object_world(model), bool(policies)
     if thing is not None:

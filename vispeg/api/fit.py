@@ -99,7 +99,7 @@ def fit(
     effects: str | EffectInstance | Sequence[str | EffectInstance] = (),
     validate: Source | Sequence[Source] = (),
     *,
-    channels: Sequence[str] = (),
+    channels: str | Sequence[str] = (),
     seconds: float = SECONDS,
     method: Method = "auto",
     iterations: int | None = None,
