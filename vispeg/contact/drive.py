@@ -26,13 +26,13 @@ CONTROL = int(STATE.mjSTATE_CTRL | STATE.mjSTATE_QFRC_APPLIED)
 
 @dataclass(frozen=True)
 class Driven:
-    """What came of it, in true newtons.
+    """Result of driving hands along a path, in true newtons.
 
     Attributes:
-        correction: (nworld, n, 6) wrench in the flange's axes that held the hand on its path, beside the one read; NaN
-            outside the windows.
-        zero: (nworld, 6) what the sensor read at rest in free air more than the tool weighs.
-        place: (nworld, n, 6) how the hands went.
+        correction: (nworld, n, 6) additional wrench, flange axes, that held the hand on its path; NaN outside the
+            windows.
+        zero: (nworld, 6) zero of the sensor: its reading at rest in free air minus the tool's weight.
+        place: (nworld, n, 6) paths of the hands.
     """
 
     correction: np.ndarray
@@ -53,11 +53,11 @@ def drive(
     way: np.ndarray | None = None,
     stands: np.ndarray | None = None,
 ) -> Driven:
-    """Drives the hands of `worlds` (which have the same springs built in) through windows of a path.
+    """Drive the hands of `worlds` (all with the same springs built in) through windows of a path.
 
-    What holds a hand to its path weighs an error of the path against one of the reading, in newtons as read: `scene` is
-    held by so many of them per metre. Where one of them stands for more force the hold is as much stiffer, or else what
-    a path is off by would cost less in a world whose sensor reads less.
+    The spring that holds a hand to its path weighs path errors against force errors, in newtons as read per metre. In a
+    world whose sensor reads less than the true force, the spring is stiffer by the same factor; otherwise path errors
+    would cost less there.
 
     Args:
         scene: a hand, see `vispeg.contact.hand`.
@@ -70,7 +70,7 @@ def drive(
         nthread: of the batch.
         shift: (nworld, 6) m and rad by which each hand is off its path, in the axes that the hand starts in.
         way: (nworld, 2, n, 6) by how much its coordinates and their rates are off those of the path, sample by sample.
-        stands: (nworld,) true newtons that one more of those read stands for; 1 by default.
+        stands: (nworld,) true force change per newton read; 1 by default.
     """
     batch = hands(scene, cell, path, worlds, nthread)
     stands = np.ones(len(worlds)) if stands is None else stands

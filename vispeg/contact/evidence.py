@@ -104,8 +104,8 @@ class ContactEvidence(Evidence):
         return size >= max(1.0, RULES.contact_tie * float(size.max(initial=0.0)))
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
-        """(nblock,) the visit to a phase of contact that a block of time begins in: an error of form lasts through it,
-        so that its blocks are one vote on which of two worlds is better, not many.
+        """Return the phase visit that each block begins in, (nblock,): errors of form persist through a visit, so its
+        blocks count as one sample in comparing two worlds.
         """
         visits, start = [], 0
         for item in self.items:
@@ -117,10 +117,11 @@ class ContactEvidence(Evidence):
         return out
 
     def variance(self, cost: float) -> float:
-        """Variance of errors that an effect is judged by where a fit leaves `cost`, both in units of floors.
+        """Return the error variance for tests when a fit leaves `cost`, both in units of the floors.
 
-        Floors allow for errors that a good sensor has not. Where less is left, that is what counts, but as what may
-        last as long as a visit to a phase. Intervals go by the same: of what is accepted they leave out null.
+        The floors include errors that a good sensor does not have. If less is left, the actual residual counts, as an
+        error correlated over a visit to a phase. Intervals use the same variance, so that those of accepted effects
+        exclude null.
         """
         return max(min(1.0, cost * self.lasting / self.correlated), cost)
 
@@ -203,9 +204,10 @@ class ContactEvidence(Evidence):
         return answer
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
-        """RMS of measured less predicted force over the blocks that are compared, N: as a person takes it from a plot.
+        """Return the RMS of measured minus predicted force over the compared blocks, N, as one would read it from a
+        plot.
 
-        What the sensor's zero and the path may be off by is in it; residuals are without.
+        Unlike the residuals, it includes errors of the sensor's zero and of the path.
         """
         per_item, out = self.simulated(worlds), []
         for w in range(len(worlds)):

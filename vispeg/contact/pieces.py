@@ -1,9 +1,10 @@
-"""The pieces of a goal: which of them a part bears on, and how stiff they are together.
+"""The convex pieces of a goal: which of them carry the contact of a part, and their combined stiffness.
 
-The goal's walls are n wedges. A part of width w within walls at a distance a bears on some `n w / (2 pi (a + w))` of
-them, each as stiff as a flat wall alone, so that walls would be as many times too stiff where a part wedges. On the rim
-of the mouth, where it slides from one wedge to the next, they stay as stiff as they are: what sinks in meets their
-sides. Beside the mouth pieces give way to one that is all of their top, so that a soft part meets no sides at all.
+The goal's walls are n wedges. A part of width w within walls at a distance a touches about `n w / (2 pi (a + w))` of
+them, each as stiff as a flat wall, so a jammed part would meet walls that many times too stiff; inside, the stiffness
+is divided by this number. On the rim of the mouth, where the part slides from one wedge to the next, the stiffness is
+unchanged, because a part that sinks in meets the sides of wedges. Beside the mouth one geom replaces the tops of all
+pieces, so that a soft part meets no sides at all.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ OVER, INSIDE, BESIDE, ALONG = range(4)
 
 
 class Pieces:
-    """The goal's pieces in a batch of hands. Its walls have no contact of their own but that of what is held.
+    """The goal's pieces in a batch of hands. The walls take their contact parameters from the held part.
 
     Args:
         batch: whose effects are written.
@@ -68,7 +69,7 @@ def odds(solimp: np.ndarray) -> np.ndarray:
 
 
 def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Contacts (..., 2) as stiff as before, whose dampers are a `share` (...) of what they were, `LEAST` at least.
+    """Return contacts (..., 2) of the same stiffness with damping reduced to a `share` (...), at least `LEAST`.
 
     In MuJoCo's law what slides at v is lifted by `mu v b / k`, for its friction cone is one with the damper's force
     (Todorov 2014, Convex and analytically-invertible dynamics with contacts, ICRA): 0.1 mm at 60 mm/s in the cell,
@@ -81,7 +82,7 @@ def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
 def tip_places(path: Path, scene: Scene) -> np.ndarray:
     """(n,) where a path has the tip of the scene's part: `OVER`, `INSIDE`, `BESIDE` or `ALONG`.
 
-    By the believed goal: an effect that moves it by less than a part beside it is away leaves it beside.
+    The believed goal counts: an effect that moves the goal by less than the part's distance to it does not change this.
     """
     tip, config = tips(path, scene), scene.config
     far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0

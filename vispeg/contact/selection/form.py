@@ -14,10 +14,10 @@ from vispeg.core.rules import RULES
 def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
     """Return the drop of the squared residual that an effect must bring when added to others.
 
-    No law of contact is exact, and some effect of the library always removes a little of what the form of another
-    leaves; of noise none does. White noise is told by the mean square of successive differences, half of which is its
-    variance, between blocks of one phase. Source: von Neumann and others 1941, The mean square
-    successive difference, Annals of Mathematical Statistics 12(2).
+    No law of contact is exact, and some effect of the library always removes a little of another law's error of form,
+    but none removes noise. The variance of white noise is estimated by half the mean square of successive differences
+    between blocks of one phase. Source: von Neumann and others 1941, The mean square successive difference, Annals of
+    Mathematical Statistics 12(2).
 
     Args:
         items: recordings.

@@ -1,8 +1,8 @@
 """Screen: gain of one size of an effect added to a world whose own parameters are refitted, to first order.
 
-What these could do as well counts for no other effect: friction that was fitted alone stands for a part of what a
-fixture does that gives way, and beside it no size of that would lower the residual. Source: Frisch and Waugh 1933,
-Partial time regressions as compared with individual trends, Econometrica 1(4).
+Without the refit, correlated effects hide each other: friction fitted alone also explains part of a compliant fixture,
+so that with friction fixed no size of the compliance would lower the residual. Source: Frisch and Waugh 1933, Partial
+time regressions as compared with individual trends, Econometrica 1(4).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Probe:
 
     Attributes:
         placed: the effect with it.
-        name: of the parameter.
-        gain: by how much it lowers the squared residual; -inf if it moves nothing.
-        moved: squared length of what it changes in the residual.
+        name: name of the parameter.
+        gain: drop of the squared residual; -inf if the size changes nothing.
+        moved: squared norm of the change of the residual.
     """
 
     placed: EffectInstance
@@ -53,7 +53,8 @@ class Screen:
     all of them for effects with memory, such as a part that slipped in its grip.
 
     Attributes:
-        base: by the part that is asked, the world's residual and a basis (m, k) of what its free parameters change.
+        base: by part of the recordings, the world's residual and an orthonormal basis (m, k) of its free parameters'
+            derivatives.
     """
 
     def __init__(self, evidence: ContactEvidence, world: World, free: Sequence[int]):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
     """Remove the effect that is needed least once the others are refitted; return False if all are needed.
 
-    What came in first may stand for what came in later, and no derivative tells: contacts come and go.
+    An early effect may imitate a later one. Derivatives cannot show this, as contacts begin and end with the change.
     """
     some = state.world.effects[n_fixed:]
     if state.fit is None or len(some) < 2:
@@ -59,7 +59,7 @@ def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> No
 def includes_none(placed: EffectInstance) -> bool:
     """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there.
 
-    Of a pose it is the interval that allows for how closely an arm repeats one.
+    For a pose, the interval includes the arm's repeatability.
     """
     kind, wide = effect(placed.effect), allowing(placed)
     inside = []
@@ -87,8 +87,8 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     """Remove an effect whose intervals include null, or that is smaller than its minimum detectable size; return False
     if there is none.
 
-    An effect is accepted by what its best value removes, an interval goes by all that a value may be; and a size that
-    would mostly be missed where it is there may as well be the form of something else.
+    Acceptance is based on the best value only, while the interval covers all plausible values; and an effect below the
+    minimum detectable size may just as well be an error in the form of another law.
     """
     some = state.world.effects[n_fixed:]
     gone = next((e for e in reversed(some) if includes_none(e) or too_small(e, search.least)), None)

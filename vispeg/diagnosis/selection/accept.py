@@ -57,7 +57,7 @@ def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) 
 
 
 def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
-    """Those that passed first, of them the simplest of the equals; what ended at a bound stands behind all others."""
+    """Those that passed first, of them the simplest of the equals; candidates with a value at a bound come last."""
     passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= RULES.alone and sound(t)]
@@ -75,17 +75,17 @@ def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
 
 
 def passes(trials: Sequence[Trial]) -> bool:
-    """Whether one of them earned its place, and not at a bound alone."""
+    """Return whether one of them passed, with no value at a bound."""
     return any(not t.rejected and sound(t) for t in trials)
 
 
 def sound(t: Trial) -> bool:
-    """Whether some effect of a candidate ended inside its bounds: what stands at one is a shadow of something else."""
+    """Return whether an effect of a candidate ended within its bounds; one at a bound is an alias."""
     return not all(at_bound(e) for e in _own(t))
 
 
 def doubtful(t: Trial) -> bool:
-    """Whether a value of a candidate ended at its bound, or is hardly told from one of another effect."""
+    """Return whether a candidate has a value at its bound, or one strongly correlated with another effect's."""
     count = len(t.fit.world.effects)
     new = [i for i, a in enumerate(t.fit.space.axes) if a.index >= count - t.score.count]
     old = [i for i in range(len(t.fit.space.axes)) if i not in new]
@@ -105,7 +105,7 @@ def _own(t: Trial) -> Sequence[EffectInstance]:
 
 
 def threshold(scores: Sequence[float], tested: int) -> float:
-    """Give the score from which on these of `tested` places pass at the rate `discoveries` of false discoveries.
+    """Return the score above which these of `tested` places pass at the false discovery rate `discoveries`.
 
     Source: Benjamini and Hochberg, Journal of the Royal Statistical Society B 57(1), 1995; places that were not fitted
     count as tested.
@@ -124,12 +124,13 @@ def equal(
     alike: float = 0.0,
     remaining: bool = False,
 ) -> bool:
-    """Whether held-out data cannot tell a world from a better one: not significantly worse, or hardly worse.
+    """Return whether held-out data cannot distinguish a world from a better one: it is not significantly, or hardly,
+    worse.
 
-    Hardly is measured on what is left above the floor and on the excess `without` either, or on the share `alike` of
-    all that the better one removes: no model is exact. With `remaining`, a better one that leaves little has shown that
-    it is: then the worse one may leave twice as much, and no more. With such a share chance counts as far as errors
-    that last make it (`Evidence.tied`), too, and in both ways only if the worse one removes half as much.
+    `Hardly` is relative to the residual above the floor and to the excess `without` either, or to the share `alike` of
+    what the better one removes, because no model is exact. With `remaining`, if the better world leaves little, the
+    worse one may leave at most twice as much. With `alike`, chance also includes correlated errors (`Evidence.tied`),
+    but it counts only if the worse world removes at least half as much as the better one.
     """
     gain = judge.gain(loss, best)
     excess = max(judge.mean(best) - 1.0, 0.0)

@@ -1,7 +1,7 @@
-"""One body in the place of what several links were given: one in, several out.
+"""Replace the errors of several links by one body: one effect added, several removed.
 
-A load at the flange comes in as masses and centres of the last links where each step takes the best effect beside what
-stands. No exchange of one for one leads from there to the load, which has fewer parameters than they have together.
+A search by single steps may explain a load at the flange by masses and centres of the last links. No one-for-one
+exchange leads from there to the load, which has fewer parameters than they have together.
 """
 
 from __future__ import annotations

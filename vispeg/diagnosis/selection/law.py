@@ -1,8 +1,8 @@
-"""A richer law in the place of a simple one, in all joints at once: presliding where dry friction was found.
+"""Refine simple laws to the nested models that contain them, in all joints at once: dry friction to presliding.
 
-In one joint such a refinement is too small to be told from the error of the model's form; gears of one arm are alike,
-so all joints are asked together, as one candidate with one test. Where it hardly shows the simple law comes back. A
-richer effect that is no law is asked for in the place of each that comes in (`grow`).
+In a single joint a refinement is too small to be distinguished from the error of the model's form. The gears of one arm
+are alike, so all joints are refined together, as one candidate with one test. In joints where the refinement hardly
+matters the simple law is restored. Effects that are not such laws are refined one by one when they are added (`grow`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def refined(search: Search, state: State, n_fixed: int) -> bool:
-    """Put a richer law in the place of a simple one where it earns that; whether one came in."""
+    """Refine simple laws where that passes the test; return whether any was refined."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
     for simple, kind in laws(search, state.world, n_fixed):
         removed = _removed(search, state, simple)
@@ -62,7 +62,7 @@ def refined(search: Search, state: State, n_fixed: int) -> bool:
 
 
 def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
-    """Yield what stands in several joints of a world, and each kind that contains it under the same names of
+    """Yield each effect that several joints of a world have, with each kind that contains it under the same names of
     magnitudes.
     """
     for name in dict.fromkeys(e.effect for e in world.effects[n_fixed:] if effect(e.effect).family == "joint"):
@@ -76,7 +76,7 @@ def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[Effe
 
 
 def _removed(search: Search, state: State, simple: list[EffectInstance]) -> float:
-    """Mean squared whitened residual that these effects remove on the fitted recordings, to first order."""
+    """Return the mean squared whitened residual that these effects remove on the fitted recordings, to first order."""
     fit = state.fit
     assert fit is not None
     labels = {e.label for e in simple}
@@ -86,7 +86,7 @@ def _removed(search: Search, state: State, simple: list[EffectInstance]) -> floa
 
 
 def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Effect) -> list[list[EffectInstance]]:
-    """Where fits of the richer law begin: the simple one's magnitudes, with each of the shapes that it guesses."""
+    """Return start values for the refined law: the simple one's magnitudes, with each of the guessed shapes."""
     data = joint_data(search.missing(state.world), search.evidence.items)
     joints = list(search.evidence.items[0].robot.joints)
     guesses = [kind.guesses(data[joints.index(e.where)]) or [{}] for e in simple]
@@ -104,7 +104,7 @@ def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Ef
 def _fitted(
     search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
 ) -> Trial:
-    """Give the best fit of a richer law in the place of the simple one, from several starts, on the held-out
+    """Fit the refined law in place of the simple one from several starts; return the best fit on the held-out
     recordings.
     """
     worlds = [without(state.world, simple).add(*start) for start in starts]
@@ -116,7 +116,9 @@ def _fitted(
 
 
 def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectInstance]:
-    """Richer effects where the simple one stands: at what the data suggest, smaller and larger, with its value."""
+    """Return refined effects in place of the simple one: with its value, and shapes guessed from the data, smaller and
+    larger.
+    """
     joints = search.evidence.items[0].robot.joints
     if simple.where not in joints:
         return []
@@ -134,15 +136,15 @@ def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectI
 
 
 def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
-    """Give the first few of each kind."""
+    """Return the first few of each kind."""
     kinds = [[s for s in starts if s.effect == name] for name in dict.fromkeys(s.effect for s in starts)]
     return [s for some in kinds for s in some[: RULES.law_fitted]]
 
 
 def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
-    """Put a richer effect in the place of the one just added, which may have been its shadow: play behind a rotor.
+    """Replace the effect just added by a richer one, of which it may be an alias, as a rotor is of backlash.
 
-    The richer one's own fit, from afar, is easily caught where the simpler one explains most.
+    A fit of the richer effect from scratch tends to end in a local minimum where the simpler one explains most.
     """
     simple = next(e for e in state.world.effects if (e.effect, e.where) == (placed.effect, placed.where))
     rest = state.world.without(simple.effect, simple.where)
@@ -166,11 +168,11 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
 
 
 def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -> bool:
-    """Whether a richer effect removes most of what the simple one leaves: over the noise, which no effect removes.
+    """Return whether a richer effect removes most of the residual above noise that the simple one leaves.
 
-    `crossed`: standard errors of its gain with the cross-fitted blocks. Where it is a small share of all, noise
-    included, chance might make it, so more is asked. One that turns into the simple one where it is absent is there by
-    that gain itself: its interval counts what the form of both leaves.
+    `crossed`: its gain on the cross-fitted blocks, in standard errors. A gain that is a small share of the total
+    residual, noise included, may be chance, so more is required. For an effect that contains the simple one as its
+    null, the gain itself is the test: its interval would also count errors of form common to both.
     """
     gain, judge = trial.gain, search.judge
     contained = any(e.effect in effect(trial.score.placed.effect).contains for e in trial.score.out)

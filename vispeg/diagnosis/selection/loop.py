@@ -1,6 +1,6 @@
 """The loop of every search: each step adds the best candidate that passes the test, until none does.
 
-What a step tries, how an effect is fitted and what it is held to are the evidence's own.
+The evidence defines what a step tries, how an effect is fitted, and the acceptance test.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ T = TypeVar("T", bound=Tried)
 
 
 class Loop(ABC, Generic[S, T]):
-    """Adds effects to a state until none earns its place.
+    """Add effects to a state until none passes.
 
     Attributes:
-        evidence: what is fitted; it says how many effects may come in at most.
+        evidence: the fitted evidence; it limits the number of effects.
     """
 
     evidence: Any
@@ -65,7 +65,8 @@ class Loop(ABC, Generic[S, T]):
         return (self.advance,)
 
     def run(self, world: World, n_fixed: int | None = None) -> S:
-        """Add effects until none earns its place on the held-out recordings; those after the first `n_fixed` may move.
+        """Add effects until none passes the test on the held-out recordings; those after the first `n_fixed` are
+        refitted.
 
         By default all of `world` stays as it is.
         """

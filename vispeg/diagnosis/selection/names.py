@@ -1,9 +1,9 @@
 """Which effects of a partial list may be named, and what may stand in their place, by exchange in the linear model.
 
-Where a remainder is left, an effect that lowers the error may stand in for part of it, or several together for one that
-the search did not take. An effect is certain only if taking it away costs a visible share of what remains unexplained,
-whichever other candidate comes in: one out, one in. That is asked twice: of the fitted recordings, and of the held-out
-ones at the coefficients that the fitted ones give. What is not certain stays in the model, marked tentative.
+If part of the error stays unexplained, an effect that lowers the error may be an alias of a missing one, or several
+together of one that the search did not accept. An effect is certain only if its removal costs a visible share of the
+unexplained error whichever other candidate replaces it. This is tested twice: on the fitted recordings, and on the
+held-out ones with the coefficients of the fitted ones. An uncertain effect stays in the model, marked tentative.
 """
 
 from __future__ import annotations
@@ -27,12 +27,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ground:
-    """Evidence of which exchanges are asked.
+    """Evidence on which exchanges are tested.
 
     Attributes:
         dictionary: its linear model.
-        excess: squared residual over the noise that is left at each place: that of a joint counts for what sits in it,
-            that of "" for everything else.
+        excess: squared residual above noise at each place: a joint's for the effects in it, that of "" for all others.
     """
 
     dictionary: Dictionary
@@ -53,10 +52,11 @@ class Exchange:
 
     Attributes:
         label: of the effect.
-        costs: rise of the squared residual without it, over the excess that is left where it sits; of the fitted and of
-            the held-out recordings the lesser.
-        shaken: labels of the candidates beside which it costs less than `name_costs`; none where it does by itself.
-        rivals: candidates, with start values, that shake it or hardly do worse in its place; the best first.
+        costs: rise of the squared residual without the effect, relative to the excess at its place; the smaller of the
+            values on the fitted and on the held-out recordings.
+        shaken: labels of the candidates with which the removal costs less than `name_costs`; empty if it does without
+            any.
+        rivals: candidates, with start values, that make it uncertain or fit nearly as well in its place; best first.
     """
 
     label: str
@@ -141,8 +141,8 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
 def open_ended(state: State, n_fixed: int) -> frozenset[str]:
     """Labels of the effects after the first `n_fixed` with a value at its bound, or an interval that includes null.
 
-    Something else pushes a value there: such an effect is not named, whatever the verdict. Nor is what removes no
-    visible share of the error.
+    A missing effect probably pushes a value to its bound, so such an effect is never named. Neither is an effect that
+    removes no visible share of the error.
     """
     out = {e.label for e in state.world.effects[n_fixed:] if e.label in state.slight}
     for index, placed in enumerate(state.world.effects[n_fixed:], n_fixed):
@@ -156,9 +156,10 @@ def tentative(
 ) -> frozenset[str]:
     """Labels of the effects after the first `n_fixed` that must not be named.
 
-    An effect is named where nothing shakes it, or only what was fitted in its place and lost on held-out recordings;
-    where few proven rivals do, it is named with them. A model that is `far` from the recordings names only what removes
-    as much as it leaves: what removes less may make up for a little of it.
+    An effect is named if no candidate makes it uncertain, or only ones that were fitted in its place and did worse on
+    held-out recordings; with a few proven competitors it is named together with them. A model that is `far` from the
+    recordings names only effects that remove as much error as remains, because a smaller one may just compensate part
+    of the remainder.
     """
     proven = {r.label: {t.score.label for t in r.equals} for r in rivals}
     tried = {r.label: {t.score.label for t in r.tried} for r in rivals}

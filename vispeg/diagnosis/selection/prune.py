@@ -1,10 +1,10 @@
-"""Backward deletion: effects that carry nothing once others stand beside them.
+"""Backward deletion: remove effects that are superfluous once others have been added.
 
-What a fit would be without an effect follows from its derivatives, so each is asked for without a rollout on the fitted
-recordings (cross-fitted) and with one on the held-out ones; only what is dropped costs a fit. What the fitted
-recordings alone call useless goes only if the held-out error does not rise beyond its standard error. What the held-out
-recordings want, though it removes no visible share, stays, and is no name; unless it may be absent, and removes next to
-nothing.
+The fit without an effect is predicted from the derivatives. So each effect is tested on the fitted recordings without a
+rollout (cross-fitted) and on the held-out ones with one; only a removal costs a fit. An effect that is useless on the
+fitted recordings is removed only if the held-out error does not rise by more than its standard error. An effect that
+the held-out recordings need stays even if it removes no visible share of the error, but it is not named; it is removed
+only if its interval includes null and it removes next to nothing.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
-"""Effects that are shadows of others, which are missing.
+"""Remove aliases: accepted effects that imitate missing ones.
 
-- At a bound: a voltage limit of a wrist at its least torque mimics friction, rotor and bias together.
-- A delay of one joint beside one of all joints: a lag of a wrist mimics its rotor's inertia.
-- Where much is left, in the joint with the greatest error: what not every arm has there.
+- Effects at a bound: a voltage limit of a wrist at its lowest torque imitates friction, rotor and bias together.
+- A delay of one joint besides one of all joints: a lag of a wrist imitates its rotor's inertia.
+- If the residual is large: effects, other than those that every arm has, in the joint with the largest error.
 
-None of what is missing gains beside a shadow: one out, and several in. So where a search ends it goes on without them,
-and what is better stays. A shadow at a bound that came in with others goes out again at once.
+With an alias in the model, no missing effect improves the fit on its own, so exchanges of one effect for one fail. When
+a search ends, it is therefore continued without the aliases, and the better result is kept. An alias at a bound that
+was added together with others is removed at once.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
-    """Drop the members at a bound of what just came in, if the others are better than the held-out loss `before`."""
+    """Remove the members at a bound of the group just added, if the others beat the held-out loss `before`."""
     gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
     if gone and len(gone) < score.count:
         other = lacking(search, state, gone, n_fixed)
@@ -37,9 +38,9 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
 
 
 def cast_out(search: Search, state: State, n_fixed: int) -> bool:
-    """Take a kind of shadows out of a state where a search without them gets further; whether it did.
+    """Remove one kind of alias from a state if a search without it gets further; return whether it did.
 
-    The same are not asked for twice beside the same effects: no search goes round in a circle.
+    The same removal is not tried twice with the same other effects, so that the search terminates.
     """
     if state.fit is None:
         return False
@@ -62,7 +63,7 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
 
 
 def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: int) -> bool:
-    """Whether a state of other effects is better than `state`, or within some `steps` of its search; it goes on."""
+    """Return whether another state is better than `state`, or becomes so within `steps` steps of its search."""
     for k in range(steps + 1):
         if other.fit is not None and search.judge.gain(state.loss, other.loss).relative >= RULES.exchange:
             return True
@@ -76,7 +77,7 @@ def _stuck(state: State, n_fixed: int) -> list[EffectInstance]:
 
 
 def _again(state: State, n_fixed: int) -> list[EffectInstance]:
-    """Delays and the like of single joints beside one of all joints."""
+    """Return effects of single joints, such as delays, that the world also has for all joints."""
     every = any(effect(e.effect).shared and e.where == "all" for e in state.world.effects)
     return [e for e in state.world.effects[n_fixed:] if every and effect(e.effect).shared and e.where != "all"]
 
@@ -84,7 +85,7 @@ def _again(state: State, n_fixed: int) -> list[EffectInstance]:
 def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
     """Return the effects, not common to all arms, of the joint with the largest error, if that error is too large.
 
-    None where that joint has all that every arm has; nor where nothing else came in, for a search begins so.
+    Empty if the joint has all common effects, or if these are the only effects added, as at the start of a search.
     """
     if search.judge.mean(state.loss) <= RULES.far * search.judge.floor(state.world):
         return []
@@ -112,7 +113,7 @@ def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixe
 
 
 def become(state: State, other: State) -> None:
-    """Give the state of another search."""
+    """Take over the state of another search."""
     assert other.fit is not None
     state.take(other.fit, other.loss)
     state.cross, state.steps, state.last, state.screening = other.cross, other.steps, other.last, other.screening

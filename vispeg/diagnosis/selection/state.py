@@ -68,9 +68,10 @@ class State:
         return self.fit.jacobian[:, stay]
 
     def brought(self, placed: EffectInstance) -> tuple[Trial, list[Trial]] | None:
-        """Give the step that brought in an effect by itself, if the others stand beside it that stood beside it then.
+        """Return the step that added an effect alone, if the other effects are still those of that step.
 
-        What else was tried in that step was tried in its place. None otherwise, or where it alone was tried later on.
+        Then the other candidates of the step were tried in its place. None otherwise. Steps in which nothing else was
+        tried are skipped.
         """
         beside = {e.label for e in self.world.effects} - {placed.label}
         for best, trials in self.steps[::-1]:
@@ -89,15 +90,15 @@ class State:
     def scale(self) -> float:
         """Held-out excess over noise that an accepted effect typically removed (geometric mean); at first, all of it.
 
-        What the form of an effect leaves behind is a share of what that effect removed. So in a plant with one dominant
-        effect and many small ones the small ones are not measured by the dominant one alone.
+        The error of a law's form is proportional to what the law removed. With the geometric mean, small effects are
+        not judged against one dominant effect alone.
         """
         removed = [best.gain.mean / best.score.count for best, _ in self.steps if best.gain.mean > 0]
         return float(stats.gmean(removed)) if removed else max(self.first - 1.0, 1e-9)
 
     def removed_by(self, placed: EffectInstance, before: int | None = None) -> float:
-        """Held-out excess that an effect removed when it was accepted, with what those removed in whose place it came;
-        all of it for one of the user's model. Steps from number `before` on do not count.
+        """Return an effect's share of the held-out excess that its step removed, including that of effects it replaced;
+        all of the excess for an effect of the user's model. Steps from number `before` on do not count.
         """
         for k in range(len(self.steps) if before is None else before)[::-1]:
             best = self.steps[k][0]

@@ -1,10 +1,10 @@
-"""Several effects at a time: orthogonal least squares over signatures proposes, with exchanges; a fit decides.
+"""Propose several effects at a time: orthogonal least squares over signatures, with exchanges; a joint fit decides.
 
-Forward: the effect that lowers the linear model's error most, each fold predicted by the others, comes in. Of those
-within `tie` the one with the fewest parameters is taken; what every arm has (friction, rotor inertia, bias), or what an
-effect calls likelier than itself, comes before what is not much better. After each, every effect is asked whether
-another one would do better in its place, those that were accepted before included, so that an early wrong guess does
-not stay. Then what carries nothing goes out.
+Forward step: add the effect that lowers the linear model's cross-validated error most. Among those within `tie`, the
+one with the fewest parameters is taken; effects that every arm has (friction, rotor inertia, bias), or that an effect
+declares more likely than itself, win unless the other is clearly better. After each addition, every effect, including
+those accepted earlier, is exchanged if another fits better in its place, so that an early wrong guess does not stay.
+Finally, effects that contribute nothing are removed.
 
 Source of the forward step: Chen, Billings and Luo, International Journal of Control 50(5), 1989.
 """
@@ -20,9 +20,9 @@ from vispeg.diagnosis.evidence.screen import Score
 
 
 def together(dictionary: Dictionary, most: int) -> Score | None:
-    """Up to `most` straight effects in all that are worth a joint fit, and which fitted ones they replace.
+    """Return up to `most` linear effects that are worth a joint fit, and the fitted ones that they replace.
 
-    None where it is a matter of one effect: that is a candidate already.
+    None if only one effect would change, as that is a candidate of its own.
     """
     fixed = [k for k in dictionary.fitted if not dictionary.entries[k].straight]
     before = [k for k in dictionary.fitted if k not in fixed]
@@ -45,7 +45,9 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
 
 
 def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> tuple[float, int] | None:
-    """(gain, entry) of the best straight effect beside the chosen ones, of those that promise as much as they must."""
+    """Return (gain, entry) of the best linear effect to add to the chosen ones, among those that promise the required
+    gain.
+    """
     gains = dictionary.gains([*fixed, *chosen])
     gains[[k for k, e in enumerate(dictionary.entries) if not e.straight]] = 0.0
     candidates = []
@@ -74,9 +76,9 @@ def _least(dictionary: Dictionary, k: int) -> float:
 
 
 def prior(a: EffectInstance, b: EffectInstance) -> float:
-    """Share of the gain of b from which on a is taken instead; infinite where it never is.
+    """Return the share of b's gain above which a is taken instead; infinite if it never is.
 
-    Every arm has friction and a rotor in every joint; and its links are as their maker says, what it holds is not.
+    Every arm has friction and a rotor in each joint. Link inertias by the manufacturer are reliable, the load is not.
     """
     if a.where == b.where and effect(a.effect).common and not effect(b.effect).common:
         return RULES.several_common
@@ -103,7 +105,9 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
 
 
 def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Take out of `chosen` what carries less than half of what one more must; the error that is left then."""
+    """Remove from `chosen` effects that contribute less than half of what an added one must; the error that is left
+    then.
+    """
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])

@@ -1,9 +1,9 @@
 """Position loops that a saturated drive leaves open.
 
-A drive that is asked for more torque than it can give follows its command no longer: nothing corrects the joint, a
-rollout of the right model leaves the recording as one of an open loop does, and says nothing of what is wrong. So
-where that lasts for most of a recording, the recording counts as one under torque control: the torques that were asked
-for follow from what the controller read, and an observer holds rollouts softly to the measured motion.
+A saturated drive no longer follows its command, so the loop is open: even a rollout of the correct model diverges from
+the recording, and the error says nothing about the model. If a drive is saturated for most of a recording, the
+recording is therefore treated as torque-controlled: the commanded torques are computed from the controller's readings,
+and an observer holds rollouts softly to the measured motion.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Stretches of a recording in which a closed loop lost the arm.
 
 Near the brink of stability (readings that come late) or in a singular posture (operational space control) a loop may
-throw the arm about at many times the speed it is made for. There errors grow from one tick to the next: noise decides
-what happens, the right model leaves the recording by as much as any other, and this error drowns all that the rest of
-the recording says. So such a stretch is left out, and what follows, too: a loop so near the brink forgets a start state
-that is not quite right for seconds. Only where it loses the arm at once, what follows is what there is.
+throw the arm about at many times the speed it is made for. There errors grow from tick to tick: noise decides the
+motion, the correct model diverges from the recording like any other, and this error dominates that of the rest of the
+recording. So such a stretch is excluded, and so is what follows, because a loop this close to instability takes seconds
+to forget an inexact start state. Only if control is lost at the very start, the part after it is used.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ RUNAWAY = (
 
 
 def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
-    """Give the recording with what each episode shows before its loop lost the arm, or else after.
+    """Return the recording with only the part of each episode before the loop lost the arm, or else after it.
 
-    It is `rec` itself where there are none, where no loop is known that could lose the arm, where the robot's file
-    states no speeds, or where nothing longer than `least` seconds would be left.
+    Return `rec` itself if there are no such stretches, if no loop is known that could lose the arm, if the robot's file
+    states no speed limits, or if nothing longer than `least` seconds would be left.
     """
     if rec.control.mode not in ("position", "osc"):
         return rec

@@ -1,9 +1,9 @@
-"""Operational space control that lets the posture go: its null space is too soft to hold a model near the recording.
+"""Operational space control with a null space too soft to hold a rollout near the recorded posture.
 
-A null space of 10 1/s^2 gives way to five newton metres by half a radian. So a model that lacks as much (a tilted base)
-ends in another posture, with another inertia and another gravity: nothing there is linear in what it lacks, and no
-candidate shows what it is. The torques that the loop asked for follow from what it read, as those of an open loop do,
-and an observer holds rollouts softly to the measured motion, in the measured posture.
+With a null-space stiffness of 10 1/s^2, a missing torque of 5 N m moves the posture by half a radian. The model then
+has another inertia and gravity, its error is not linear in what is missing, and no candidate can be recognised. As for
+an open loop, the commanded torques are computed from the controller's readings, and an observer holds rollouts softly
+to the measured motion, in the measured posture.
 """
 
 from __future__ import annotations

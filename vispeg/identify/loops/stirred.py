@@ -1,9 +1,9 @@
-"""What noise alone does to a loop: readings that are fed back move the arm, and the right model cannot say which way.
+"""Motion due to sensor noise in the feedback of a loop, which even the correct model cannot predict.
 
 Operational space control feeds back velocities through the task-space inertia and holds its null space softly, so a
-milliradian a second of noise moves the arm by more than its encoders' noise. In joint servos the same is small, but for
-encoders whose steps are wider than their noise: noise decides when a reading tips over, and where in its step the arm
-began is not known, so that under torque control, where nothing corrects it, it goes another way.
+milliradian a second of noise moves the arm by more than its encoders' noise. In joint servos this is small, except with
+encoders whose steps exceed their noise: noise decides when a reading switches to the next step, and the start position
+within a step is unknown, so that under torque control, without correction, the arm takes another path.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ DRAWS = 16
 
 
 def stirred(evidence: Evidence, world: World) -> float:
-    """Mean squared motion, in noise variances, that noise in its feedback stirs up in `world`.
+    """Return the mean squared motion of `world` due to noise in its feedback, in noise variances.
 
-    It comes on top of what the readings' own noise leaves (`reading_noise`), and is 0 but under OSC or where `world`
-    has an encoder that is coarser than its noise. Draws of noise as large as the recordings state or show differ
-    widely, as a null space wanders slowly: what one in ten exceeds is given; where encoders are coarse and each draw
-    begins elsewhere in their steps, the median, so that a floor so wide does not hide what is missing.
+    It adds to the noise of the readings themselves (`reading_noise`), and is 0 except under OSC or if `world` has an
+    encoder coarser than its noise. Simulated with noise as stated or measured, draws differ widely, because a null
+    space drifts slowly, so the 90 % quantile is returned. With coarse encoders, where each draw starts elsewhere within
+    a step, it is the median, so that a wide floor does not hide missing effects.
     """
     total, count, share = np.zeros(DRAWS), 0, RULES.noise_quantile
     for item in evidence.items:
@@ -59,10 +59,10 @@ def stirred(evidence: Evidence, world: World) -> float:
 
 
 def within(evidence: Evidence, world: World) -> bool:
-    """Whether a world under OSC is no farther from the recordings than magnified noise in its feedback moves the arm.
+    """Return whether the error of a world under OSC can be explained by amplified noise in its feedback.
 
-    A loop that comes near a singular posture magnifies noise by thousands: any small effect then moves the arm as far,
-    one way or the other, and which lowers the error is chance. False where another loop or a coarse encoder has a part.
+    Near a singular posture a loop amplifies noise by a factor of thousands. Any small effect then moves the arm as far,
+    and whether it lowers the error is chance. False if another loop or a coarse encoder contributes.
     """
     if evidence.unit != "rad" or any(i.recording.control.mode != "osc" or _coarse(i, world) for i in evidence.items):
         return False
