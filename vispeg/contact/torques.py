@@ -1,8 +1,9 @@
-"""Contact without a force sensor at the wrist: the wrench from the joints' torques, and what it leaves open.
+"""Contact without a wrist force sensor: the wrench estimated from joint torques, and its uncertainty.
 
-What a joint's torque is off by for longer than a block (see `vispeg.sim.external`) is an error of the wrench in a
-direction that the posture decides. It is one nuisance a joint and second, so that a verdict rests on what joints cannot
-be blamed for; what the posture does not see at all is as unsure as any wrench can be, block by block.
+A joint torque error that lasts longer than a block (see `vispeg.sim.external`) is a wrench error in a direction given
+by the posture. It enters as one nuisance per joint and second, so that a verdict rests only on what joint errors cannot
+explain. Directions that are unobservable in a posture get a nuisance of the size of any plausible wrench, block by
+block.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ AXES = ("x", "y", "z")
 
 
 def sensed(rec: Recording) -> bool:
-    """Whether a wrench was recorded."""
+    """Return whether a wrench was recorded."""
     return rec.ft is not None and bool(np.isfinite(rec.ft).any())
 
 
 def estimated(rec: Recording, scene: Scene) -> tuple[Recording, External]:
-    """Give the recording with the wrench that its joint torques tell, as a sensor at the flange would read it.
+    """Return the recording with a wrench estimated from its joint torques, as a sensor at the flange would read it.
 
     Raises:
         UserError: no joint torques.
@@ -52,8 +53,8 @@ def calm(rec: Recording, estimate: External) -> Recording:
 
 
 def unsure(item: ContactItem) -> list[np.ndarray]:
-    """Columns (m, 6) N, N m for `vispeg.contact.errors.nuisance`: errors of joint torques of their usual size, and what
-    the posture does not see; none where a wrench was measured.
+    """Columns (m, 6) N, N m for `vispeg.contact.errors.nuisance`: joint torque errors of typical size, and unobservable
+    directions; empty if a wrench was measured.
     """
     estimate = item.source.torques
     if estimate is None:
@@ -91,7 +92,7 @@ def said(rec: Recording, estimate: External) -> str:
 
 
 def _blind(columns: np.ndarray) -> str:
-    """Which directions (6, k) are not seen, in words."""
+    """Return which directions (6, k) are unobservable, in words."""
     words = []
     for column in columns.T[np.abs(columns).max(axis=0) > 0]:
         scaled = column / np.repeat([100.0, 10.0], 3)
@@ -101,5 +102,5 @@ def _blind(columns: np.ndarray) -> str:
 
 
 def notes(pairs: Sequence[tuple[Recording, External | None]]) -> list[str]:
-    """Those of recordings without a wrench."""
+    """Return the notes on recordings without a wrench."""
     return [said(rec, estimate) for rec, estimate in pairs if estimate is not None]

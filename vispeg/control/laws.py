@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-LOST = 1e-9  # of the largest eigenvalue of J M^-1 J': a direction with less is lost at a singularity
-WORST = 0.1 / LOST  # condition under which no direction can be lost
+LOST = 1e-9  # share of the largest eigenvalue of J M^-1 J' below which a direction counts as singular
+WORST = 0.1 / LOST  # condition number below which no direction is singular
 ZONE = 0.1  # share of a joint's range, at either end, in which the spring acts
 
 
@@ -66,7 +66,7 @@ def _inverse(core: np.ndarray) -> np.ndarray:
     """
     try:
         out = np.linalg.inv(core)
-    except np.linalg.LinAlgError:  # some row is singular to the last bit: each on its own, as if it were alone
+    except np.linalg.LinAlgError:  # some row is exactly singular: invert each row separately
         if len(core) > 1:
             return np.concatenate([_inverse(matrix[None]) for matrix in core])
         return np.linalg.pinv(core, rcond=LOST, hermitian=True)
@@ -112,7 +112,7 @@ def hold_pose(
 
 
 def _careful(task: Sequence[np.ndarray], pull: np.ndarray | None, limit: np.ndarray) -> np.ndarray:
-    """Do as `hold_pose`, by `osc`: for rows near a singularity, or that are not finite."""
+    """Compute `hold_pose` with `osc`, for rows that are near a singularity or not finite."""
     mass, jac, now, turned, dq, pos, rot, kp, kd = task
     error = np.concatenate([pos - now, rotation_vector(turned, rot)], axis=1)
     twist = np.matmul(jac, dq[:, :, None])[:, :, 0]

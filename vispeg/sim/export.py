@@ -1,4 +1,4 @@
-"""A world as an MJCF for plain MuJoCo: effects that MuJoCo has natively as its elements, the others by name.
+"""Export a world as an MJCF for plain MuJoCo: native effects become elements, the others are listed in a comment.
 
 It is an arm, or the scene around it. Friction, damping, rotor inertia, springs, inertials, contact, places and gravity
 are numbers of the model, so they are written as the plant of rollouts holds them. A motor's gain, bias and limit are
@@ -26,7 +26,7 @@ from vispeg.worlds.world import World
 HOOKS = ("drive", "torque", "friction", "observe", "wrench", "believe", "image", "start")  # no element of an MJCF
 MOTOR = ("torque_gain", "joint_bias", "torque_limit", "servo")
 STEP = 1e-3  # s
-NUMBERS = {  # field of a model -> kind of element and its attribute, where one number stands for one
+NUMBERS = {  # mjModel field -> kind of element and attribute, for fields that map one to one
     "dof_frictionloss": ("joint", "frictionloss"),
     "dof_armature": ("joint", "armature"),
     "dof_solref": ("joint", "solref_friction"),
@@ -41,7 +41,7 @@ NUMBERS = {  # field of a model -> kind of element and its attribute, where one 
     "body_pos": ("body", "pos"),
     "body_quat": ("body", "quat"),
 }
-POLYNOMIAL = ("damping", "stiffness")  # attributes whose first coefficient alone is used
+POLYNOMIAL = ("damping", "stiffness")  # attributes of which only the first coefficient is used
 INERTIAL = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 OPTIONS = ("opt.gravity", "opt.iterations")
 HELD = {*NUMBERS, *INERTIAL, *OPTIONS}
@@ -52,9 +52,9 @@ class Exported:
     """An MJCF.
 
     Attributes:
-        xml: the text; files of meshes are named relative to its folder.
-        native: effects that are elements of it.
-        left_out: those that MuJoCo has no element for.
+        xml: the text; mesh files are named relative to its folder.
+        native: effects that are expressed in it.
+        left_out: effects for which MuJoCo has no element.
         meshes: name in the text -> file to copy there.
     """
 
@@ -65,22 +65,20 @@ class Exported:
 
 
 def compiled_with(world: World, robot: RobotModel | None = None) -> tuple[mujoco.MjModel, tuple[EffectInstance, ...]]:
-    """Give a model, compiled with the effects that MuJoCo has elements for, and those that it has none for, as
-    `to_mjcf`.
-    """
+    """Compile a model with its native effects; also return the effects left out, see `to_mjcf`."""
     made = to_mjcf(world, "meshes", robot)
     assets = {name: file.read_bytes() for name, file in made.meshes.items()}
     return mujoco.MjModel.from_xml_string(made.xml, assets), made.left_out
 
 
 def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = None, step: float = STEP) -> Exported:
-    """Give an arm, or the scene around it, with a world's effects.
+    """Export an arm, or the scene around it, with a world's effects.
 
     Args:
         world: robot, tool and effects with values.
-        meshes: folder beside the text that shall hold the meshes.
+        meshes: folder for the meshes, next to the MJCF file.
         robot: the scene that the effects have their places in; by default the arm alone.
-        step: of the physics, s; less where servos need it.
+        step: physics step, s; smaller if servos need it.
     """
     robot = load(world.robot, tool=world.tool) if robot is None else robot
     native = tuple(e for e in world.effects if is_native(effect(e.effect)))
@@ -90,7 +88,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
     native_world = World(world.robot, world.tool, tuple(e for e in native if e.effect not in MOTOR))
     plant = Plant(robot, [native_world], step, step, 1)
     _numbers(spec, plant)
-    if any(e.effect == "servo" for e in native):  # joints without the effect have servos that follow at once
+    if any(e.effect == "servo" for e in native):  # joints without the effect have ideal servos
         step = min(step, stable_step(robot))
     motors = World(world.robot, world.tool, tuple(e for e in native if e.effect in MOTOR))
     _motors(spec, robot, {a.effect.name: a for a in activate(robot, [motors])})
@@ -109,7 +107,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
 
 
 def is_native(kind: Effect) -> bool:
-    """Whether an MJCF has elements that do all of what an effect does."""
+    """Return whether MJCF elements can express all of an effect."""
     if kind.name in MOTOR:
         return True
     written = bool(kind.writes) and set(kind.writes) <= HELD and kind.family not in OPTICAL
@@ -117,7 +115,7 @@ def is_native(kind: Effect) -> bool:
 
 
 def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
-    """Write what effects have made of the model's numbers into the elements they belong to."""
+    """Write the model numbers that effects have changed to their elements."""
     model = plant.model
 
     def value(field: str) -> np.ndarray | None:
@@ -146,14 +144,14 @@ def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
 
 
 def _row(model: mujoco.MjModel, field: str, i: int) -> int:
-    """Row of a field that an element's id means."""
+    """Return the row of a field that belongs to an element's id."""
     if field.startswith("dof_"):
         return int(model.jnt_dofadr[i])
     return int(model.jnt_qposadr[i]) if field.startswith("qpos_") else i
 
 
 def _inertials(spec: mujoco.MjSpec, model: mujoco.MjModel, changed: dict[str, np.ndarray | None]) -> None:
-    """States mass, centre and principal inertia of every body that an effect has changed."""
+    """Write mass, centre of mass and principal inertia of every body that an effect has changed."""
     for body in spec.bodies[1:]:
         i = model.body(body.name).id
         now = {f: getattr(model, f)[i] if rows is None else rows[i] for f, rows in changed.items()}
@@ -199,7 +197,7 @@ def _relative(xml: str, files: dict[str, Path]) -> str:
 
 
 def listed(left_out: tuple[EffectInstance, ...], who: str = "MuJoCo") -> str:
-    """Give a comment that says what the model has and a file has not; empty where it has all."""
+    """Return a comment that lists the effects missing in the file; "" if there are none."""
     lines = []
     for e in left_out:
         values = ", ".join(f"{k} {v.value:g} {effect(e.effect).params[k].unit}" for k, v in e.params.items())

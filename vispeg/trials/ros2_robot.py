@@ -4,8 +4,8 @@
     vispeg run state-3mm --robot ros2 --out trials
 
 It publishes joints, wrench and pose at 200 Hz, and pictures, under the names of `ros2:FILE.yaml`, and holds the pose
-that comes on `target_pose`. Like a real arm it knows nothing of episodes: return on its input begins with the next
-start, a number and return with that one's, q and return ends it.
+that comes on `target_pose`. Like a real arm it does not know about episodes. On its standard input, Enter resets it to
+the next start, a number and Enter to the start of that number, and q and Enter quits.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from vispeg.trials.ros2 import Link, Topics, composed, read_topics
 from vispeg.trials.simulated import BEHIND, SimulatedRobot
 
 FRAMES = 15.0  # pictures a second
-FINGER = "finger_joint"  # no joint of the arm: a gripper's may stand in the same message
+FINGER = "finger_joint"  # an extra joint in the message, as a gripper may add one
 
 
 class Ros2Node:
     """A simulated robot that speaks ROS 2.
 
     Args:
-        robot: that is simulated.
-        mode: of observation, which says whose pictures there are.
-        topics: under which names.
+        robot: the simulated robot.
+        mode: observation mode, which determines the cameras.
+        topics: names of the topics.
     """
 
     def __init__(self, robot: SimulatedRobot, mode: str, topics: Topics):
@@ -47,7 +47,7 @@ class Ros2Node:
         self.interface = interface_in(robot.config, robot.env.file, mode, modality=mode)
         self.eyes = {camera_of(key): seen.eye for key, seen in self.interface.images.items()}
         self.link = link = Link("simulated_arm", topics)
-        self.time = time.time()  # its clock goes on evenly, and stands still where the machine is too slow
+        self.time = time.time()  # its clock advances evenly, and pauses if the machine is too slow
         self.names = list(topics.joints or self.interface.arm.joints)
         self.joints = link.speak(link.sensor.JointState, topics.joint_states)
         self.pose = link.speak(link.geometry.PoseStamped, topics.current_pose)
@@ -62,14 +62,14 @@ class Ros2Node:
             self.infos[name] = link.speak(link.sensor.CameraInfo, topics.camera(name).info or "")
 
     def begin(self, seed: int) -> None:
-        """Give the start of this number, at rest."""
+        """Reset to the start of this number, at rest."""
         start = self.robot.begin(seed)
         self.link.forget()
         self.held, self.ended = None, False
         print(f"start {seed}, the goal believed at", *(f"{x:.4f}" for x in start["believed_m"]), flush=True)
 
     def tick(self) -> None:
-        """One control period, and what is measured after it."""
+        """Advance by one control period, then publish the measurements."""
         self._hold()
         self.robot.tick()
         self.time += self.robot.config.control_period
@@ -100,7 +100,7 @@ class Ros2Node:
         link, read = self.link, self.robot.reading()
         joints = link.sensor.JointState()
         joints.header.stamp = stamp
-        joints.name = [FINGER, *reversed(self.names)]  # in no order that anybody may rely on
+        joints.name = [FINGER, *reversed(self.names)]  # reversed, so that nobody relies on the order
         joints.position, joints.velocity = ([0.0, *x[::-1].tolist()] for x in (read["q"], read["dq"]))
         self.joints.publish(joints)
         pos, turn, _, _ = self.interface.chain.pose(read["q"][None], read["dq"][None])
@@ -127,11 +127,11 @@ class Ros2Node:
 
 
 def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Give a wrench as a sensor says it; `vispeg.recordings.cell.canonical` is the way back.
+    """Convert a wrench to a sensor's convention, the inverse of `vispeg.recordings.cell.canonical`.
 
     Args:
         wrench: (6,) N and N m that the tool puts on the flange, in its axes, its weight included.
-        sensor: how it is read.
+        sensor: the sensor's convention.
         turn: (3, 3) flange to base.
         weight: (3,) N in the base.
     """
@@ -166,7 +166,7 @@ def _info(link: Link, eye: Camera, stamp: Any) -> Any:
 
 
 def live(node: Ros2Node, seed: int) -> None:
-    """Goes on in its own time, until q or the end of its input, unless that is /dev/null."""
+    """Run in real time until q or the end of standard input, unless that is /dev/null."""
     period = node.robot.config.control_period
     silent = stat.S_ISCHR(os.fstat(sys.stdin.fileno()).st_mode) and not sys.stdin.isatty()
     inputs = [] if silent else [sys.stdin]
@@ -187,7 +187,7 @@ def live(node: Ros2Node, seed: int) -> None:
 
 
 def main() -> int:
-    """Read what to be, and is it."""
+    """Parse the command line and run the simulated robot."""
     parser = argparse.ArgumentParser(
         prog="python -m vispeg.trials.ros2_robot",
         description=__doc__,

@@ -1,4 +1,4 @@
-"""What there is to open: under the working folder, and with the package."""
+"""Find what can be opened: under the working folder, and in the package."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from vispeg.view.run_folder import is_run
 
 Kind = Literal["recording", "log", "model", "world", "policy", "dataset", "run", "trials"]
 TABLES = (".csv", ".gz", ".tsv", ".parquet", ".npz", ".hdf5", ".h5", ".mat", ".mcap", ".bag", ".db3")
-HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # ending -> words in a file's first lines that say what it is
+HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # file ending -> words in the first lines that identify the kind
     ".urdf": ((b"<robot", "model"),),
     ".xml": ((b"<mujoco", "model"),),
     ".mjcf": ((b"<mujoco", "model"),),
     ".yaml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
     ".yml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
 }
-HEAD = 4096  # bytes in which they stand
-DEEPEST = 4  # folders below the working one: what this program writes lies two or three deep
-MOST = 4000  # folders and files that are looked at, about a second on a slow disk
+HEAD = 4096  # bytes searched for them
+DEEPEST = 4  # levels below the working folder; this program writes two or three levels deep
+MOST = 4000  # most folders and files to inspect, about a second on a slow disk
 PASSED_OVER = {"node_modules", "site-packages", "__pycache__", "venv", "env", "build", "dist"}
 
 
 @dataclass
 class Around:
-    """Places by kind, in the order of their names.
+    """Paths by kind, sorted by name.
 
     Attributes:
         places: kind -> paths.
-        more: whether there was more than could be looked at.
+        more: whether the search stopped at `MOST`.
     """
 
     places: dict[Kind, list[Path]] = field(default_factory=dict)
     more: bool = False
 
     def of(self, kind: Kind) -> list[Path]:
-        """Those of a kind."""
+        """Return the paths of a kind."""
         return self.places.get(kind, [])
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Give what a file or folder is, by its content; a folder that only holds such things is none of them."""
+    """Return the kind of a file or folder by its content; None for a folder that merely contains such items."""
     if path.is_dir():
         return _kind_of_folder(path)
     if not is_file(path):
@@ -83,7 +83,7 @@ def _kind_of_folder(path: Path) -> Kind | None:
 
 
 def around(folder: Path) -> Around:
-    """Everything of a known kind under a folder; hidden folders and those of other programs are passed over."""
+    """Find everything of a known kind under a folder; skip hidden folders and those of other programs."""
     out, left, level = Around(), MOST, [folder]
     for _ in range(DEEPEST + 1):
         below: list[Path] = []
@@ -120,7 +120,7 @@ def shipped_recordings() -> list[Path]:
 
 
 def named(paths: Iterable[Path], folder: Path) -> dict[str, Path]:
-    """How each path is offered: as it is written from a folder, if it lies in it."""
+    """Return the paths by display name: relative to a folder if inside it."""
     out = {}
     for path in paths:
         inside = path.is_relative_to(folder)

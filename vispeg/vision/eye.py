@@ -1,4 +1,4 @@
-"""A camera as a world makes it: calibrated pose and intrinsics, with the world's errors of them put on."""
+"""A camera with the errors of a world: calibrated pose and intrinsics, changed by the world's camera effects."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Eye:
     """A camera under the effects of a world.
 
     Attributes:
-        camera: what projects: effects on its pose and its intrinsics are in it.
-        believed: as calibrated. The effect `lens_distortion` bends the picture about its principal point.
-        lens: (k1, k2, p1, p2, k3) of that effect.
-        delay: s, how old a picture is when it is stamped.
+        camera: the true camera, with effects on pose and intrinsics applied.
+        believed: the calibrated camera, about whose principal point `lens_distortion` acts.
+        lens: (k1, k2, p1, p2, k3) of `lens_distortion`.
+        delay: age of an image at its time stamp, s.
     """
 
     camera: Camera
@@ -44,14 +44,14 @@ class Eye:
         return distort((pixels - centre) / focal, self.lens) * focal + centre
 
     def ideal(self, pixels: np.ndarray) -> np.ndarray:
-        """(..., 2) X/Z and Y/Z of what pixels (..., 2) show; NaN where the lens shows nothing."""
+        """Return undistorted X/Z and Y/Z (..., 2) of pixels (..., 2); NaN outside the lens's image."""
         if any(self.lens):
             centre, focal = self._belief()
             pixels = undistort((pixels - centre) / focal, self.lens) * focal + centre
         return self.camera.ideal(pixels)
 
     def rays(self) -> np.ndarray:
-        """(H, W, 3) where the centre of each pixel looks, in camera axes, scaled to z = 1."""
+        """Return the ray through each pixel's centre, (H, W, 3), in camera axes, scaled to z = 1."""
         if not any(self.lens):
             return self.camera.rays()
         size = self.camera.width, self.camera.height
@@ -59,7 +59,7 @@ class Eye:
         return np.concatenate([self.ideal(pixels), np.ones((*pixels.shape[:2], 1))], -1)
 
     def finer(self, times: int) -> Eye:
-        """Give the same camera with `times` x `times` pixels in place of each."""
+        """Return the camera with `times` x `times` pixels per pixel."""
         return Eye(_finer(self.camera, times), _finer(self.believed, times), self.lens, self.delay)
 
     def _belief(self) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +68,7 @@ class Eye:
 
 
 def _finer(c: Camera, times: int) -> Camera:
-    """Pixel u becomes pixels times u ... times u + times - 1, whose middle is where its centre was."""
+    """Return a finer camera: pixel u becomes `times` pixels from times u on, with the same centre."""
     shift = (times - 1) / 2
     return c.moved(
         width=times * c.width,
@@ -101,7 +101,7 @@ def camera_of(recorded: RecordedCamera) -> Camera:
 
 
 def posed(frames: Frames, robot: RobotModel) -> Frames:
-    """Give the frames with the poses that the robot's own file has for cameras of which the recording states none."""
+    """Return the frames with camera poses that the recording lacks taken from the robot's file."""
     bare = [name for name, camera in frames.cameras.items() if camera.pose is None]
     known = {c.name: recorded_of(c) for c in cameras_of(robot) if c.name in bare and c.parent in ("base", "flange")}
     if not known:
@@ -114,7 +114,7 @@ def posed(frames: Frames, robot: RobotModel) -> Frames:
 
 
 def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
-    """Give a camera at the base or the flange as a recording states it; the other way round from `camera_of`."""
+    """Return a camera on base or flange in the form of a recording, the inverse of `camera_of`."""
     if camera.parent not in ("base", "flange"):
         raise UserError(f"camera '{camera.name}' sits elsewhere", expected="base or flange", got=camera.parent)
     pose = np.eye(4)
@@ -136,7 +136,7 @@ def lens_of(world: World, camera: str) -> tuple[float, ...]:
 
 
 def delay_of(world: World, camera: str) -> float:
-    """How late a camera's pictures are, s (the effect `camera_delay`)."""
+    """Return the delay of a camera's images, s (effect `camera_delay`)."""
     return values_of(world, "camera_delay", camera).get("delay", 0.0)
 
 
@@ -145,6 +145,6 @@ def _numbers(placed: EffectInstance) -> dict[str, float]:
 
 
 def _orthonormal(matrix: np.ndarray) -> np.ndarray:
-    """Give the rotation next to a matrix (3, 3) that was written with few digits."""
+    """Return the nearest rotation to a matrix (3, 3) that was written with few digits."""
     u, _, v = np.linalg.svd(matrix)
     return u @ v

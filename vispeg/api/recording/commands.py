@@ -1,4 +1,4 @@
-"""A motion as a file that a robot can replay: what `vispeg motions NAME --out` writes, from Python."""
+"""`vispeg motions NAME --out` from Python: write a motion as a file that a robot can replay."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class MotionFile:
     Attributes:
         motion: its name.
         model: the robot or cell that moves.
-        seconds: that it takes.
-        rate_hz: commands a second.
-        path: of the file.
+        seconds: its duration, s.
+        rate_hz: rate of commands, Hz.
+        path: the file.
         kp: 1/s^2, translation and rotation, of the controller in a cell; None for a motion of joints.
         force_limit: N, of that controller.
     """
@@ -78,7 +78,7 @@ def write_motion(
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such motion or model, one that the arm cannot make, or `out` is no file to write.
+        UserError: no such motion or model, one that the arm cannot make, or `out` cannot be written.
     """
     choices = names(model=model)
     if name not in choices:
@@ -96,7 +96,7 @@ def write_motion(
 
 
 def _refuse_other(path: Path) -> None:
-    """Only a file of commands is replaced, no log.
+    """Refuse to replace a file that is not one of commands, such as a log.
 
     Raises:
         UserError: the first line has other columns than a motion's.
@@ -106,4 +106,6 @@ def _refuse_other(path: Path) -> None:
     with path.open("rb") as file:
         head = file.readline(100_000).decode("utf-8", "replace").strip().split(",")
     if head[0] != "time" or not all(n.partition(".")[0] in COLUMNS for n in head[1:]):
-        raise UserError("not a motion; it is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*")
+        raise UserError(
+            "is not a motion file, and is not replaced", file=path, expected="time, q_cmd.*, dq_cmd.*, ee_cmd.*"
+        )

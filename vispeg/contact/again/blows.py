@@ -1,11 +1,12 @@
-"""Blows of a recorded tool: found, and run again in worlds from just before each, as restarts of a toss are.
+"""Impacts of a recorded tool: find them, and simulate each in worlds from a state just before it.
 
-What a contact takes out of a blow shows in its first hundredths of a second, which no path at 40 Hz holds. So the
-whole arm runs again, under the controller that ran, from where it was some ms before the touch. Compared are the
-impulse, and how long the tool then flies until it touches again, each from its own touch on, so that a height need not
-be known. Both are the same of a stiff and of a soft contact; a force is not. Sources: window restarts as in Acosta,
-Yang and Posa 2022, Validating robotics simulators on real-world impacts, RA-L 7(3); restitution from the times between
-bounces, Bernstein 1977, Listening to the coefficient of restitution, American Journal of Physics 45(1).
+The energy lost in an impact shows within hundredths of a second, which a path band-limited to 40 Hz does not resolve.
+So the whole arm is simulated under its recorded controller, from its state a few ms before contact. Compared are the
+impulse and the time of flight until the next contact, both counted from the contact of the simulation or recording
+itself, so that the height need not be known. Unlike the peak force, both are independent of the contact's stiffness.
+Sources: window restarts as in Acosta, Yang and Posa 2022, Validating robotics simulators on real-world impacts, RA-L
+7(3); restitution from the times between bounces, Bernstein 1977, Listening to the coefficient of restitution, American
+Journal of Physics 45(1).
 """
 
 from __future__ import annotations
@@ -26,24 +27,24 @@ from vispeg.task.belief import recorded_cell
 from vispeg.task.rig.run import run
 from vispeg.worlds.world import World
 
-BEFORE, AFTER = 0.012, 0.065  # s that are run before the measured touch, and after it
-CALM = 0.05  # s before the touch in free air from which place and speed are taken
-HIT = 0.016  # s from the touch, in which the peak and the impulse are, or until a tool parts later than that
+BEFORE, AFTER = 0.012, 0.065  # s, simulated before and after the measured contact
+CALM = 0.05  # s of free air before contact from which position and speed are estimated
+HIT = 0.016  # s after first contact for peak and impulse; longer if the tool separates later
 
 
 @dataclass(frozen=True)
 class Blow:
-    """One touch at some speed.
+    """One impact.
 
     Attributes:
-        recording: that it is in.
+        recording: recording that contains it.
         scene: the believed cell.
-        rows: of the recording, that are run again.
-        start: (nj,) rad, rad/s, where the arm was at the first of these rows and how fast, as read.
-        axis: (3,) along which the contact pushes, flange axes.
-        threshold: N, of a touch.
-        speed: m/s, of the tip.
-        felt: (2,) impulse, N s along the axis, and flight, s.
+        rows: rows of the recording that are simulated.
+        start: (nj,) rad and rad/s, measured joint angles and speeds at the first of these rows.
+        axis: (3,) direction of the contact force, flange axes.
+        threshold: contact force that counts as contact, N.
+        speed: speed of the tip, m/s.
+        felt: (2,) measured impulse along the axis, N s, and time of flight, s.
     """
 
     recording: Recording
@@ -57,7 +58,7 @@ class Blow:
 
     @property
     def sigma(self) -> np.ndarray:
-        """(2,) N s and s, what the right model leaves."""
+        """Expected errors (2,) of impulse and flight with a correct model, N s and s."""
         return np.hypot(
             [RULES.blow_impulse_least, max(RULES.blow_flight_least, 2 / self.recording.rate_hz)],
             np.array([RULES.blow_impulse, RULES.blow_flight]) * self.felt,
@@ -65,7 +66,7 @@ class Blow:
 
 
 def restarts(rec: Recording) -> bool:
-    """Whether a recording has a wrench and a controller under which stretches of it can run again."""
+    """Return whether a recording has a wrench and a controller with which parts of it can be simulated."""
     if rec.control.mode != "osc" or rec.ee_cmd is None or not sensed(rec):
         return False
     clock = np.diff(rec.time) * rec.control.rate_hz
@@ -73,7 +74,7 @@ def restarts(rec: Recording) -> bool:
 
 
 def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
-    """Those of a recording that `restarts`; a rebound's own touch is no blow. `felt`: what it touched, if known."""
+    """Return the impacts of a recording that `restarts`, except those after a rebound. `felt`: its contact if known."""
     if not restarts(rec):
         return []
     cell = recorded_cell(rec)
@@ -102,7 +103,7 @@ def blows(rec: Recording, felt: Touch | None = None) -> list[Blow]:
 
 
 def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
-    """(nworld, 2) N s and s that the worlds predict for a blow; NaN where a world does not hit in time."""
+    """Return the predicted impulse and flight, (nworld, 2) N s and s; NaN for a world without contact in time."""
     rec, rate = blow.recording, blow.recording.control.rate_hz
     assert rec.ee_cmd is not None
     cell = recorded_cell(rec)
@@ -113,9 +114,9 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 
 
 def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
-    """(2,) impulse and flight of a force (n,) less what it was `before` the touch; NaN without a blow.
+    """Return impulse and flight (2,) of a force (n,) minus its value `before` contact; NaN without an impact.
 
-    A tool that does not come back is said to fly until the force's end.
+    A tool that does not come back counts as flying until the end of the force.
     """
     above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)
@@ -126,13 +127,13 @@ def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.n
     first = int(np.argmax(on))
     part = first + int(np.argmin(np.r_[on[first:], False]))
     flight = int(np.argmax(np.r_[on[part:], True]))
-    parts = part < first + 2 * hit  # or else it stays
+    parts = part < first + 2 * hit  # else the tool stays in contact
     end = max(touched[0] + hit, part) if parts else touched[0] + hit
     return np.array([above[touched[0] : end].sum() / rate, parts * flight / rate])
 
 
 def _started(rec: Recording, begin: int, end: int, at: int) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and rates (nj,) at row `at` of a parabola through the rows between, in which nothing is touched."""
+    """Return angles and rates (nj,) at row `at` of a parabola fitted to the rows between, all in free air."""
     time = rec.time[begin:end] - rec.time[at]
     curve = np.polynomial.polynomial.polyfit(time, np.nan_to_num(rec.q[begin:end]), 2)
     return curve[0], curve[1]

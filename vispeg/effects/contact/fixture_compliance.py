@@ -1,9 +1,9 @@
-"""Fixture compliance: the fixture gives way under a load by (x, y, z) m/N, and rocks by (roll, pitch) rad/(N m).
+"""Fixture compliance: the fixture yields under load by (x, y, z) m/N, and tilts by (roll, pitch) rad/(N m).
 
-Axes are the base's; it rocks about its frame's origin, the goal's place, and rests where it stands unloaded. Native
-mechanism: slides and hinges with springs under the fixture's body, `jnt_stiffness` = 1 / compliance, see `springs`.
-Source: a remote centre of compliance as diagonal stiffness, Whitney 1982, Quasi-static assembly of compliantly
-supported rigid parts, J. Dyn. Sys. Meas. Control 104.
+Axes are those of the base. It tilts about its frame's origin, the goal, and without load rests at its nominal pose.
+Native mechanism: slides and hinges with springs under the fixture's body, `jnt_stiffness` = 1 / compliance, see
+`springs`. Source: a remote centre of compliance as diagonal stiffness, Whitney 1982, Quasi-static assembly of
+compliantly supported rigid parts, J. Dyn. Sys. Meas. Control 104.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from vispeg.core.effect import Effect
 from vispeg.effects.common import springs
 from vispeg.effects.common.parts import fixture
 
-MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2: what moves with it, beside what the springs bring
+MASS, INERTIA = 0.5, (1e-3, 1e-3, 1e-3)  # kg, kg m^2 that move with it, in addition to those of the springs
 
 
 class FixtureCompliance(Effect):

@@ -28,9 +28,9 @@ BackendName = Literal["auto", "classic", "raycast", "filament"]
 
 
 def jobs_a_process(backend: str) -> int | None:
-    """Jobs after which a process that draws with this backend should end; None where it may live on.
+    """Return the number of jobs after which a process with this backend should be replaced; None for no limit.
 
-    What Filament draws on software Vulkan leaves memory behind for as long as the process lives (docs/cameras.md).
+    Filament on software Vulkan leaks memory until the process ends (docs/cameras.md).
     """
     return 1 if backend == "filament" else None
 
@@ -41,10 +41,10 @@ class Shot:
 
     Attributes:
         rgb: (H, W, 3) uint8, sRGB.
-        depth: (H, W) float32, planar distance along the optical axis, m, 0 where nothing is.
+        depth: (H, W) float32, planar distance along the optical axis, m, 0 for no hit.
         pose: (4, 4) the camera's OpenCV axes in the base frame, m.
-        segmentation: (H, W) int32, 0 for nothing, else 1 + the part's place among the renderer's parts; or None.
-        normal_of: makes `normals` when they are asked for: they cost as much as a picture; or None.
+        segmentation: (H, W) int32, 0 for nothing, else 1 + index of the part in `parts`; or None.
+        normal_of: computes `normals` on demand, as they cost as much as an image; or None.
         poses: (4, 4) poses in camera axes, m: of bodies and sites of the cell (see `labels.poses`); or None.
     """
 
@@ -62,17 +62,17 @@ class Shot:
 
 
 class Renderer:
-    """Draws a model as cameras see it. Colour and depth come from one render, so their pixels agree.
+    """Render a model for its cameras. Colour and depth come from one render, so their pixels agree.
 
     Args:
         model: a Scene, or a compiled model, which is copied. Its `renderer.model` may be edited (colours, lights),
-            textures with a `refresh` after. From a Scene it gets a row for each camera, which camera effects need.
-        cameras: what looks; `place` changes them.
+            textures with a `refresh` after. A Scene's model gets one field row per camera, which camera effects need.
+        cameras: the cameras to render; `place` changes them.
         backend: `classic` (OpenGL), `raycast` (no graphics driver, plain colours), `filament` (Vulkan, physically
             based) or `auto`: classic where it works, else ray casting with a warning.
         labels: whether shots carry segmentation, normals and poses.
-        shadows: whether lights with `light_castshadow` cast shadows; without, none costs anything.
-        parts: geom names of each part, what segmentation counts; default: the Scene's, else every geom.
+        shadows: whether lights with `light_castshadow` cast shadows, at extra cost.
+        parts: geom names of each part in the segmentation; default: the Scene's parts, else every geom.
 
     Attributes:
         model, data: its own; `render` moves `data`.
@@ -124,7 +124,7 @@ class Renderer:
         self.nominal = self.cameras
 
     def aim(self, cameras: Sequence[Camera]) -> None:
-        """Draws through these cameras while `nominal` stays: what a look does to cameras that were placed."""
+        """Render through these cameras but keep `nominal`, as when a look moves the placed cameras."""
         names = [camera.name for camera in cameras]
         if len(set(names)) < len(names):
             raise UserError("two cameras of one name", key="cameras", got=names)
@@ -178,9 +178,9 @@ class Renderer:
         return {v.camera.name: self._shot(v, picture) for v, picture in zip(true, pictures, strict=True)}
 
     def restart(self) -> None:
-        """Forget the pictures drawn so far: those that follow depend on the model and on each other alone.
+        """Reset the backend, so that later images do not depend on those rendered before.
 
-        OpenGL and rays have nothing to forget; Filament's context is made anew, which takes about half a second.
+        OpenGL and ray casting have no such state; Filament's context is recreated, which takes about half a second.
         """
         if self._backend is not None and self._backend.remembers:
             self._open(*self._size)

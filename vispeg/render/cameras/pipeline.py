@@ -18,7 +18,7 @@ from vispeg.worlds.world import World
 
 @dataclass
 class Stage:
-    """One effect of the pipeline: its parameters (n,) by name, null where an image is without it, and what it keeps."""
+    """One effect of the pipeline: parameters (n,) by name, null for images without the effect, and its state."""
 
     effect: Effect
     p: dict[str, np.ndarray]
@@ -26,7 +26,7 @@ class Stage:
     state: dict[str, Any] = field(default_factory=dict)
 
     def at(self, rows: np.ndarray | None) -> dict[str, np.ndarray]:
-        """Give the parameters, null but in these rows (n,) bool; in all if None."""
+        """Return the parameters, set to null outside the given rows (n,) bool; None keeps all rows."""
         if rows is None:
             return self.p
         null = {k: np.where(rows, self.p[k], self.effect.params[k].null) for k in self.effect.magnitudes}
@@ -37,10 +37,10 @@ class Pipeline:
     """Sensor pipeline of a camera: image i of a stack passes through the effects of world i.
 
     An image's result depends on its own world and generator only, not on what else is in the stack; each effect draws
-    from a stream of its own, so that one more leaves the others' draws as they were.
+    from its own random stream, so that adding an effect does not change the draws of others.
 
     Args:
-        worlds: sampled worlds, one an image of the stack.
+        worlds: sampled worlds, one per image of the stack.
         camera: the camera's name; effects at `all` act on every camera.
     """
 
@@ -61,7 +61,7 @@ class Pipeline:
                 for name, param in stage.effect.params.items():
                     stage.p[name][row] = param.absent
                 if "time" in stage.state:
-                    stage.state["time"][row] = np.inf  # any time is before that: the row begins anew
+                    stage.state["time"][row] = np.inf  # any time is earlier, which marks a reset
             for placed in world.effects:
                 kind = effect(placed.effect)
                 if kind.family != "camera" or not kind.overrides("image") or placed.where not in ("all", self.camera):
@@ -72,12 +72,12 @@ class Pipeline:
         self._stages = {name: s for name, s in self._stages.items() if self._at_work(s)}
 
     def run(self, frame: Frame, rng: Sequence[np.random.Generator], rows: np.ndarray | None = None) -> Frame:
-        """Give the images as the camera delivers them; `frame` stays as it is.
+        """Return the images as the camera delivers them; `frame` is not modified.
 
         Args:
-            frame: as rendered, one image a row. Where it has depth but no truth, its depth is the truth.
-            rng: one generator an image; each gives one number a call.
-            rows: (n,) bool, the images that pass; the others stay as rendered, and nothing of them is remembered.
+            frame: rendered images, one per row. Without `truth`, its depth is taken as the truth.
+            rng: one generator per image, of which each call draws one number.
+            rows: (n,) bool, images to process; the others stay as rendered and leave the effects' state unchanged.
 
         Raises:
             ValueError: not one image and one generator for each world.
@@ -111,8 +111,8 @@ class Pipeline:
 class Streams(Sequence[np.random.Generator]):
     """Random generators of one effect, one per image, seeded in each frame by the image's key and the effect's name.
 
-    Small Fast Chaotic generators whose state is set and mixed by hand, as its author seeds it (Doty-Humphrey,
-    PractRand): a tenth of the time that a new one costs.
+    These are Small Fast Chaotic generators whose state is set and mixed in place as by its author (Doty-Humphrey,
+    PractRand), in a tenth of the time of constructing a new one.
     """
 
     def __init__(self, name: str, n: int):
@@ -122,7 +122,7 @@ class Streams(Sequence[np.random.Generator]):
         self._started: list[bool] = [False] * n
 
     def begin(self, keys: Sequence[int]) -> Streams:
-        """Give the streams of a frame, from one number below 2^63 an image."""
+        """Seed the streams of a frame with one number below 2^63 per image."""
         self._keys, self._started = list(keys), [False] * len(keys)
         return self
 

@@ -1,4 +1,4 @@
-"""What was found: each effect in words, with its values, 95 % intervals and what is physically plausible."""
+"""The section of effects found: each in words, with values, 95 % intervals and plausible ranges."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vispeg.report.text.quantities import number, plain, prefix, scaled
 
 TITLE = "What was found"
 STRONG = 0.9
-MOST_OPEN = 4  # effects whose tables stand open
+MOST_OPEN = 4  # effects whose tables are expanded
 AT_BOUND = "at a bound: the true value may lie beyond"
 
 
@@ -42,13 +42,13 @@ def effect_rows(record: Record) -> list[dict[str, str]]:
 
 
 def sure(effect: Mapping[str, Any]) -> str:
-    """How sure the name of an effect is: `named`, `tentative`, or `1 of 3` where others explain the recordings too."""
+    """Return the certainty of an effect: `named`, `tentative`, or `1 of 3` if others explain the recordings too."""
     others = len(rows(effect, "indistinguishable_from"))
     return "tentative" if effect.get("tentative") else f"1 of {others + 1}" if others else "named"
 
 
 def in_part(record: Record, effect: Mapping[str, Any]) -> bool:
-    """Whether an effect is true as far as it goes: accepted, and a remainder left. Old records list those apart."""
+    """Return whether an effect is partial: accepted, with a residual left. Old records list those separately."""
     return bool(effect.get("partial")) or effect in record.rows("partial")
 
 
@@ -66,7 +66,7 @@ def _fitted(p: Mapping[str, Any]) -> bool:
 
 
 def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
-    """Whether a value is the one that changes nothing: beside fitted ones it was not looked for."""
+    """Return whether a value is null, which means next to fitted values that it was not fitted."""
     bounds = bounds_of(name, param)
     return bounds is not None and number(p.get("value")) == bounds.null
 
@@ -85,7 +85,7 @@ def _effect(effect: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give an effect as one row: its name, each value with its interval, and how sure the name is."""
+    """Return an effect as one row: name, values with intervals, and certainty."""
     others = [effect_words.named(other) for other in rows(effect, "indistinguishable_from")]
     sure = "tentative" if effect.get("tentative") else f"or {words.join(others, 'or')}" if others else "named"
     return {"words": effect_words.named(effect), "params": _params(effect), "sure": sure}
@@ -122,7 +122,7 @@ class Correlations(TypedDict):
 
 
 def correlations(record: Record) -> Correlations:
-    """Correlation matrix as rows of (text, colour), and the pairs that the data hardly separate."""
+    """Return the correlation matrix as rows of (text, colour), and the pairs that the data hardly separate."""
     section = record.mapping("correlations")
     names = [str(name) for name in section.get("labels") or []]
     cells = [[number(v) for v in row] for row in section.get("matrix") or [] if isinstance(row, list)]

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 TITLE = "Measured against model"
 SCRIPTS = (*CHARTS, *arm.SCRIPTS)
 __all__ = ["SCRIPTS", "STYLES", "TITLE", "context"]
-MOST_TRACES, MOST_TRACKS = 3, 8  # drawn on paper; to choose from on the screen
-POINTS, NARROW_POINTS = 20_000, 160  # on paper: in all, and of a narrow line
-SHARE = 0.15  # of the worst joint's residual: joints below it are folded away at first
-SHOWN, LARGEST = 0.3, 500  # rad that the greatest error turns a joint by on the page; times at most
+MOST_TRACES, MOST_TRACKS = 3, 8  # traces drawn in print; tracks to choose from on screen
+POINTS, NARROW_POINTS = 20_000, 160  # in print: in total, and per line on a narrow page
+SHARE = 0.15  # of the worst joint's residual: joints below it are collapsed at first
+SHOWN, LARGEST = 0.3, 500  # largest joint error is magnified to SHOWN rad on the page, at most LARGEST times
 
 WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # by the unit of a trace
 
@@ -85,7 +85,7 @@ def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
 
 
 def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
-    """Give the signals themselves, and what is left of them."""
+    """Return the panels of signals and of residuals."""
     name = WHAT.get(unit, "signal")
     first = last if last == "model" else "model before"
     ends = [(first, f"before{of}", "before", False)] + ([(last, f"after{of}", "after", True)] if last != first else [])
@@ -195,7 +195,7 @@ class Worst:
 
 
 def moment(trace: Trace, joints: Sequence[str]) -> Worst:
-    """When the given model is worst in a recording."""
+    """Return when the given model is worst in a recording."""
     off = np.nan_to_num(np.abs(trace.measured - trace.before), posinf=0.0)
     k = int(np.argmax(np.linalg.norm(off, axis=1)))
     j = int(np.argmax(off[k]))

@@ -1,4 +1,4 @@
-"""What one row has seen so far in its episode, and what that is called in the end."""
+"""Track one row's episode and classify how it ends."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ TOUCH = 0.5  # N, contact force from which a contact counts
 
 @dataclass
 class Track(ABC):
-    """The judge of one episode. A task says what its ends are called.
+    """The judge of one episode; each task defines its own categories of ends.
 
     Attributes:
-        touched: whether there ever was contact.
+        touched: whether there has been contact.
         peak: greatest contact force, N.
         lateral: distance of the tip from the goal's axis, m.
         forces: contact force at every control tick, N.
@@ -30,7 +30,7 @@ class Track(ABC):
     depths: list[float] = field(default_factory=list)
 
     def add(self, config: Any, forces: np.ndarray, tip: np.ndarray, **observed: float) -> None:
-        """One policy step.
+        """Record one policy step.
 
         Args:
             config: the task's settings.
@@ -46,8 +46,8 @@ class Track(ABC):
 
     @abstractmethod
     def verdict(self, config: Any) -> str | None:
-        """Give the category once the episode is over by itself, else None."""
+        """Return the category of an episode that has ended by itself, else None."""
 
     @abstractmethod
     def at_time(self, config: Any) -> str:
-        """Give the category of an episode that ran out of time."""
+        """Return the category of an episode that ran out of time."""

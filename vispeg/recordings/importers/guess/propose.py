@@ -1,4 +1,4 @@
-"""A map proposed from what the names say and the numbers allow, with a reason for each column."""
+"""Propose a map from column names and values, with a reason for each column."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ class Line:
     """One column of the map.
 
     Attributes:
-        target: what it becomes.
-        column: which it is; empty for one that is stated as missing.
+        target: column of the recording.
+        column: column of the source; empty for one that is declared missing.
         unit: of its values.
         why: in words.
-        sure: how sure that is: `stated` by the file, `measured` in its numbers, or `likely`.
-        scale: factor on the values beside the unit.
-        offset: what is added then, SI.
+        sure: certainty: `stated` by the file, `measured` from its numbers, or `likely`.
+        scale: factor on the values in addition to the unit.
+        offset: added last, SI units.
         plus: a further column that is added, and its unit.
-        rate_hz: samples a second, where the file keeps no time.
+        rate_hz: sample rate if the file has no time stamps, Hz.
         constant: N m/A, of a current.
     """
 
@@ -86,9 +86,9 @@ class Proposal:
         dialect: of a text table.
         doubts: sentences on what a person should look at.
         unused: column -> why it is not used.
-        assumed: signals whose columns are taken in an order that nothing states.
+        assumed: signals whose columns are in an assumed joint order.
         current: whether measured torque is a motor current, whose scale has to be found.
-        motors: joint -> joint angle over motor angle, as a map states it, of joints whose columns are their motors'.
+        motors: joint -> joint angle over motor angle, as in a map file, for joints whose columns are motor readings.
         ampere: the unit of these currents that their names state, A or mA.
         rows: the rows that decided, as they stand in the file.
     """
@@ -122,15 +122,15 @@ def propose(
     rate_hz: float | None = None,
     calibration: Mapping[str, int] | None = None,
 ) -> Proposal:
-    """Guesses what the columns of a table are.
+    """Guess the meaning of a table's columns.
 
     Args:
         table: all columns of the source, or the first rows of them.
         joints: the robot's joints.
-        limits: of these joints; what angles and speeds are held against.
+        limits: limits of these joints, with which angles and speeds are compared.
         dialect: how the table is written.
-        labels: column -> joint, where something beside the header says so.
-        order: for each joint, whose column it gets where nothing states an order.
+        labels: column -> joint, if known from elsewhere than the header.
+        order: for each joint, the index of its column, if the file states no order.
         rate_hz: samples a second, of a file that keeps no time.
         calibration: joint -> encoder ticks of its calibrated range.
 
@@ -288,7 +288,7 @@ def _seconds(table: Table, time: Line) -> np.ndarray:
 
 
 def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], out: Proposal) -> None:
-    """Goals and angles without torque are a servo's, as far as the angles follow."""
+    """Propose servo control if there are goals and angles but no torque, and the angles follow the goals."""
     q, goal = (stacks[s] * FACTORS[units[s][0]] for s in ("q", "q_cmd"))
     ratio = slope(goal - np.nanmean(goal, axis=0), q - np.nanmean(q, axis=0))
     if ratio is None or not 0.5 < ratio < 2.0:
@@ -323,7 +323,7 @@ def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
 
 
 def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[Meaning]]:
-    """Columns of one quantity, source and wording."""
+    """Group columns by quantity, source and wording."""
     groups: dict[tuple[str, bool | None, str], list[Meaning]] = {}
     for m in meanings:
         groups.setdefault((m.quantity, m.commanded, m.said), []).append(m)
@@ -331,7 +331,7 @@ def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[
 
 
 def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Proposal) -> dict[str, list[Meaning]]:
-    """For each signal the group that is most surely it: the one that says `actual` before others, then the largest."""
+    """Choose the most certain group of columns for each signal: one that says `actual`, then the largest."""
     best: dict[str, list[Meaning]] = {}
     for (quantity, commanded, _), group in sorted(groups.items(), key=_rank):
         signal = quantity + ("_cmd" if commanded else "")
@@ -344,7 +344,7 @@ def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Prop
 
 
 def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bool, bool, int]:
-    """Group that say what they are first, then those that say `actual`, then the largest."""
+    """Rank groups: those with explicit names first, then those that say `actual`, then the largest."""
     (_, commanded, said), columns = group
     return said.startswith("[") or " " in said, commanded is None, -len(columns)
 
@@ -389,7 +389,7 @@ def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
-    """Columns whose label is a joint's name, or the part of it that tells it from the others."""
+    """Return columns labelled with a joint's name, or with its distinctive part."""
     short = dict(zip(_bare(["_".join(split(j)) for j in joints]), joints, strict=True))
     full = {"_".join(split(joint)): joint for joint in joints}
     columns: dict[str, Meaning] = {}
@@ -405,7 +405,7 @@ def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
 
 
 def _bare(labels: list[str]) -> list[str]:
-    """Labels without what all of them begin and end with: j1, j2 -> 1, 2; numbers stay whole."""
+    """Strip common prefix and suffix of labels: j1, j2 -> 1, 2; numbers are not split."""
     if len(labels) < 2:
         return [re.sub(r"^\D+(?=\d+$)", "", label) for label in labels]
     head = re.sub(r"\d+$", "", os.path.commonprefix(labels))
@@ -428,9 +428,7 @@ def _time(
     out: Proposal,
     rate_hz: float | None = None,
 ) -> Line:
-    """Give the column that is the time: named so and increasing, else any that increases by even steps, else the
-    rate.
-    """
+    """Return the time column: an increasing one with such a name, else any with even steps, else the sample rate."""
     if rate_hz is not None:
         return Line("time", "", "", f"the file is read at {rate_hz:g} Hz, as stated", "stated", rate_hz=rate_hz)
     pair = _pair(table, meanings)
@@ -458,7 +456,7 @@ def _time(
 
 
 def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]) -> float | None:
-    """Sample a second by which measured speeds are the slope of the angles; None where that is not known."""
+    """Return the sample rate at which measured speeds match the slope of the angles, Hz; None if unknown."""
     if "dq" not in stacks:
         return None
     q, dq = (stacks[signal] * FACTORS[units[signal][0]] for signal in ("q", "dq"))
@@ -471,7 +469,7 @@ def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]
 
 
 def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
-    """Columns of whole seconds and of the nanoseconds in them, as ROS and DROID write a stamp; None where none are."""
+    """Return the columns of seconds and nanoseconds of a split time stamp, as ROS and DROID write it; None without."""
     for m in meanings:
         words = split(m.name)
         if m.name not in table.columns or not words or words[-1] not in NANOS:
@@ -487,13 +485,13 @@ def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
 
 
 def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
-    """Give the units that speeds may be in: the one that their names state, else any."""
+    """Return the possible units of speeds: the one in their names, else all."""
     stated = {m.unit for m in columns} - {""}
     return (*stated,) if len(stated) == 1 and stated <= values.STATED else values.SPEEDS
 
 
 def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
-    """Give a word on every column that is not used."""
+    """Give the reason for every unused column."""
     taken = {line.column for line in out.lines} | {line.plus[0] for line in out.lines if line.plus is not None}
     for m in meanings:
         if m.name in taken or m.name in out.unused:
@@ -507,7 +505,7 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
 
 
 def _amperes(columns: Mapping[str, Meaning]) -> str:
-    """Give the unit that all names of currents say, or nothing."""
+    """Return the unit that all names of currents share, or ""."""
     said = {m.unit for m in columns.values()}
     return said.pop() if len(said) == 1 else ""
 
