@@ -1,5 +1,7 @@
 """Modules of a user's own that VISPEG_PLUGINS names: every command has their effects and channels."""
 
+import hashlib
+import json
 import os
 import subprocess
 import sys
@@ -64,7 +66,10 @@ def test_commands_know_the_effects_and_channels_of_a_module_that_is_named(folder
     fitted = vispeg(folder, "mine", "fit", "iiwa14", *fit)
     assert fitted.returncode == 0, fitted.stderr
     compare = ["compare", "fit/model.yaml", "--recording", "rig", "--out", "out"]
-    assert vispeg(folder, "mine", *compare).returncode == 0
+    shown = vispeg(folder, "mine", *compare)
+    assert shown.returncode == 0
+    content = f"sha256:{hashlib.sha256((folder / 'mine.py').read_bytes()).hexdigest()}"
+    assert json.loads((folder / "out" / "compare.json").read_text())["provenance"]["versions"]["mine"] == content
     said = vispeg(folder, "mine", *compare, "--channels", "amperes", "--overwrite")
     assert "choices: joints, current, pictures" in said.stderr
     without = vispeg(folder, None, *compare, "--overwrite")

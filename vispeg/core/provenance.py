@@ -8,11 +8,13 @@ import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TypedDict
 
 from vispeg import __version__
 from vispeg.core.errors import UserError
+from vispeg.core.registry import plugins
 
 PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # what numbers depend on
 
@@ -55,9 +57,15 @@ def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
 
 def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) -> Provenance:
     versions: dict[str, str | None] = {"vispeg": __version__, "python": platform.python_version()}
-    versions |= {name: version_of(name) for name in PACKAGES}
+    versions |= {name: version_of(name) for name in PACKAGES} | {name: _content(name) for name in plugins()}
     inputs = dict(sorted(digests.items()))
     return {"command": command_line(argv), "seed": seed, "versions": versions, "inputs": inputs}
+
+
+def _content(module: str) -> str | None:
+    """Return the digest of a plug-in's file: with another content it is another version."""
+    spec = find_spec(module)
+    return None if spec is None or spec.origin is None else f"sha256:{digest(spec.origin)}"
 
 
 def command_line(argv: Sequence[str]) -> str:

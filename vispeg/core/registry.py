@@ -66,13 +66,18 @@ class Registry(MutableMapping[str, Item]):
         return len(self._items)
 
 
+def plugins() -> list[str]:
+    """Return the names of the modules that `VISPEG_PLUGINS` names."""
+    return [*filter(None, map(str.strip, os.environ.get(PLUGINS, "").split(",")))]
+
+
 def load_plugins() -> None:
     """Import the modules that `VISPEG_PLUGINS` names, whose classes enrol themselves.
 
     Raises:
         UserError: one that cannot be imported.
     """
-    for name in filter(None, map(str.strip, os.environ.get(PLUGINS, "").split(","))):
+    for name in plugins():
         try:
             import_module(name)  # at once where it is loaded, or is just being loaded
         except (ImportError, SyntaxError, ValueError) as error:

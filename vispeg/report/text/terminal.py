@@ -173,7 +173,7 @@ def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
         out.append(Line(f"where it fails: {'; '.join(worst[:3])}"))
     out += [Line(said) for said in words.drifted(rows(comparison, "drift"))]
     for other in rows(comparison, "by_channel"):
-        out += comparison_summary(other["record"])
+        out += [Line(f"channel {other['channel']}:"), *comparison_summary(other["record"])]
     out += [Line(sentence) for sentence in camera_words.cameras(comparison)]
     return out + [Line(f"note: {note}") for note in comparison.get("notes") or ()]
 
