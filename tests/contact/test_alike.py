@@ -9,7 +9,7 @@ import pytest
 from vispeg.contact.selection.alike import alike, freed, lacking, refitted
 from vispeg.contact.selection.profile import looked_for
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", x=4e-5, y=5e-5)

@@ -12,7 +12,7 @@ from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.spare import too_small
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.worlds.world import World
 
 SOFT = EffectInstance.of("fixture_compliance", "fixture", z=1e-5)

@@ -14,7 +14,7 @@ from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
 from vispeg.robots.tools import CELL

@@ -6,7 +6,7 @@ from vispeg.contact.next_motion import separating
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.entangled import beside, entangled, judged
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.worlds.world import World

@@ -9,7 +9,7 @@ import pytest
 from vispeg.contact.selection.layer import judged
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.report.text.words import verdict as in_words
 from vispeg.worlds.world import World
 

@@ -18,7 +18,7 @@ from vispeg.contact.selection.spare import includes_none
 from vispeg.core.effect import REGISTRY, EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.sim.touch import touch
 from vispeg.task.belief import believed
 from vispeg.task.rig.record import record_cell

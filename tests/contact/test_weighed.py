@@ -11,7 +11,7 @@ from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.weighed import asked, beside, judged, of_tool, weighed
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE

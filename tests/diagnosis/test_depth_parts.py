@@ -10,7 +10,7 @@ from sensor_shots import CELL, LIT, WRIST, measured, shots
 
 from vispeg.api.recording.look import scene_of
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.pictures.parts import in_parts, smallest
 from vispeg.diagnosis.pictures.sensors import Sensed, SensorSearch
 from vispeg.diagnosis.pictures.spread import confirmed

@@ -10,11 +10,11 @@ from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.findings import Gain, Score, Trial
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import _stands_behind, grow
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.robots.model import load
 from vispeg.worlds.world import World

@@ -10,7 +10,7 @@ import pytest
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.next_experiment import MENU, next_experiment
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.identify.record import controller
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load

@@ -9,12 +9,11 @@ from loops import pendulum
 from vispeg.api.fit import fit
 from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.starts import begun
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.pairs import all_common, pairs
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import Trial
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.excitation import Motion
 from vispeg.identify.record import controller, record

@@ -7,11 +7,11 @@ import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import grown_from
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.selection import law
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
 
 

@@ -11,16 +11,16 @@ import vispeg.diagnosis.selection.search as searching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import at_bound
+from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.selection import shadows
 from vispeg.diagnosis.selection.accept import in_order, refusal
-from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together

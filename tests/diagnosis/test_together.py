@@ -11,8 +11,8 @@ from vispeg.core.effect import EffectInstance, searchable
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
-from vispeg.diagnosis.evidence.screen import Score
 from vispeg.diagnosis.evidence.signatures import Signature
+from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, open_ended, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior, together

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.conclusion.verdict import decide, settled_names
+from vispeg.diagnosis.findings import Rivals
 from vispeg.report.text import contact_words, effect_words, joint_errors, unseen, words
 from vispeg.report.text.quantities import interval, plain, quantity
 from vispeg.report.text.terminal import effects_table

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.schema import NextMotion, NotExcited
 from vispeg.worlds.world import World
 

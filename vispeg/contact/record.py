@@ -15,7 +15,7 @@ from vispeg.contact.phases import NAMES
 from vispeg.core.effect import effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.least_sizes import between
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.schema import Allowed, Failure, NotExcited, ShowsFrom
 from vispeg.diagnosis.traces import arrays as arrays_of
 from vispeg.diagnosis.traces import traces

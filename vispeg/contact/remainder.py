@@ -14,7 +14,7 @@ import numpy as np
 from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.phases import NAMES
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.scale import floors
 from vispeg.worlds.world import World
 

@@ -15,13 +15,14 @@ from vispeg.core.params import Param, Value
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.least_sizes import Trace, least_alone
 from vispeg.diagnosis.conclusion.verdict import decide
+from vispeg.diagnosis.findings import Gain
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import with_origin
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.schema import Candidate, DiagnosisRecord, FoundEffect, NextMotion, Rung, ShowsFrom
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.judge import Gain, Judge
+from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.window_profile import Profile, profile, sizes
 from vispeg.effects.contact.restitution import rebound

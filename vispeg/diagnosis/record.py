@@ -10,10 +10,9 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.beginning import ANEW
-from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.schema import Candidate, Channel, Correlations, FoundEffect, Moved, Rung
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording

@@ -15,12 +15,13 @@ from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeate
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
 from vispeg.diagnosis.conclusion.subsets import subsets
-from vispeg.diagnosis.conclusion.verdict import Verdict, decide, settled_names
+from vispeg.diagnosis.conclusion.verdict import decide, settled_names
 from vispeg.diagnosis.evidence.base_parameters import base_parameters
 from vispeg.diagnosis.evidence.localise import maps, missing_torque, peaks, where_it_fails
 from vispeg.diagnosis.evidence.motionless import refuse_motionless
 from vispeg.diagnosis.evidence.remainder import dependences, sizes
 from vispeg.diagnosis.evidence.roles import recast
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.proposal import propose
 from vispeg.diagnosis.record import (

@@ -44,7 +44,7 @@ class Kept:
     ):
         self.env, self.vec, self.who, self.folder, self.stem, self.seeds = env, vec, who, folder, stem, set(seeds)
         self.world, self.num_envs, self.config = WorldPart(name=world, hash=world_hash), vec.num_envs, vec.config
-        self.images = [key for key in vec.single_observation_space.spaces if kind_of(key) is not None]
+        self.images = [key for key in vec.keys if kind_of(key) is not None]
         origin = {"modality": who.modality, "world": world, "world_hash": world_hash, "policy": who.digest}
         sim = vec.sim
         self.interface = interface_of(vec.config, sim.scene, vec.obs_mode, vec.cameras, self.images, **origin)

@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.contact.again.closed_loop import closed_loop
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.schema import Replayed, Trial
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World

@@ -13,7 +13,7 @@ import numpy as np
 
 from vispeg.contact.selection.profile import places, strongest
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:

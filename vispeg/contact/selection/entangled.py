@@ -14,7 +14,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.schema import FoundEffect, Place
 from vispeg.identify.fit import Fit
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.worlds.world import World
 
 

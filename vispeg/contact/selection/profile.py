@@ -14,7 +14,7 @@ from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.screen import Probe, Screen
 from vispeg.core.effect import REGISTRY, STAGES, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score
 from vispeg.robots.scene import Scene
 from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World

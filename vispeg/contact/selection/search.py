@@ -27,11 +27,10 @@ from vispeg.contact.selection.sparse import sparse
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.judge import Gain
 from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World

@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.contact.selection.profile import place_of
 from vispeg.core.effect import EffectInstance, effect
-from vispeg.diagnosis.conclusion.verdict import Verdict
+from vispeg.diagnosis.findings import Verdict
 from vispeg.diagnosis.schema import FoundEffect, NextMotion, Place
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.state import State

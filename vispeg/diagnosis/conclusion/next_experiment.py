@@ -17,9 +17,9 @@ import numpy as np
 
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.schema import NextMotion
-from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.excitation import motion
 from vispeg.identify.inverse import TorqueEvidence
@@ -40,7 +40,7 @@ SECONDS = 6.0
 
 
 def next_experiment(
-    search: Search, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
+    search: Searching, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
     """Give the record's `next_experiment` and the arrays of its picture; None where nothing is left to find out.
 
@@ -81,7 +81,7 @@ class _Stage:
 
     beside = ""
 
-    def __init__(self, search: Search, seed: int):
+    def __init__(self, search: Searching, seed: int):
         self.evidence, self.seed = search.evidence, seed
         self.item = search.evidence.items[0]
         control = self.item.segment.control

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -11,11 +11,11 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import joint_z
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import Judge
-from vispeg.diagnosis.selection.search import Search
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
 from vispeg.worlds.places import ALL
@@ -23,16 +23,7 @@ from vispeg.worlds.places import ALL
 AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
 
 
-@dataclass(frozen=True)
-class Rivals:
-    """For one accepted effect: the trials that held-out data cannot tell from it, and all that were tried."""
-
-    label: str
-    equals: tuple[Trial, ...]
-    tried: tuple[Trial, ...]
-
-
-def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     for _ in range(RULES.exchanges):
@@ -49,14 +40,14 @@ def settled(search: Search, state: State, n_fixed: int, say: Callable[[str], Non
     return rivals
 
 
-def _better(search: Search, state: State, rival: Trial, label: str) -> bool:
+def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
     """Whether a rival belongs in the place of the effect `label`."""
     (accepted,) = [e for e in state.world.effects if e.label == label]
     least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
-def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals of every accepted effect, all the others kept and refitted."""
     chosen = state.world.effects[n_fixed:]
     if len(chosen) > search.few:
@@ -76,7 +67,7 @@ def find_rivals(search: Search, state: State, n_fixed: int, say: Callable[[str],
     return out
 
 
-def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
+def _tried(search: Searching, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
     """Give the step whose candidates were tried in the place of an effect, one of `count`; None where it must be asked
     anew.
 
@@ -87,7 +78,7 @@ def _tried(search: Search, state: State, placed: EffectInstance, count: int) -> 
     return state.brought(placed) if search.evidence.alike == 0 else None
 
 
-def _goal(search: Search, state: State) -> float | None:
+def _goal(search: Searching, state: State) -> float | None:
     """Mean squared residual that a rival's fit must come near to, or else it gives up: near what the chosen one leaves.
 
     None where a model's form leaves errors that last, so that a rival may be as good and leave more.
@@ -99,7 +90,7 @@ def _goal(search: Search, state: State) -> float | None:
     return remains + RULES.rival_far * max(remains - noise, RULES.rival_room)
 
 
-def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
+def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
     """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side.
 
     Where linear algebra does not judge (`_beyond`) the library is screened as well.
@@ -131,7 +122,7 @@ def _proposed(search: Search, state: State, n_fixed: int, say: Callable[[str], N
     return [by_label.get(e.label, Rivals(e.label, (), ())) for e in state.world.effects[n_fixed:]]
 
 
-def _beyond(search: Search, state: State) -> set[str]:
+def _beyond(search: Searching, state: State) -> set[str]:
     """Places where more than noise is left and linear algebra cannot judge an exchange; none at the noise floor.
 
     What all joints share, such as a delay, moves the arm by far more than noise: at first order a lag looks alike. In
@@ -143,7 +134,7 @@ def _beyond(search: Search, state: State) -> set[str]:
     return {ALL, search.evidence.items[0].robot.joints[worst]}
 
 
-def _without(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
+def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
     """Give the state without each of these effects, the others fitted anew with the derivatives that they had."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
@@ -184,7 +175,7 @@ def _parts(label: str) -> tuple[str, str]:
     return name, where
 
 
-def _compare(search: Search, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
+def _compare(search: Searching, state: State, label: str, trials: list[Trial], without: float) -> Rivals:
     others = [t for t in trials if not t.score.beside and t.score.placed.label != label]
     equals = [
         t

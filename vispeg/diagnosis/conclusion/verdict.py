@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.rivals import Rivals
 from vispeg.diagnosis.evidence.remainder import Dependence
 from vispeg.diagnosis.evidence.roles import Roles
+from vispeg.diagnosis.findings import Rivals, Verdict
 from vispeg.diagnosis.scale import floors, times
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """The verdict with its reason in one sentence, and what an unexplained remainder depends on."""
-
-    verdict: str
-    reason: str
-    unexplained: dict | None = None
-    partial: bool = False  # the effects that were accepted are true as far as they go: a remainder is left
 
 
 def decide(

@@ -3,63 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from vispeg.core.effect import EffectInstance, effect, searchable
+from vispeg.core.effect import effect, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.signatures import Signature
+from vispeg.diagnosis.findings import Score
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
 ROWS = 2**16  # rows of a least-squares problem that are factorised at a time
-
-
-@dataclass(frozen=True)
-class Score:
-    """One candidate.
-
-    Attributes:
-        placed: the effect with start values for a fit.
-        gain: drop of the squared whitened residual, to first order.
-        beside: the other members of a group that is tried at once.
-        out: accepted effects that this candidate would replace.
-    """
-
-    placed: EffectInstance
-    gain: float
-    beside: tuple[EffectInstance, ...] = ()
-    out: tuple[EffectInstance, ...] = ()
-
-    @property
-    def members(self) -> tuple[EffectInstance, ...]:
-        """All effects of the candidate."""
-        return (self.placed, *self.beside)
-
-    @property
-    def count(self) -> int:
-        """Number of members."""
-        return 1 + len(self.beside)
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """(effect, where). Of a group: its effects, with `each`, or `several` if the places were chosen by the data."""
-        names = dict.fromkeys(e.effect for e in self.members)
-        if len({e.where for e in self.members}) == 1:
-            return " + ".join(names), self.placed.where
-        common = {effect(name).common for name in names}
-        return " + ".join(names), "each" if len(common) == 1 and "" not in common and not self.out else "several"
-
-    @property
-    def label(self) -> str:
-        """`coulomb_friction(joint4)`, or `coulomb_friction + viscous_friction(each)`."""
-        return "{}({})".format(*self.key)
-
-    def has(self, placed: EffectInstance) -> bool:
-        """Return whether an effect at its place is one of the members."""
-        return any((e.effect, e.where) == (placed.effect, placed.where) for e in self.members)
 
 
 def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.findings import Trial
 from vispeg.diagnosis.pictures.agreement import agreement
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.selection.accept import equal
 from vispeg.diagnosis.selection.judge import parameters, present
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
 
 OF_TIME = ("camera_delay", "rolling_shutter")

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.core.effect import OPTICAL, effect
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.excited import motion_between
 from vispeg.identify.fit import Fit
 from vispeg.identify.pictures.evidence import BorderEvidence

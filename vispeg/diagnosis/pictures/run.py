@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.borders import BorderSearch
 from vispeg.diagnosis.pictures.excited import border_excitations, motion_between, not_excited
 from vispeg.diagnosis.pictures.flatness import heights_left

@@ -9,10 +9,10 @@ import numpy as np
 
 from vispeg.core.effect import OPTICAL, Effect, EffectInstance
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.plain import PlainSearch
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.sensor import SensorEvidence
 from vispeg.worlds.world import World

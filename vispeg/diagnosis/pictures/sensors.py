@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.rivals import Rivals
+from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.pictures.excited import Excitation
 from vispeg.diagnosis.pictures.parts import in_parts
 from vispeg.diagnosis.pictures.search import PictureSearch

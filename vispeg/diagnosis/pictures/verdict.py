@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.rivals import Rivals
-from vispeg.diagnosis.conclusion.verdict import Verdict, unexplained
+from vispeg.diagnosis.conclusion.verdict import unexplained
+from vispeg.diagnosis.findings import Rivals, Verdict
 from vispeg.diagnosis.pictures.halves import Halves
 from vispeg.diagnosis.pictures.remainder import Left
 from vispeg.diagnosis.pictures.sensors import Sensed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -11,15 +10,14 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.signatures import at_bound
+from vispeg.diagnosis.findings import Trial
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
-from vispeg.diagnosis.selection.state import State, Trial, without
-
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.state import State, without
 
 
-def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> list[Trial]:
+def ranked(search: Searching, state: State, trials: list[Trial], tested: int) -> list[Trial]:
     """Refuses what fails a criterion, and puts the simplest of the equals first."""
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
@@ -28,7 +26,7 @@ def ranked(search: Search, state: State, trials: list[Trial], tested: int) -> li
     return in_order(search.judge, state, out)
 
 
-def refusal(search: Search, state: State, t: Trial, level: float, absent: bool) -> str:
+def refusal(search: Searching, state: State, t: Trial, level: float, absent: bool) -> str:
     """Why a trial fails a criterion; empty where it fails none. `level`: standard errors that its gain must reach."""
     if t.gain.mean <= 0:
         return "the held-out error does not fall"

@@ -6,19 +6,16 @@ exchange leads from there to the load, which has fewer parameters than they have
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from vispeg.core.effect import EffectInstance, effect, searchable
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.screen import Score, candidates
+from vispeg.diagnosis.evidence.screen import candidates
+from vispeg.diagnosis.findings import Score
+from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.shadows import become, lacking, overtakes
 from vispeg.diagnosis.selection.state import State
 
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
 
-
-def gathered(search: Search, state: State, n_fixed: int) -> bool:
+def gathered(search: Searching, state: State, n_fixed: int) -> bool:
     """Put a body with a mass and a place in the place of all that links were given, where that is better; whether it
     was.
     """
@@ -45,7 +42,7 @@ def gathered(search: Search, state: State, n_fixed: int) -> bool:
     return True
 
 
-def of_links(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
+def of_links(search: Searching, state: State, n_fixed: int) -> list[EffectInstance]:
     """Effects of single links that a search added."""
     links = set(search.evidence.items[0].robot.links)
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family == "body" and e.where in links]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import effect
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.findings import Gain
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.identify.loops.stirred import reading_noise
@@ -17,25 +17,6 @@ from vispeg.worlds.world import World
 
 # However bad the given model was, an identified one leaves no more than this in any kind of channel, over its floor;
 # where the mean over all is more, a search asks again (`shadows`):
-
-
-@dataclass(frozen=True)
-class Gain:
-    """Held-out improvement of one world over another.
-
-    Attributes:
-        mean: drop of the mean squared whitened residual.
-        z: standard normal score of Wilcoxon's signed-rank test over blocks of time, or over stretches of them in which
-            errors last (`Evidence.stretches`); its few heavy blocks (reversals) do not drown the rest, as they would in
-            a mean over its standard error.
-        relative: drop over what there was.
-        joints: (nj,) the same in the channels of each joint.
-    """
-
-    mean: float
-    z: float
-    relative: float
-    joints: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 class Judge:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -18,19 +17,17 @@ from vispeg.core.effect import Effect, EffectInstance, effect, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.evidence.localise import joint_data
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import present
-from vispeg.diagnosis.selection.state import State, Trial, without
+from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.state import State, without
 from vispeg.identify.fit import Chase, Race, squares
 from vispeg.worlds.world import World
 
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
 
-
-def refined(search: Search, state: State, n_fixed: int) -> bool:
+def refined(search: Searching, state: State, n_fixed: int) -> bool:
     """Refine simple laws where that passes the test; return whether any was refined."""
     excess = search.judge.mean(state.loss) - search.judge.floor(state.world)
     for simple, kind in laws(search, state.world, n_fixed):
@@ -61,7 +58,7 @@ def refined(search: Search, state: State, n_fixed: int) -> bool:
     return False
 
 
-def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
+def laws(search: Searching, world: World, n_fixed: int) -> Iterator[tuple[list[EffectInstance], Effect]]:
     """Yield each effect that several joints of a world have, with each kind that contains it under the same names of
     magnitudes.
     """
@@ -75,7 +72,7 @@ def laws(search: Search, world: World, n_fixed: int) -> Iterator[tuple[list[Effe
                 yield free, kind
 
 
-def _removed(search: Search, state: State, simple: list[EffectInstance]) -> float:
+def _removed(search: Searching, state: State, simple: list[EffectInstance]) -> float:
     """Return the mean squared whitened residual that these effects remove on the fitted recordings, to first order."""
     fit = state.fit
     assert fit is not None
@@ -85,7 +82,7 @@ def _removed(search: Search, state: State, simple: list[EffectInstance]) -> floa
     return judge.mean(judge.loss(residual)) - judge.mean(judge.loss(fit.residual))
 
 
-def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Effect) -> list[list[EffectInstance]]:
+def _starts(search: Searching, state: State, simple: list[EffectInstance], kind: Effect) -> list[list[EffectInstance]]:
     """Return start values for the refined law: the simple one's magnitudes, with each of the guessed shapes."""
     data = joint_data(search.missing(state.world), search.evidence.items)
     joints = list(search.evidence.items[0].robot.joints)
@@ -102,7 +99,7 @@ def _starts(search: Search, state: State, simple: list[EffectInstance], kind: Ef
 
 
 def _fitted(
-    search: Search, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
+    search: Searching, state: State, simple: list[EffectInstance], starts: list[list[EffectInstance]], n_fixed: int
 ) -> Trial:
     """Fit the refined law in place of the simple one from several starts; return the best fit on the held-out
     recordings.
@@ -115,7 +112,7 @@ def _fitted(
     return Trial(score, fits[k], losses[k], search.judge.gain(state.loss, losses[k]))
 
 
-def _grown(search: Search, state: State, simple: EffectInstance) -> list[EffectInstance]:
+def _grown(search: Searching, state: State, simple: EffectInstance) -> list[EffectInstance]:
     """Return refined effects in place of the simple one: with its value, and shapes guessed from the data, smaller and
     larger.
     """
@@ -141,7 +138,7 @@ def _first(starts: list[EffectInstance]) -> list[EffectInstance]:
     return [s for some in kinds for s in some[: RULES.law_fitted]]
 
 
-def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> None:
+def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) -> None:
     """Replace the effect just added by a richer one, of which it may be an alias, as a rotor is of backlash.
 
     A fit of the richer effect from scratch tends to end in a local minimum where the simpler one explains most.
@@ -167,7 +164,7 @@ def grow(search: Search, state: State, placed: EffectInstance, n_fixed: int) -> 
         search.take(state, trial, [trial], n_fixed)
 
 
-def _stands_behind(search: Search, state: State, trial: Trial, crossed: float) -> bool:
+def _stands_behind(search: Searching, state: State, trial: Trial, crossed: float) -> bool:
     """Return whether a richer effect removes most of the residual above noise that the simple one leaves.
 
     `crossed`: its gain on the cross-fitted blocks, in standard errors. A gain that is a small share of the total

@@ -22,7 +22,7 @@ from vispeg.diagnosis.selection.judge import present
 from vispeg.diagnosis.selection.state import State
 
 if TYPE_CHECKING:
-    from vispeg.diagnosis.conclusion.rivals import Rivals
+    from vispeg.diagnosis.findings import Rivals
 
 
 @dataclass(frozen=True)

@@ -10,25 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.core.effect import Effect, EffectInstance, effect, searchable
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, joint_z
-from vispeg.diagnosis.evidence.screen import Score, candidates
+from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import guessed
+from vispeg.diagnosis.findings import Score
+from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
-
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
 
 STAGES = ("goal", "regulate", "drive")  # of a joint's drive: of two effects in one stage either stands for the other
 
 
-def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
+def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
     """Two distant effects in the joint that misses most, best first; for each guess of one the best of the other."""
     evidence, joints = search.evidence, search.evidence.items[0].robot.joints
     worst = int(np.argmax(joint_z(missing)))
@@ -56,7 +54,7 @@ def pairs(search: Search, state: State, missing: Sequence[MissingTorque]) -> lis
     return [s for s in out if s.gain > 0]
 
 
-def all_common(search: Search, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
+def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
     """Return the effects that every arm has, as one group, in the joint with the largest missing torque."""
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(missing)))]
@@ -65,7 +63,7 @@ def all_common(search: Search, state: State, missing: Sequence[MissingTorque]) -
     return search.screened(state.world, state.residual, state.fit, [], missing, [group]) if len(group) > 1 else []
 
 
-def _kinds(search: Search, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
+def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
     """Distant effects of different stages of a joint's drive that the evidence sees, not in the world yet."""
     taken = {e.effect for e in state.world.effects if e.where in (joint, "all")}
     far = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]

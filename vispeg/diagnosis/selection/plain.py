@@ -15,16 +15,17 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.rivals import Rivals, merely_richer
+from vispeg.diagnosis.conclusion.rivals import merely_richer
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
-from vispeg.diagnosis.evidence.screen import Score, shortlist
+from vispeg.diagnosis.evidence.screen import shortlist
+from vispeg.diagnosis.findings import Rivals, Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.schema import ShowsFrom
 from vispeg.diagnosis.selection.accept import equal, ranked
 from vispeg.diagnosis.selection.judge import Judge, present
 from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.shown import Shown
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit, fit_job
 from vispeg.identify.pool import run_together
 from vispeg.worlds.model_file import model_text

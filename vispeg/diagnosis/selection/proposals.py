@@ -11,8 +11,9 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.constancy import Change, changes
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_data, missing_torque
-from vispeg.diagnosis.evidence.screen import Score, candidates, screen
+from vispeg.diagnosis.evidence.screen import candidates, screen
 from vispeg.diagnosis.evidence.signatures import Probe, Signature, each_signature, probes, signatures
+from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.cross import Cross, on_held_out
 from vispeg.diagnosis.selection.judge import Judge

@@ -9,21 +9,18 @@ only if its interval includes null and it removes next to nothing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from scipy import stats
 
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import null_of
+from vispeg.diagnosis.findings import Gain
 from vispeg.diagnosis.selection.cross import reduced
-from vispeg.diagnosis.selection.judge import Gain, present
+from vispeg.diagnosis.selection.judge import present
+from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State, without
 
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
 
-
-def prune(search: Search, state: State, n_fixed: int) -> None:
+def prune(search: Searching, state: State, n_fixed: int) -> None:
     """Remove effects that are not needed, the least needed first, and refit the rest."""
     spare = True
     while state.fit is not None and len(state.world.effects) - n_fixed > 1:
@@ -48,7 +45,7 @@ def prune(search: Search, state: State, n_fixed: int) -> None:
         state.cross = search.cross.loss_of(fit, fit.residual)
 
 
-def _spare(search: Search, state: State, n_fixed: int) -> list[int]:
+def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Effects of groups that the fitted recordings alone show to be useless, one after the other."""
     fit, gone = state.fit, []
     assert fit is not None
@@ -73,7 +70,7 @@ def _spare(search: Search, state: State, n_fixed: int) -> list[int]:
     return gone
 
 
-def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
+def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
     """Give the effect that the held-out recordings need least, if they do not need it."""
     fit = state.fit
     assert fit is not None
@@ -104,13 +101,13 @@ def _refused(search: Search, state: State, n_fixed: int) -> list[int]:
     return [places[k]]
 
 
-def needed(search: Search, state: State, k: int, gain: Gain) -> bool:
+def needed(search: Searching, state: State, k: int, gain: Gain) -> bool:
     """Whether an effect lowers the error on held-out recordings beyond chance, and visibly."""
     sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
     return gain.z >= sure and _matters(search, state, k, gain)
 
 
-def _matters(search: Search, state: State, k: int, gain: Gain) -> bool:
+def _matters(search: Searching, state: State, k: int, gain: Gain) -> bool:
     """Whether an effect removes a visible share: of all the error, or for one of a group of that in its own joint."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0

@@ -10,7 +10,8 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.localise import MissingTorque, joint_z
-from vispeg.diagnosis.evidence.screen import Score, candidates, groups, shortlist
+from vispeg.diagnosis.evidence.screen import candidates, groups, shortlist
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.scale import floors
 from vispeg.diagnosis.selection.accept import in_order, passes, ranked
@@ -23,7 +24,7 @@ from vispeg.diagnosis.selection.proposals import Proposals
 from vispeg.diagnosis.selection.prune import prune
 from vispeg.diagnosis.selection.shadows import cast_out, dismissed
 from vispeg.diagnosis.selection.shown import Shown
-from vispeg.diagnosis.selection.state import State, Trial, without
+from vispeg.diagnosis.selection.state import State, without
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Chase, Fit, Race, fit_job
 from vispeg.identify.pool import run_together

@@ -13,21 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.evidence.screen import Score, candidates
+from vispeg.diagnosis.evidence.screen import candidates
 from vispeg.diagnosis.evidence.signatures import at_bound
+from vispeg.diagnosis.findings import Score
+from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State, without
 
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
 
-
-def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
+def dismissed(search: Searching, state: State, before: np.ndarray, score: Score, n_fixed: int) -> None:
     """Remove the members at a bound of the group just added, if the others beat the held-out loss `before`."""
     gone = [e for e in _stuck(state, n_fixed) if score.has(e)]
     if gone and len(gone) < score.count:
@@ -37,7 +35,7 @@ def dismissed(search: Search, state: State, before: np.ndarray, score: Score, n_
             become(state, other)
 
 
-def cast_out(search: Search, state: State, n_fixed: int) -> bool:
+def cast_out(search: Searching, state: State, n_fixed: int) -> bool:
     """Remove one kind of alias from a state if a search without it gets further; return whether it did.
 
     The same removal is not tried twice with the same other effects, so that the search terminates.
@@ -62,7 +60,7 @@ def cast_out(search: Search, state: State, n_fixed: int) -> bool:
     return False
 
 
-def overtakes(search: Search, state: State, other: State, n_fixed: int, steps: int) -> bool:
+def overtakes(search: Searching, state: State, other: State, n_fixed: int, steps: int) -> bool:
     """Return whether another state is better than `state`, or becomes so within `steps` steps of its search."""
     for k in range(steps + 1):
         if other.fit is not None and search.judge.gain(state.loss, other.loss).relative >= RULES.exchange:
@@ -82,7 +80,7 @@ def _again(state: State, n_fixed: int) -> list[EffectInstance]:
     return [e for e in state.world.effects[n_fixed:] if every and effect(e.effect).shared and e.where != "all"]
 
 
-def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance]:
+def _uncommon(search: Searching, state: State, n_fixed: int) -> list[EffectInstance]:
     """Return the effects, not common to all arms, of the joint with the largest error, if that error is too large.
 
     Empty if the joint has all common effects, or if these are the only effects added, as at the start of a search.
@@ -98,7 +96,7 @@ def _uncommon(search: Search, state: State, n_fixed: int) -> list[EffectInstance
     return gone if len(gone) < len(added) else []
 
 
-def lacking(search: Search, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
+def lacking(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> State:
     """Return a state without some effects, the others refitted; steps that added nothing else are dropped."""
     world, fit = without(state.world, gone), None
     if len(world.effects) > n_fixed:

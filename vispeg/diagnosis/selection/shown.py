@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.findings import Gain, Trial
 from vispeg.diagnosis.selection.accept import refusal
-from vispeg.diagnosis.selection.judge import Gain, Judge, adds
+from vispeg.diagnosis.selection.judge import Judge, adds
 from vispeg.diagnosis.selection.prune import needed
-from vispeg.diagnosis.selection.state import State, Trial
-
-if TYPE_CHECKING:
-    from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.state import State
 
 
 class Shown:
@@ -34,8 +33,8 @@ class Shown:
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
         """Why a fitted trial may not pass; empty where it may."""
-        return refusal(cast("Search", self), state, trial, level, absent)
+        return refusal(cast("Searching", self), state, trial, level, absent)
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
         """Whether the held-out recordings want the effect at `index`, without which they lose `gain`."""
-        return needed(cast("Search", self), state, index, gain)
+        return needed(cast("Searching", self), state, index, gain)

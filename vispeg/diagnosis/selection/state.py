@@ -3,36 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import stats
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.evidence.localise import MissingTorque
-from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.judge import Gain
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A fitted candidate: what was tried, how it did on held-out recordings, why it was refused, and whether what it
-    adds may be absent.
-    """
-
-    score: Score
-    fit: Fit
-    loss: np.ndarray
-    gain: Gain
-    rejected: str = ""
-    absent: bool = False
-
-    @property
-    def bare(self) -> Trial:
-        """The same for the record: without the arrays of its fit."""
-        return replace(self, fit=self.fit.bare)
 
 
 @dataclass

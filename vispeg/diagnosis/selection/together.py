@@ -16,7 +16,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.evidence.dictionary import Dictionary
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score
 
 
 def together(dictionary: Dictionary, most: int) -> Score | None:

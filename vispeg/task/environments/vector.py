@@ -168,9 +168,10 @@ class TaskVec(VectorEnv):
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
         count = self.sim.seen.readings().shape[1] if measured else 0
-        self.single_observation_space, self.single_action_space = spaces(
+        seen, self.single_action_space = spaces(
             self.config, obs_mode, self.eyes.cameras, privileged, depth_image, count
         )
+        self.single_observation_space, self.keys = seen, tuple(seen)
         self.privileged, self.depth_image, self.measured = privileged, depth_image, measured
         self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)

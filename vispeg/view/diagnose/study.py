@@ -25,9 +25,9 @@ from vispeg.channels.resolve import resolve
 from vispeg.core.errors import UserError
 from vispeg.core.files import write_text_atomic
 from vispeg.diagnosis.beginning import ANEW
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.recordings.windows import SECONDS
 from vispeg.report.text import effect_words
 from vispeg.view.diagnose.borders import Borders

@@ -14,8 +14,8 @@ import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.beginning import Beginning
-from vispeg.diagnosis.evidence.screen import Score
-from vispeg.diagnosis.selection.state import State, Trial
+from vispeg.diagnosis.findings import Score, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.recordings.recording import Recording
 from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene

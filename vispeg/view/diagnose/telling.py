@@ -9,7 +9,7 @@ import numpy as np
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.evidence.localise import maps as drawn_maps
 from vispeg.diagnosis.evidence.localise import missing_torque, worst
-from vispeg.diagnosis.evidence.screen import Score
+from vispeg.diagnosis.findings import Score
 from vispeg.identify.evidence import Evidence
 from vispeg.report.text import effect_words
 from vispeg.view.diagnose.standing import Field, Named, Track
