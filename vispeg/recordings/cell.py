@@ -1,4 +1,4 @@
-"""Contact sections of a recording: the believed cell, the convention of its wrench, the outcome of trials."""
+"""Contact sections of a recording: the believed cell, the convention of the wrench signal, the outcomes of trials."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any, Literal
 
 import numpy as np
 
-OPEN_CELL = "peg-cell"  # the cell that each recording states, the default one where it states none
-BENCH = "bench"  # what the robot's own file shows, in place of a world
-LEVER = 0.05  # m: a sensor's noise of torque over that of force, where only the latter is stated
+OPEN_CELL = "peg-cell"  # stands for the cell that each recording states, or the default cell where it states none
+BENCH = "bench"  # no world: the scene is the one in the robot's own file
+LEVER = 0.05  # m: assumed ratio of a sensor's torque noise to its force noise, where only the latter is stated
 
 
 @dataclass(frozen=True)
 class CellBelief:
-    """What stands in the cell as the user believes it, in the words of a world file; `vispeg.task.belief` builds it.
+    """The user's belief about the cell, in the keys of a world file; `vispeg.task.belief` builds the model from it.
 
     Attributes:
         world: a built-in world's name, the absolute path of a world file, OPEN_CELL or BENCH; "" for the default cell.
-        task: what differs from it, keys of a world file's `task`, such as `fixture` and `friction`.
-        robot: arm, flange and gripper, as a world file's `robot`; None where the world says it.
-        effects: what else is believed, as in a model file: each `effect`, `where`, `params`.
-        board: a flat board that lies in sight: `kind`, `columns`, `rows`, `square` (m), for ChArUco `marker` (m) and
-            `dictionary`, see `vispeg.render.calibration.Board`; None where there is none.
+        task: overrides of the world: keys of a world file's `task`, such as `fixture` and `friction`.
+        robot: arm, flange and gripper, as in a world file's `robot`; None where the world states it.
+        effects: further believed effects, as in a model file: `effect`, `where` and `params` each.
+        board: a flat calibration board in view: `kind`, `columns`, `rows`, `square` (m), for ChArUco `marker` (m) and
+            `dictionary`, see `vispeg.render.calibration.Board`; None if there is none.
     """
 
     world: str = ""
@@ -34,16 +34,16 @@ class CellBelief:
 
     @property
     def open(self) -> bool:
-        """Whether it is left to each recording to say what stands there."""
+        """Whether each recording states its own cell."""
         return self == CellBelief(OPEN_CELL)
 
     @property
     def bench(self) -> bool:
-        """Whether what stands there is in the robot's own file, and no task's."""
+        """Whether the scene is the one in the robot's own file, without a task."""
         return self.world == BENCH
 
     def plain(self) -> str | Mapping[str, object]:
-        """As a file states it: the world's name alone where that is all."""
+        """Return the belief as a file states it: the world's name alone if nothing else is stated."""
         rest = {"task": dict(self.task), "robot": self.robot, "effects": [dict(e) for e in self.effects]}
         rest |= {"board": dict(self.board) if self.board else None}
         rest = {key: value for key, value in rest.items() if value}
@@ -54,16 +54,16 @@ class CellBelief:
 
 @dataclass(frozen=True)
 class WrenchSensor:
-    """How `ft` is to be read.
+    """Convention of the wrench signal `ft`.
 
     Attributes:
-        frame: whose axes the six numbers are in: the sensor's, fixed to the flange, or the base's.
-        acts_on: `tool` for what the flange exerts on the tool (a tool that hangs at rest reads -m g along the flange's
-            z), `flange` for its reaction.
-        tared: False for raw readings; True where they were zeroed once, so that a constant in the sensor's axes is
-            unknown; `weight` where the robot takes the tool's weight off at every pose.
-        pos: (3,) m, the point of reference of torques in the flange's frame.
-        quat: (4,) w x y z, the sensor's axes in the flange's.
+        frame: axes of the six components: the sensor's, which is fixed to the flange, or the base's.
+        acts_on: `tool` if `ft` is the wrench that the flange exerts on the tool (a tool that hangs at rest reads -m g
+            along the flange's z), `flange` if it is the reaction to that.
+        tared: False for raw readings; True if they were zeroed once, so that a constant offset in the sensor's axes is
+            unknown; `weight` if the robot subtracts the tool's weight at every pose.
+        pos: (3,) m, reference point of the torques in the flange frame.
+        quat: (4,) w x y z, orientation of the sensor in the flange frame.
     """
 
     frame: Literal["flange", "base"] = "flange"
@@ -75,14 +75,14 @@ class WrenchSensor:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a trial ended.
+    """Outcome of a trial.
 
     Attributes:
-        success: whether it did what it should.
+        success: whether the task was achieved.
         episode: its number in the column `episode`.
-        category: of a failure, or `success`.
-        peak_force: greatest contact force, N; None where nobody knows.
-        depth: of the tip at the end, m; None where nobody knows.
+        category: category of the failure, or `success`.
+        peak_force: greatest contact force, N; None if not known.
+        depth: depth of the tip at the end, m; None if not known.
     """
 
     success: bool
@@ -97,8 +97,8 @@ def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.
 
     Args:
         ft: (n, 6) N and N m as recorded.
-        sensor: how they are to be read; what taring took off is not put back.
-        rotation: (n, 3, 3) flange to base.
+        sensor: their convention; an offset removed by taring is not restored.
+        rotation: (n, 3, 3) rotation from flange to base axes.
 
     Returns:
         (n, 6) N, N m.
@@ -116,17 +116,17 @@ def canonical(ft: np.ndarray, sensor: WrenchSensor, rotation: np.ndarray) -> np.
 
 
 def reaction(wrench: np.ndarray) -> np.ndarray:
-    """Turn what the flange exerts on the tool into what the tool exerts on the flange, or back; any shape, N and N m.
+    """Convert the wrench of the flange on the tool to that of the tool on the flange, or back; any shape, N and N m.
 
-    Two sides stand side by side: recordings and laws of motion speak of what the flange exerts on the tool (`acts_on:
-    tool`), effects of the wrist's sensor of its reaction (`Effect.wrench`, as a policy is told it). Whoever passes from
-    one to the other does it here, or a bias changes its sign on the way.
+    Two sign conventions are in use. Recordings and equations of motion use the wrench of the flange on the tool
+    (`acts_on: tool`); effects of the wrist sensor (`Effect.wrench`) and policies use its reaction. Every conversion
+    calls this function, so that no bias changes its sign by mistake.
     """
     return -wrench
 
 
 def wrench_noise(noise: Mapping[str, float]) -> np.ndarray | None:
-    """1-sigma (6,) N and N m of a recording's `noise`; None where nothing is said of forces."""
+    """Return the 1-sigma noise (6,) N and N m from a recording's `noise`; None if it states none for `ft`."""
     if "ft" not in noise:
         return None
     return np.repeat([float(noise["ft"]), float(noise.get("ft_torque", LEVER * noise["ft"]))], 3)

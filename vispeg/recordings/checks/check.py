@@ -1,4 +1,4 @@
-"""Checks a recording before anybody fits to it: clock, bad readings, limits, tracking, noise, excitation."""
+"""Check a recording before a fit: clock, bad readings, limits, tracking, noise, excitation."""
 
 from __future__ import annotations
 
@@ -20,27 +20,31 @@ from vispeg.recordings.noise import highpass_sigma, silent
 from vispeg.recordings.recording import Recording
 
 SMOOTHING_HZ = 20.0
-OVER_ANGLE, OVER_SPEED, OVER_TORQUE = 1e-3, 1.02, 1.02  # rad; factors: beyond what noise can do
-SIGNALS = ("dq", "tau", "tau_cmd", "q_cmd")  # beside q: all that is looked at here
+OVER_ANGLE, OVER_SPEED, OVER_TORQUE = (
+    1e-3,
+    1.02,
+    1.02,
+)  # rad, factors of limits: beyond noise
+SIGNALS = ("dq", "tau", "tau_cmd", "q_cmd")  # signals checked in addition to q
 
 
 @dataclass(frozen=True)
 class JointCheck:
-    """One joint of a recording. SI units, radians; None where there is no such signal.
+    """Check results for one joint of a recording, in SI units and radians; None if the signal is absent.
 
     Attributes:
         name: the joint.
         missing: share of its angle readings that are missing.
-        longest_missing_s: the longest stretch without one.
-        spikes: single bad readings; later statistics of angle and speed leave them out.
+        longest_missing_s: the longest stretch without an angle reading, s.
+        spikes: isolated bad readings; the statistics of angle and speed exclude them.
         low, high: extremes of the angle.
         tracking_rms, tracking_worst: commanded minus measured angle, RMS and largest size.
         peak_torque: largest measured torque.
         outside_range, over_velocity, over_torque: number of rows beyond the robot's limits.
-        saturated: signal (`tau`, `tau_cmd`) -> number of clipped rows, those above zero only.
-        quantum_q, quantum_tau: quantization step where one is seen.
-        noise_q, noise_tau: 1-sigma estimated from fourth differences.
-        excitation: how it was moved; without `sigma` where the torque shows no noise and none is stated.
+        saturated: signal (`tau`, `tau_cmd`) -> number of clipped rows; signals without any are left out.
+        quantum_q, quantum_tau: quantization step; None if none is detected.
+        noise_q, noise_tau: 1-sigma noise estimated from fourth differences.
+        excitation: how the joint was moved; without `sigma` if torque noise is neither stated nor visible.
     """
 
     name: str
@@ -65,7 +69,7 @@ class JointCheck:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What `check` found; `warnings` are sentences for a person, `contact` is None where nothing is known of it."""
+    """Results of `check`; `warnings` are sentences for the user, `contact` is None without a contact check."""
 
     recording: str
     robot: str
@@ -88,7 +92,7 @@ def check(
     progress: Callable[[float], None] = lambda share: None,
     needs: Needs | None = None,
 ) -> CheckReport:
-    """Examine a recording, joint by joint, so that a long one needs little more memory than it takes itself.
+    """Check a recording joint by joint, so that the check of a long one needs little extra memory.
 
     Args:
         rec: the recording.
@@ -113,7 +117,7 @@ def check(
 
 
 def smoothed(rec: Recording, j: int, clock: Timing, bad: tuple[Spike, ...]) -> tuple[np.ndarray, ...]:
-    """Angle, speed and acceleration (n,) of one joint, its bad readings left out."""
+    """Return smoothed angle, speed and acceleration (n,) of one joint, without its bad readings."""
     cutoff = min(SMOOTHING_HZ, 0.2 * clock.rate_hz)
     return tuple(part[:, 0] for part in smooth(rec.time, without(rec.q[:, j], bad)[:, None], cutoff))
 
@@ -132,7 +136,7 @@ def _joint(rec: Recording, j: int, clock: Timing, limits: Limits | None) -> Join
     peak_tau = None if tau is None or np.isnan(tau).all() else float(np.nanmax(np.abs(tau)))
     used = float(rec.noise["tau"]) if tau is not None and "tau" in rec.noise else sigma_tau
     if "tau" not in rec.noise and silent(sigma_tau, peak_tau):
-        used = None  # what is left of a filtered signal's noise says nothing about how well a parameter is known
+        used = None  # the signal was filtered: its remaining noise does not tell how precisely parameters can be known
     missing, longest = _missing(rec, rec.q[:, j])
     off = None if rec.q_cmd is None else np.abs(rec.q_cmd[:, j] - q)
     off = None if off is None or np.isnan(off).all() else off
@@ -159,13 +163,13 @@ def _joint(rec: Recording, j: int, clock: Timing, limits: Limits | None) -> Join
 
 
 def _sigma(values: np.ndarray) -> float:
-    """Noise of one signal (n,); 0 where there are too few readings to tell."""
+    """Estimate the noise of one signal (n,), 1 sigma; 0 if there are too few readings."""
     diff = np.diff(values, 4)
     return float(highpass_sigma(values[:, None])[0]) if np.isfinite(diff).any() else 0.0
 
 
 def _missing(rec: Recording, q: np.ndarray) -> tuple[float, float]:
-    """Share of missing readings, and the longest stretch between two that exist, s, if any is missing in it."""
+    """Return the share of missing readings, and the longest time between two readings with missing ones between, s."""
     bad = np.isnan(q)
     if not bad.any():
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Sentences of `vispeg check` on a recording."""
+"""Word the warnings that `vispeg check` prints about a recording."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from vispeg.recordings.checks.check import JointCheck
 
 SILENT_Q = 1e-7  # rad: real encoders are noisier
-FLAT = 0.02  # smallest share of a regressor column, unexplained by the others, at which its parameter is identifiable
-POOR_TRACKING = 2.0  # degrees RMS; beyond 2 to 3 the article on sim-to-real transfer suspects the actuator model
+FLAT = 0.02  # least share of a regressor column not explained by the others, for its parameter to be identifiable
+POOR_TRACKING = 2.0  # degrees RMS: a larger tracking error suggests a wrong actuator model
 
 
 def warnings_of(rec: Recording, clock: Timing, joints: Sequence[JointCheck], doubts: Sequence[Doubt] = ()) -> list[str]:
-    """Return sentences on impossible units, on the clock, on sensors without noise, and on each joint."""
+    """Return warnings about impossible units, the clock, sensors without noise, and each joint."""
     each = [line for joint in joints for line in _joint_warnings(joint, rec)]
     units = [doubt.line for doubt in doubts]
     return units + said(rec) + _clock_warnings(clock) + _silence_warnings(joints, rec) + each

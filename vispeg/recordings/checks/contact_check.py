@@ -1,6 +1,6 @@
-"""Contact in a recording: time, force and speed in each regime, and the effects that these excite.
+"""Summarise contact in a recording: time, force and speed in each regime, and the effects that these excite.
 
-What an effect needs is derived from the measured forces and speeds, see `vispeg.recordings.checks.extent`.
+Which excitation an effect needs is stated in `vispeg.recordings.checks.extent`.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ FORCES = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # N
 
 @dataclass(frozen=True)
 class ContactCheck:
-    """What a recording shows of contact.
+    """Contact in a recording.
 
     Attributes:
         seconds: regime -> time in it, s.
-        forces: regime -> s in each bin of contact force, whose edges are 0, `FORCES` and infinity.
+        forces: regime -> seconds in each bin of contact force, with edges 0, `FORCES` and infinity.
         peak_force: N.
-        slide_speed: median while sliding, m/s; 0 without a slide.
-        directions: of 8 sectors, those in which the tip slid.
+        slide_speed: median speed while sliding, m/s; 0 without sliding.
+        directions: which of 8 direction sectors the tip slid in.
         hits: speeds of the impacts, m/s.
-        begins_free: s in free air at the start, the least over episodes.
-        yaw: least and greatest turn of the flange about the vertical in contact, rad; both 0 without contact.
-        extent: of what effects need.
-        excited: effect -> "" where the recording can tell it, else why not.
+        begins_free: time in free air at the start, s, the least over episodes.
+        yaw: least and greatest rotation of the flange about the vertical in contact, rad; both 0 without contact.
+        extent: how much the recording contains of the excitation that effects need.
+        excited: effect -> "" if the recording can identify it, else the reason why not.
     """
 
     seconds: Mapping[str, float]
@@ -54,14 +54,14 @@ class Touched:
 
     Attributes:
         time: s.
-        episode: number.
-        regime: of `REGIMES`.
-        force: N.
+        episode: episode number.
+        regime: index into `REGIMES`.
+        force: contact force, N.
         velocity: (n, 3) m/s of the tip.
-        tilt: rad, of the tool's axis from the start's.
-        yaw: rad, of the flange's x axis about the base's vertical.
-        goal: whether a goal is believed in.
-        blows: m/s, speeds of the blows that a diagnosis can run again; None where it cannot.
+        tilt: angle of the tool's axis to its direction at the start, rad.
+        yaw: rotation of the flange's x axis about the base's vertical, rad.
+        goal: whether the believed cell has a goal.
+        blows: speeds of the impacts that a diagnosis can simulate, m/s; None if it can simulate none.
     """
 
     time: np.ndarray
@@ -76,7 +76,7 @@ class Touched:
 
 
 def examine(t: Touched) -> ContactCheck:
-    """Histograms of forces and speeds by regime, and what they excite."""
+    """Compute histograms of forces and speeds by regime, and the effects that they excite."""
     step = float(np.median(np.diff(t.time))) if len(t.time) > 1 else 0.0
     seconds = {name: float(np.sum(t.regime == k) * step) for k, name in enumerate(REGIMES)}
     edges = (0.0, *FORCES, np.inf)
@@ -142,23 +142,23 @@ def _extent(
 
 
 def _excited(extent: Extent) -> dict[str, str]:
-    """Effect -> why it is not excited, "" where it is."""
+    """Return effect -> why it is not excited, "" if it is."""
     lacks = lacking(extent)
     needing = sorted((list(NEEDS).index(e.needs), name) for name, e in REGISTRY.items() if e.needs)
     return {name: lacks[effect(name).needs].format(other=next(iter(effect(name).told_from), "")) for _, name in needing}
 
 
 def together(checks: Sequence[ContactCheck]) -> dict[str, str]:
-    """Effect -> why these recordings together cannot tell it, "" where they can.
+    """Return effect -> why these recordings together cannot identify it, "" if they can.
 
-    What each shows adds up: a press with 5 N in one and with 20 N in another, insertions with the flange turned
-    between them. What is lacking is lacking in all of them.
+    Their excitation adds up: a press with 5 N in one and with 20 N in another counts as two forces, and insertions
+    with different turns of the flange as turned insertions. Only what every recording lacks is reported.
     """
     return _excited(joined([check.extent for check in checks]))
 
 
 def said(check: ContactCheck, excited: Mapping[str, str] | None = None) -> list[str]:
-    """Lines for a person: time and force in each regime, what is excited, and what is not and why."""
+    """Word lines for the user: time and force in each regime, which effects are excited, and why others are not."""
     lines = []
     if excited is None:
         parts = [f"{check.seconds[name]:.1f} s {WORDS[name]}" for name in REGIMES if check.seconds[name] > 0]

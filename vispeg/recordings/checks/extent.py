@@ -1,7 +1,7 @@
-"""How far recordings go in what effects of contact need, and what they lack of it: one rule for one and for many.
+"""Decide which excitation that contact effects need is present in recordings and which is lacking.
 
-The bounds follow a study of how well each effect is known after five seconds of each motion: one is excited where that
-is far better than the sizes at which it matters.
+The same rule serves one recording and several together. The bounds come from a study of each effect's uncertainty after
+five seconds of each motion: an effect counts as excited if that is far below the size at which it matters.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 AIR = 0.8  # s in free air that determine the sensor's zero
-TILT = 0.4  # rad that the tool must be tilted in free air to tell its mass and centre from the sensor's zero
-LONG = 0.5  # s in a regime that is enough to tell something
-RATIO = 2.0  # of the largest press to the smallest, to tell a compliance from a height
-TURN = 0.8  # rad that the flange must be turned about its axis in contact to tell grip from goal
-HARD = 60.0  # N from which a grip may slip
-NEEDS = {  # what an effect needs (`Effect.needs`), in the order in which effects are listed
+TILT = 0.4  # rad of tool tilt in free air that separates the tool's mass and centre from the sensor's zero
+LONG = 0.5  # s, least time in a regime for it to count
+RATIO = 2.0  # ratio of the largest to the smallest pressing force that separates a compliance from a height
+TURN = 0.8  # rad of flange rotation about its axis in contact that separates errors of grip and goal
+HARD = 60.0  # N, force from which a grip may slip
+NEEDS = {  # excitation that an effect may need (`Effect.needs`), in the order in which effects are listed
     "free air": "a while in free air",
     "tilt": "the tool tilted in free air",
     "weighing": "that, with and without the held part",
@@ -33,18 +33,18 @@ NEEDS = {  # what an effect needs (`Effect.needs`), in the order in which effect
 
 @dataclass(frozen=True)
 class Extent:
-    """Extent of one recording, or of several together.
+    """Excitation of contact in one recording, or in several together.
 
     Attributes:
-        begins_free: s in free air at the start.
-        tilt: rad, the greatest of the tool in free air, of what begins with enough of that.
+        begins_free: time in free air at the start, s.
+        tilt: greatest tilt of the tool in free air, rad, over recordings that begin with enough free air.
         pressed, slid, inserted: s pressing or sliding, sliding, inserted.
-        forces: N, of what presses or is inserted the least and the greatest for a while; None where nothing is.
-        sectors: of 8, those in which the tip slid.
-        blows: m/s, speeds of those that can be run again; None where the recording cannot, or nobody looked.
+        forces: least and greatest sustained force while pressing or inserted, N; None without such contact.
+        sectors: which of 8 direction sectors the tip slid in.
+        blows: speeds of the impacts that can be simulated, m/s; None if none can or this was not examined.
         hard: s pressing with `HARD` or more.
-        yaw: least and greatest turn of the flange about the vertical where it inserts, rad; None where it does not.
-        goal: whether a goal is believed in.
+        yaw: least and greatest rotation of the flange about the vertical while inserted, rad; None if never inserted.
+        goal: whether the believed cell has a goal.
     """
 
     begins_free: float
@@ -61,7 +61,7 @@ class Extent:
 
 
 def joined(some: Sequence[Extent]) -> Extent:
-    """Join several recordings: what each shows of the same cell adds up."""
+    """Combine the excitation of several recordings of the same cell."""
     forces, yaws = [e.forces for e in some if e.forces], [e.yaw for e in some if e.yaw]
     again = [e.blows for e in some if e.blows is not None]
     return Extent(
@@ -80,7 +80,7 @@ def joined(some: Sequence[Extent]) -> Extent:
 
 
 def lacking(e: Extent) -> dict[str, str]:
-    """Key of `NEEDS` -> what is lacking of it, "" for nothing; `{other}` stands for what looks the same."""
+    """Return key of `NEEDS` -> what is lacking, "" if nothing; `{other}` is a placeholder for the confounded effect."""
     air = "" if e.begins_free >= AIR else f"only {e.begins_free:.2g} s in free air at the start"
     lean = air or ("" if e.tilt >= TILT else f"the tool was not tilted by {np.degrees(TILT):.0f} deg in free air")
     touched = "" if e.pressed >= LONG or e.inserted >= LONG else "nothing was pressed"
@@ -108,7 +108,7 @@ def lacks_blows(blows: Sequence[float] | None) -> str:
     """Return what recordings lack to identify a contact's damping; "" if nothing.
 
     Args:
-        blows: of those that can be run again, in any recording; None where none of the recordings can.
+        blows: speeds of the impacts that can be simulated, m/s, over all recordings; None if no recording allows it.
     """
     if blows is None:
         return "blows are run again under a stated controller of mode osc, with a wrench"

@@ -1,4 +1,4 @@
-"""Readings that are missing: how many may be, where a motion is cut at them, and what is said of them."""
+"""Handle missing readings: how many are allowed, where a motion is split at them, and how they are reported."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from vispeg.recordings.columns import NEEDED, columns_of
 from vispeg.recordings.differentiate import episodes
 from vispeg.recordings.recording import Recording
 
-MOST = 0.2  # share of a needed column: beyond it, what is bridged shapes the result
-STIFF = ("position", "servo")  # controllers whose loop forgets its start within a tenth of a second or so
-LONG, PERIODS = 0.1, 3.5  # s, and sample periods: what a motion did in a longer gap nobody knows
+MOST = 0.2  # largest share of missing readings in a needed column: beyond it, interpolation shapes the result
+STIFF = ("position", "servo")  # control modes whose loop forgets its initial state within about 0.1 s
+LONG, PERIODS = 0.1, 3.5  # s, and sample periods: the motion in a gap longer than both is unknown
 
 
 def longest(missing: np.ndarray) -> tuple[int, int]:
-    """(first, stop) of the longest run of True in (n,); (0, 0) where there is none."""
+    """Return (first, stop) of the longest run of True in (n,); (0, 0) if there is none."""
     return max(runs(missing), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
-    """Rows of one episode, cut where what drives a simulation is missing for longer than `LONG` and `PERIODS` periods.
+    """Split the rows of one episode where a simulation's inputs are missing for longer than `LONG` and `PERIODS`.
 
-    That is the commands and, unless a stiff loop forgets where it was, the angles: a straight line over a long gap is
-    no motion. Each stretch begins where every joint has been read, which a simulation starts from.
+    The inputs are the commands and, unless the control loop is stiff, the angles: interpolation across a long gap is
+    not the motion. Each stretch begins where every joint has a reading, as a simulation starts from these.
     """
     signals = [getattr(rec, name) for name in NEEDED[rec.control.mode]]
     signals += [] if rec.control.mode in STIFF else [rec.q]
@@ -36,8 +36,9 @@ def stretches(rec: Recording, rows: np.ndarray) -> list[np.ndarray]:
 
 
 def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
-    """Give the row (n, nj) by which every joint is read, or a later one with all of them within `least` s; None if
-    never.
+    """Return the row by which every joint has been read, or a row with all joints read if one follows in `least` s.
+
+    `read` (n, nj) marks the readings; None if some joint is never read.
     """
     if not read.any(axis=0).all():
         return None
@@ -47,13 +48,13 @@ def _begun(read: np.ndarray, time: np.ndarray, least: float) -> int | None:
 
 
 def said(rec: Recording) -> list[str]:
-    """One line on what is missing of the signals that a recording is compared by; none where nothing is."""
+    """Word one line on missing readings of the signals that a comparison uses; no line if none is missing."""
     parts = [part for name in compared(rec) if (part := _of(rec, name))]
     return [f"{rec.name}: missing: {'; '.join(parts)}; readings are left out, commands bridged"] if parts else []
 
 
 def compared(rec: Recording) -> tuple[str, ...]:
-    """Give the signals that recordings like this one are compared by."""
+    """Return the signals that a comparison of this recording uses."""
     torque = ("tau",) if rec.torque_sensor != "none" else ()
     load = ("load",) if rec.control.mode == "servo" else ()
     wrench = ("ft",) if rec.wrench is not None or rec.cell is not None else ()

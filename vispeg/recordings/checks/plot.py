@@ -1,4 +1,4 @@
-"""A picture of a recording: angle, speed and torque of every joint, with what is wrong marked."""
+"""Plot a recording: angle, speed and torque of every joint, with faults marked."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from vispeg.recordings.recording import Recording
 
 MEASURED, COMMANDED, LIMIT, LOST, CLIPPED = "#1f5a94", "#e07b39", "#888888", "#d62728", "#b30000"
 MAX_POINTS = 6000
-MOST_GAPS = 200  # bands drawn: more would be one red area, and take minutes
+MOST_GAPS = 200  # bands drawn at most: more would merge to one red area and take minutes
 
 
 def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> bytes:
-    """Give a PNG: one row a joint; columns q (rad), dq (rad/s), tau (N m). Episodes are laid end to end.
+    """Return a PNG with one row per joint and columns q (rad), dq (rad/s), tau (N m); episodes follow each other.
 
-    Gaps are red bands, bad readings and saturated torque thick red dots, limits dashed where the motion comes near
-    them. Of a long recording the lowest and highest value of every stretch are drawn, so that nothing is missed.
+    Gaps are red bands; bad readings and saturated torque are thick red dots; limits are dashed where the motion comes
+    near them. A long recording is thinned to the lowest and highest value of every stretch, so that peaks stay visible.
     """
     import matplotlib
 
@@ -73,7 +73,7 @@ def plot(rec: Recording, report: CheckReport, limits: Limits | None = None) -> b
 
 
 def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most MAX_POINTS of (n,) arrays, with the lowest and the highest of every stretch."""
+    """Thin (n,) arrays to at most MAX_POINTS, keeping the lowest and highest value of every stretch."""
     n = len(time)
     if n <= MAX_POINTS:
         return time, values
@@ -86,14 +86,14 @@ def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def laid_out(rec: Recording) -> np.ndarray:
-    """Time (n,) s from zero on, running on over episodes."""
+    """Return a time axis (n,) in s that starts at zero and continues across episodes."""
     step = np.diff(rec.time)
     step[~within_episode(rec)] = 1.0 / rec.rate_hz
     return np.concatenate([[0.0], np.cumsum(step)])
 
 
 def _limits(axis, bounds) -> None:
-    """Draws limits that the data come near; far ones would only flatten the curve."""
+    """Draw limits that the data come near; distant ones would only flatten the curve."""
     low, high = axis.get_ylim()
     for bound in bounds:
         if np.isfinite(bound) and low - 0.2 * (high - low) <= bound <= high + 0.2 * (high - low):

@@ -1,4 +1,4 @@
-"""Faults of a signal: saturation, quantization, violated limits."""
+"""Detect faults of a signal: saturation, quantization, violated limits."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-PLATEAU_S = 0.01  # an extreme held exactly for this long is no peak
+PLATEAU_S = 0.01  # s: an extreme that is held exactly for longer is clipping, not a smooth peak
 AT_LIMIT = 0.99
 MIN_PLATEAU = 5
-NOISE_OF_TEXT = 1e-8  # relative to the largest value: coarser steps are a sensor's, finer ones the file's
+NOISE_OF_TEXT = 1e-8  # step relative to the largest value: coarser steps are the sensor's, finer ones text rounding
 
 
 class Limited(Protocol):
@@ -43,17 +43,17 @@ class Limits:
 
     @classmethod
     def of(cls, robot: Limited, joints: Sequence[str] | None = None) -> Limits:
-        """Give a robot's limits, of these of its joints and in their order; by default of all, in its own order."""
+        """Return a robot's limits for `joints` in that order; by default for all joints in the robot's order."""
         order = [robot.joints.index(joint) for joint in (robot.joints if joints is None else joints)]
         return cls(robot.range[order], robot.velocity_limit[order], robot.torque_limit[order])
 
 
 def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarray:
-    """Rows (n,) at which one torque signal (n,) is clipped.
+    """Mark the rows (n,) at which a torque signal (n,) is clipped.
 
-    A row counts if the signal holds its extreme exactly for at least 10 ms and 5 samples, which a smooth peak cannot,
-    or if it stays that long beyond 99 % of a known limit (N m). Where the signal is quantized, smooth peaks are flat
-    too, so that only a plateau entered or left by a jump of several quanta counts.
+    A row counts if the signal holds its extreme exactly for at least 10 ms and 5 samples, which a smooth peak does
+    not, or if it stays that long above 99 % of a known limit (N m). A quantized signal also has flat smooth peaks, so
+    there only plateaus count that begin or end with a jump of several quantization steps.
 
     Args:
         values: (n,) N m, NaN where missing.
@@ -82,11 +82,11 @@ def saturated(values: np.ndarray, dt: float, limit: float = np.inf) -> np.ndarra
 
 
 def quantization(values: np.ndarray) -> float | None:
-    """Give the step of a quantized signal (n,), in its unit, or None where it is not seen to be quantized.
+    """Estimate the step of a quantized signal (n,), in its unit; None if it does not look quantized.
 
     Distinct values of a quantized signal differ by whole multiples of one step. The smallest difference, or a simple
-    fraction of it, is taken for the step if all small differences are near whole multiples of it; the step then follows
-    from these by least squares.
+    fraction of it, is accepted if all small differences are near whole multiples of it. It is then refined on these by
+    least squares.
     """
     finite = values[np.isfinite(values)][:50_000]
     if len(finite) < 20:
@@ -104,13 +104,13 @@ def quantization(values: np.ndarray) -> float | None:
         if len(near) < 5:
             continue
         multiples = np.round(near / step)
-        if np.sqrt(np.mean((near / step - multiples) ** 2)) < 0.03:  # 0.29 for values that know no step
+        if np.sqrt(np.mean((near / step - multiples) ** 2)) < 0.03:  # 0.29 for values without a step
             return float(near @ multiples / (multiples @ multiples))
     return None
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """(start, stop) of each stretch of True."""
+    """Return (start, stop) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

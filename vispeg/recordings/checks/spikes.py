@@ -1,4 +1,4 @@
-"""Single bad readings: an angle that jumps away for a sample or two and comes back, as no joint can."""
+"""Find isolated bad readings: the angle jumps away for one or two samples and back, faster than a joint can move."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from vispeg.recordings.checks.quality import quantization
 
-WIDTH = 5  # samples of the running median: it does not see bursts of one or two
-SIGMAS = 12.0  # of the usual distance from the running median
-LOCAL = 5.0  # times the usual step nearby: a fast joint takes large steps all the time
-LEAST = 1e-3  # rad
+WIDTH = 5  # samples of the running median, which ignores bursts of one or two
+SIGMAS = 12.0  # least deviation from the running median, in standard deviations of that deviation
+LOCAL = 5.0  # least deviation, in usual steps nearby: a fast joint always takes large steps
+LEAST = 1e-3  # rad, least deviation
 QUANTA = 3.0
-NEAR = 51  # samples about a reading that say what a usual step is
+NEAR = 51  # samples around a reading from which the usual step is taken
 
 
 @dataclass(frozen=True)
 class Spike:
-    """One bad reading: its row, its time in s, and how far it lies off its neighbours, rad."""
+    """One bad reading: its row, its time in s, and its deviation from its neighbours, rad."""
 
     row: int
     time: float
@@ -26,11 +26,11 @@ class Spike:
 
 
 def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
-    """Find readings of one joint that stand off their neighbours as no motion can, in order of rows.
+    """Find readings of one joint that deviate from their neighbours more than any motion can, in order of rows.
 
-    A reading counts if it is further from the running median over five samples than twelve standard deviations of that
-    distance, than five usual steps nearby, than three steps of a coarse encoder, and than 1 mrad (Hampel's filter, kept
-    from taking fast turns for outliers).
+    This is Hampel's filter with guards against taking fast motion for outliers. The deviation from the running median
+    over five samples must exceed all of: twelve standard deviations of that deviation, five usual steps nearby, three
+    quantization steps of the encoder, and 1 mrad.
 
     Args:
         time: (n,) s.
@@ -59,7 +59,7 @@ def spikes(time: np.ndarray, q: np.ndarray) -> tuple[Spike, ...]:
 
 
 def without(q: np.ndarray, bad: tuple[Spike, ...]) -> np.ndarray:
-    """Give a copy of q (n,) in which the bad readings are missing."""
+    """Return a copy of q (n,) with NaN for the bad readings."""
     out = q.copy()
     out[[spike.row for spike in bad]] = np.nan
     return out

@@ -1,4 +1,4 @@
-"""When samples came: rate, jitter, gaps, and readings that were dropped without a trace."""
+"""Examine sample times: rate, jitter, gaps, and readings that were lost and replaced by repeats or zeros."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from vispeg.recordings.recording import Recording
 
-GAP = 1.5  # sample periods: a longer step means that at least one sample is missing
+GAP = 1.5  # sample periods: a longer step means that at least one sample was lost
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Samples that never came: `start` (s, in its episode) to the next sample `seconds` later, `samples` missing."""
+    """A gap: it begins at `start` (s, in its episode) and lasts `seconds`; `samples` are missing in it."""
 
     row: int
     start: float
@@ -31,8 +31,8 @@ class Timing:
         jitter: RMS deviation of the sample period from its median, s, gaps left out.
         jitter_max: the largest such deviation, s.
         gaps: steps longer than 1.5 periods.
-        repeated: rows whose readings are all bit-identical to the row before while the arm moved (a held reading).
-        zeroed: rows whose angles are all exactly zero between rows that are not (a missing reading written as zero).
+        repeated: rows bit-identical to the previous row while the arm moved (a lost reading that was held).
+        zeroed: rows with all angles exactly zero between nonzero rows (a lost reading written as zero).
         duration_s: sum over episodes.
         episodes: their number.
     """
@@ -49,7 +49,7 @@ class Timing:
 
 
 def timing(rec: Recording) -> Timing:
-    """Measures the clock. Episodes are kept apart."""
+    """Measure the clock, each episode by itself."""
     steps = np.diff(rec.time)
     inside = within_episode(rec)
     good = steps[inside]
@@ -74,14 +74,14 @@ def timing(rec: Recording) -> Timing:
 
 
 def within_episode(rec: Recording) -> np.ndarray:
-    """Which steps from one row to the next (n - 1,) stay inside an episode."""
+    """Mark which steps from one row to the next (n - 1,) stay within an episode."""
     if rec.episode is None:
         return np.ones(len(rec.time) - 1, bool)
     return np.diff(rec.episode) == 0
 
 
 def _repeated(rec: Recording, inside: np.ndarray) -> int:
-    """Give an arm that moves through rows k-1, k, k+1 cannot read exactly the same twice in every joint at once."""
+    """Count repeated rows: an arm that moves before and after a row cannot read exactly the same in every joint."""
     same, step = inside.copy(), np.zeros(len(inside))
     for column in rec.q.T:
         change = np.diff(column)
@@ -89,7 +89,7 @@ def _repeated(rec: Recording, inside: np.ndarray) -> int:
         step = np.maximum(step, np.abs(np.nan_to_num(change)))
     for column in () if rec.tau is None else rec.tau.T:
         same &= np.diff(column) == 0
-    # Before and after, steps beyond a typical one: a coarse encoder on a slow arm repeats itself honestly.
+    # The steps before and after must exceed a typical one: a coarse encoder on a slow arm repeats genuine readings.
     usual = np.median(step[step > 0]) if np.any(step > 0) else np.inf
     large = np.pad((step >= usual).astype(np.int8), 1)
     moving = large[:-2] + large[2:] == 2

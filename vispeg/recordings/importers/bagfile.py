@@ -42,13 +42,13 @@ def open_bag(path: Path) -> Iterator[Any]:
                 yield reader
         except UserError:
             raise
-        except Exception as error:  # a damaged binary file fails in the reader in any way there is
+        except Exception as error:  # on a damaged file the reader can raise any exception
             said = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise UserError(f"is not a bag that can be read: {said}", file=path) from error
 
 
 def _with_metadata(path: Path, scratch: Path) -> Path:
-    """Give a ROS 2 bag folder around one storage file: a link to it, and the metadata that the file itself gives."""
+    """Make a ROS 2 bag folder for one storage file: a link to the file, and metadata.yaml built from its content."""
     from rosbags.rosbag2.storage_mcap import McapReader
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
@@ -80,12 +80,12 @@ def _with_metadata(path: Path, scratch: Path) -> Path:
 
 
 def topics_of(reader: Any, kind: str) -> list[str]:
-    """Topics with messages of a type such as `sensor_msgs/msg/JointState`, sorted."""
+    """List the topics whose messages have the type `kind`, such as `sensor_msgs/msg/JointState`, sorted."""
     return sorted({c.topic for c in reader.connections if c.msgtype == kind and c.msgcount > 0})
 
 
 def messages(reader: Any, topic: str, kind: str, path: Path) -> Iterator[tuple[float, float, Any]]:
-    """(header stamp in ns, bag time in ns, message) of one topic, in the bag's order. Raises UserError without any."""
+    """Yield (header stamp ns, bag time ns, message) of one topic, in the bag's order. Raises UserError: no messages."""
     connections = [c for c in reader.connections if c.topic == topic]
     if not connections:
         raise UserError("no such topic", file=path, got=topic, choices=sorted({c.topic for c in reader.connections}))

@@ -1,4 +1,4 @@
-"""Pictures out of ROS bags: Image, CompressedImage and CameraInfo, colour and depth."""
+"""Read pictures from ROS bags: colour and depth, from Image, CompressedImage and CameraInfo messages."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ IMAGE, COMPRESSED, INFO = (f"sensor_msgs/msg/{name}" for name in ("Image", "Comp
 COLOURS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
 BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}  # OpenCV's names
 DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
-FINE = 1e-4  # m, a step of what came as floats
+FINE = 1e-4  # m, step in which depth is stored that was logged as floats
 TAILS = ("compressed", "compressedDepth", "image_raw", "image_rect_raw", "image_rect", "image_color", "image")
 EVERY = "all"
-HEAD = 12  # bytes before the PNG of a compressedDepth message
+HEAD = 12  # bytes of header before the PNG in a compressedDepth message
 
 
 def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> dict[str, str]:
-    """Give the topics of pictures that are meant, and the name that a camera is given; "" where none is.
+    """Return picture topic -> camera name for the requested topics; the name is "" where the request states none.
 
     Args:
         reader: an open bag.
-        wanted: TOPIC or NAME=TOPIC each, or `all`.
-        source: what messages name.
+        wanted: entries of the form TOPIC or NAME=TOPIC, or `all`.
+        source: the bag, named in error messages.
 
     Raises:
-        UserError: a topic that is none of pictures.
+        UserError: a topic that does not exist or holds no pictures.
     """
     there = sorted({*topics_of(reader, IMAGE), *topics_of(reader, COMPRESSED)})
     if tuple(wanted) == (EVERY,):
@@ -49,7 +49,7 @@ def image_topics(reader: Any, wanted: Sequence[str], source: Path) -> dict[str, 
 
 
 def camera_name(topic: str) -> str:
-    """`wrist_color` of `/wrist/color/image_raw/compressed`."""
+    """Derive a camera's name from its topic: `/wrist/color/image_raw/compressed` -> `wrist_color`."""
     parts = [part for part in topic.split("/") if part]
     while len(parts) > 1 and parts[-1] in TAILS:
         parts.pop()
@@ -59,19 +59,19 @@ def camera_name(topic: str) -> str:
 def read_images(
     reader: Any, topics: Mapping[str, str], album: Album, clock: Callable[[float, float], float], source: Path
 ) -> dict[str, RecordedCamera]:
-    """Read pictures into an album; return what CameraInfo says of their cameras, whose poses no bag states.
+    """Read pictures into an album; return their cameras as CameraInfo describes them (without poses: a bag has none).
 
     Colour and depth of one optical frame are two streams of one camera.
 
     Args:
         reader: an open bag.
-        topics: of Image or CompressedImage, and the name of the camera where one is given.
-        album: what takes them.
-        clock: header stamp and bag time in ns -> s on the samples' clock.
-        source: what messages name.
+        topics: Image or CompressedImage topic -> camera name; "" to derive the name.
+        album: receives the pictures.
+        clock: maps (header stamp ns, bag time ns) to s on the clock of the recording's samples.
+        source: the bag, named in error messages.
 
     Raises:
-        UserError: an encoding that is not known, a picture that is cut short, or a lens that is not Brown's.
+        UserError: an unknown encoding, a truncated picture, or a distortion model other than Brown's (plumb_bob).
     """
     cameras: dict[str, RecordedCamera] = {}
     names = _names(reader, topics, source)
@@ -88,14 +88,15 @@ def read_images(
 
 
 def _reading(reader: Any, topic: str) -> tuple[str, Callable[[Any, Path, str], tuple[np.ndarray, float]]]:
-    """Give the type of a topic's messages, and what makes pictures of them."""
+    """Return a topic's message type, and the function that decodes such messages to pictures."""
     return (IMAGE, _raw) if topic in topics_of(reader, IMAGE) else (COMPRESSED, _compressed)
 
 
 def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, str]:
-    """By topic, the name of its camera: that given, or of the topic; depth has that of the one colour of its frame.
+    """Return topic -> camera name: the stated name, else one from the topic.
 
-    A driver that lays depth onto the colour camera's pixels stamps it with that camera's optical frame.
+    Depth takes the name of the colour topic with the same frame_id, if exactly one has it: a driver that aligns depth
+    to the colour camera's pixels stamps it with that camera's optical frame.
     """
     frames: dict[tuple[str, tuple[int, ...]], list[tuple[str, bool]]] = {}
     for topic in topics:
@@ -114,7 +115,7 @@ def _names(reader: Any, topics: Mapping[str, str], source: Path) -> dict[str, st
 
 
 def _info(reader: Any, topic: str, source: Path) -> Any:
-    """Give the first CameraInfo of the image's namespace; None where there is none."""
+    """Return the first CameraInfo message in the image topic's namespace; None if there is none."""
     parts = topic.split("/")
     while len(parts) > 1 and parts[-1] in TAILS:
         parts.pop()
@@ -139,7 +140,7 @@ def _camera(name: str, info: Any, source: Path) -> RecordedCamera:
 
 
 def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """Colour (H, W, 3) uint8 or depth (H, W) m of an Image, and the step that depth is kept in."""
+    """Decode an Image to colour (H, W, 3) uint8 or depth (H, W) m, and the step in m in which depth is stored."""
     import cv2
 
     encoding, height, width, step = message.encoding, int(message.height), int(message.width), int(message.step)
@@ -166,7 +167,7 @@ def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
 
 
 def _compressed(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:
-    """Decode a CompressedImage: JPEG, PNG, or depth as a PNG after a header (compressed_depth)."""
+    """Decode a CompressedImage: a JPEG, a PNG, or compressedDepth (a header, then depth as a PNG)."""
     import cv2
 
     data, said = np.frombuffer(np.ascontiguousarray(message.data).tobytes(), np.uint8), str(message.format)

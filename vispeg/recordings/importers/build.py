@@ -1,4 +1,4 @@
-"""The last steps of every importer: motors' readings become joints', named columns a checked recording."""
+"""Do the last steps of every importer: convert motor readings to joints', and columns to a validated recording."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.schema import FORMAT, header_from
 from vispeg.recordings.tables.table import Table
 
-EPOCH = 1e6  # s: times beyond are dates; seconds from the first sample keep more digits
-WORST = 1e6  # condition beyond which motors do not determine the joints
+EPOCH = 1e6  # s: larger times are dates; counted from the first sample they keep more digits
+WORST = 1e6  # condition number of the motor matrix beyond which motors do not determine the joints
 
 
 def joints_of(joints: Sequence[str], mapping: ColumnMap) -> list[str]:
-    """Give the joints to import: the map's own list where it has one, else the robot's."""
+    """Return the joints to import: the list in the map if it has one, else the robot's joints."""
     stated = mapping.recording.get("joints", list(joints))
     return [str(name) for name in stated] if isinstance(stated, list) else list(joints)
 
 
 def si(values: np.ndarray, source: Source) -> np.ndarray:
-    """Raw values in SI units."""
+    """Convert raw values to SI units."""
     return values if source.factor == 1.0 and source.offset == 0.0 else values * source.factor + source.offset
 
 
@@ -42,16 +42,16 @@ def build(
     first_row: int = 0,
     **header: Any,
 ) -> Recording:
-    """Give a recording from columns (n,) in SI units, named as in samples.csv.
+    """Build a validated recording from columns (n,) in SI units, named as in samples.csv.
 
     Args:
         columns: `time`, `q.joint1`, ...
-        source: the file they come from, which messages name.
+        source: the file they come from, named in error messages.
         robot: a name or a path.
         joints: the robot's joints.
-        mapping: its `recording` keys go into the header.
-        first_row: what the source calls its first sample.
-        header: further keys; the mapping's win.
+        mapping: the map; its `recording` keys go into the header.
+        first_row: number of the first sample's row in the source, for messages.
+        header: further header keys; those of the mapping override them.
     """
     time = columns.get("time")
     if time is None:
@@ -73,7 +73,7 @@ def build(
 
 
 def _rounded(rate: float) -> float:
-    """Take a rate within 1 % of a whole number for that number: clocks jitter, controllers do not run at 499.98 Hz."""
+    """Round a rate to the whole number within 1 % of it: controllers run at 500 Hz, and 499.98 Hz is clock jitter."""
     nearest = round(rate)
     return float(nearest) if nearest and abs(rate / nearest - 1) < 0.01 else rate
 
@@ -81,10 +81,10 @@ def _rounded(rate: float) -> float:
 def joint_side(
     columns: Mapping[str, np.ndarray], joints: Sequence[str], mapping: ColumnMap, source: Path
 ) -> dict[str, np.ndarray]:
-    """Return the columns (n,) of a recording with what the map states as the motors' turned to the joints' side.
+    """Convert the columns (n,) that the map declares as motor readings to the joint side.
 
-    Angles and speeds of a joint are sums over motors, torques the reverse; loads too, where they are signed. Jumps of
-    whole turns are undone on the motor's side, where they happen.
+    With q = A m, angles and speeds of a joint are weighted sums over motors, and torques follow from the transposed
+    relation; so do signed loads. Jumps by whole turns are removed on the motor side, where they occur.
 
     Raises:
         UserError: a motor without readings, or motors that do not determine the joints.
@@ -121,7 +121,7 @@ def matrix(joints: Sequence[str], mapping: ColumnMap, source: Path) -> np.ndarra
         out[order[joint]] = 0.0
         for name, factor in terms.items():
             out[order[joint], order[name]] = factor
-    scaled = out / np.linalg.norm(out, axis=1, keepdims=True)  # a gear of 1 beside one of 160 is no trouble
+    scaled = out / np.linalg.norm(out, axis=1, keepdims=True)  # gears of 1 and 160 in one arm are not ill-conditioned
     if np.linalg.cond(scaled) > WORST:
         said = "two joints turn by the same motors in one proportion, so that their torques cannot be told"
         raise UserError(said, file=file, key="motors", got={k: dict(v) for k, v in mapping.motors.items()})
@@ -129,7 +129,7 @@ def matrix(joints: Sequence[str], mapping: ColumnMap, source: Path) -> np.ndarra
 
 
 def combined(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return `values @ weights.T` (n, nj), in which a missing reading counts for those alone that it goes into."""
+    """Return `values @ weights.T` (n, nj), where a NaN reading affects only the outputs that depend on it."""
     out = np.zeros_like(values)
     for j, row in enumerate(weights):
         for k in np.flatnonzero(row):

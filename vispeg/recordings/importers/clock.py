@@ -1,4 +1,4 @@
-"""Mends what loggers do to a clock (rows twice, steps back, rare commands) and puts other sensors' signals on it."""
+"""Repair a log's clock (repeated rows, backward steps, sparse commands) and resample other signals onto it."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from vispeg.core.errors import UserError
 from vispeg.core.notes import note
 
 COMMANDS = ("q_cmd", "dq_cmd")
-LONGEST = 3.5  # times the usual distance of two commands: where none comes for longer, none is known
-NAMED = 3  # steps back that are named one by one
-REACH = 1.5  # periods of the other signal: where it is silent for longer it has a gap, not to be bridged
+LONGEST = 3.5  # times the usual interval between commands: after a longer silence the command counts as unknown
+NAMED = 3  # backward steps that a note lists individually
+REACH = 1.5  # periods of the other signal: a longer silence is a gap, which is not interpolated across
 
 
 def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) -> dict[str, np.ndarray]:
-    """Drop repeated rows, cut where the clock steps back, hold commands between two of them; a note says each.
+    """Drop repeated rows, start a new episode where the clock steps back, and hold sparse commands; note each repair.
 
-    A row that repeats the time of the one before with other values is not touched: which one counts is not known.
+    A row that repeats the previous row's time with other values is an error: nothing says which of the two is right.
 
     Args:
-        columns: `time` (n,) s, maybe `episode`, and signals.
-        source: what notes and errors name.
-        first_row: what the source calls its first sample.
+        columns: `time` (n,) s, optionally `episode`, and signals.
+        source: the file, named in notes and errors.
+        first_row: number of the first sample's row in the source.
 
     Raises:
         UserError: two rows of one time with other values.
@@ -56,7 +56,7 @@ def cleaned(columns: dict[str, np.ndarray], source: Path, first_row: int = 0) ->
 
 
 def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
-    """Give the number of each sample in its episode, (rows,)."""
+    """Return each sample's index within its episode, (rows,)."""
     if episode is None:
         return np.arange(rows, dtype=float)
     starts = np.flatnonzero(np.diff(episode, prepend=np.nan) != 0)
@@ -64,7 +64,7 @@ def counted(episode: np.ndarray | None, rows: int) -> np.ndarray:
 
 
 def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Give a new episode wherever the clock steps back inside one."""
+    """Start a new episode wherever the clock steps back within one."""
     time = columns["time"]
     inside = np.ones(len(time) - 1, bool) if "episode" not in columns else np.diff(columns["episode"]) == 0
     back = np.flatnonzero(inside & (np.diff(time) < 0))
@@ -81,7 +81,7 @@ def _cut(columns: dict[str, np.ndarray], source: Path, rows: np.ndarray) -> dict
 
 
 def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]:
-    """Commands that come less often than readings hold until the next one."""
+    """Hold commands that come less often than readings until the next command."""
     time, out, held = columns["time"], dict(columns), 0
     episode = columns.get("episode", np.zeros(len(time)))
     for name, values in columns.items():
@@ -90,7 +90,7 @@ def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]
             continue
         usual = np.median(np.diff(np.flatnonzero(there)))
         if usual < 2:
-            continue  # commands come with every reading, but for some that are missing
+            continue  # commands come with nearly every reading: the rest are missing values, not holds
         last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))
         known = (last >= 0) & (np.arange(len(values)) - last <= LONGEST * usual) & (episode[last] == episode)
         out[name] = np.where(known, values[np.maximum(last, 0)], np.nan)
@@ -101,16 +101,16 @@ def _held(columns: dict[str, np.ndarray], source: Path) -> dict[str, np.ndarray]
 
 
 def linear(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (m, k) at `time` (m,), interpolated at `clock` (n,); NaN outside and inside gaps. Returns (n, k)."""
+    """Interpolate values (m, k) at `time` (m,) to `clock` (n,); NaN outside their range and in gaps. Returns (n, k)."""
     out = np.stack([np.interp(clock, time, column, np.nan, np.nan) for column in values.T], axis=1)
     out[_in_gap(clock, time)] = np.nan
     return out
 
 
 def poses(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Poses (m, 7) x y z qw qx qy qz at `clock`: positions linear, orientations along the shorter arc. (n, 7).
+    """Interpolate poses (m, 7) x y z qw qx qy qz to `clock`: positions linearly, orientations by slerp. Returns (n, 7).
 
-    slerp: sin((1-s) a)/sin(a) q0 + sin(s a)/sin(a) q1 with cos(a) = q0.q1, s the share of the interval that has passed.
+    slerp along the shorter arc: sin((1-s) a)/sin(a) q0 + sin(s a)/sin(a) q1, cos(a) = q0.q1, s = 0 to 1 from q0 to q1.
     """
     out = linear(clock, time, values)
     quaternion = values[:, 3:] / np.maximum(np.linalg.norm(values[:, 3:], axis=1, keepdims=True), 1e-12)
@@ -133,10 +133,10 @@ def poses(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray
 
 
 def hold(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Commands (m, k) in force at `clock` (n,): NaN before the first. Returns (n, k).
+    """Return the commands in force at `clock` (n,), from commands (m, k) at `time` (m,); NaN before the first. (n, k).
 
-    A command follows the reading it was computed from by a fraction of a tick, yet belongs in its row. So where
-    commands come about as often as readings, or more often, the nearest within half a period of the readings counts.
+    A command is stamped a fraction of a tick after the reading that it was computed from, yet belongs in that row.
+    So where commands are at least about as frequent as readings, the nearest one within half a reading period is used.
     """
     out = np.full((len(clock), values.shape[1]), np.nan)
     last = np.searchsorted(time, clock, side="right") - 1
@@ -154,7 +154,7 @@ def hold(clock: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _in_gap(clock: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Which of `clock` fall strictly between two samples that are too far apart."""
+    """Mark the times of `clock` that fall strictly between two samples that are too far apart."""
     if len(time) < 3:
         return np.zeros(len(clock), bool)
     steps = np.diff(time)

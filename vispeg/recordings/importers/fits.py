@@ -1,4 +1,4 @@
-"""What measured torques say of a log by the robot's model: the order of its joints, and whether they are currents."""
+"""Compare measured torques with the model's: find the joint order in a log, and whether its torques are currents."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from vispeg.recordings.recording import Recording
 
 Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n, nj) rad, rad/s, rad/s^2 -> N m
 MOTION_HZ = 8.0
-POSTURES = 24  # at which an order is judged
-MOST = 720  # orders that are tried one by one: of six joints
+POSTURES = 24  # samples at which a joint order is evaluated
+MOST = 720  # joint orders up to which all are tried: 6! for six joints
 BETTER = (
-    2.0  # times the error that another order must have less: a payload or friction does not make that of a right one
+    2.0  # factor by which another order must lower the error: unmodelled payload or friction do not cause that much
 )
-SAMPLES = 2000  # rows for the scale of torques
-EXPLAINED = 0.5  # share of a torque's variance that the model explains beside friction, from which its scale is known
-TORQUE = 3.0  # a scale beyond this factor is none that friction, gears or a payload make
-ALIKE = 10.0  # times: between the scales of one arm's motors, whose constants and gears differ by less
-TURNS = 2  # reversals of a joint, from which friction is told from load
-LITTLE = 0.1  # share of its variance that the model explains, below which a joint's torque carries nothing
-SPEEDS = 0.02  # share of the top speed below which a joint's friction has no direction
+SAMPLES = 2000  # rows from which the torque scale is fitted
+EXPLAINED = 0.5  # least share of a torque's variance that the model, given friction, explains for its scale to be known
+TORQUE = 3.0  # friction, gear errors or a payload change the torque scale by less than this factor
+ALIKE = 10.0  # largest plausible ratio between scales in one arm: its motor constants and gears differ by less
+TURNS = 2  # reversals of a joint that are needed to separate friction from load
+LITTLE = 0.1  # explained share of variance below which a joint's torque reading carries no information
+SPEEDS = 0.02  # share of the top speed below which the direction of dry friction counts as undefined
 
 
 @dataclass(frozen=True)
 class Order:
-    """An order in which torques fit better.
+    """A joint order in which measured torques fit the model better than in the log's order.
 
     Attributes:
-        order: place in the log of each of the robot's joints.
-        given, best: RMS of torque, N m, against the model's, as given and in that order.
+        order: for each joint of the robot, its index in the log.
+        given, best: RMS difference to the model's torque, N m, in the log's order and in this one.
     """
 
     order: tuple[int, ...]
@@ -44,14 +44,14 @@ class Order:
 
 @dataclass(frozen=True)
 class Scales:
-    """Measured torque over the model's, joint by joint.
+    """Ratio of measured torque to the model's torque, joint by joint.
 
     Attributes:
         joints: names.
-        scale: (nj,) slope, NaN where it is not known.
-        sigma: (nj,) its standard deviation, as far as the residual is noise.
+        scale: (nj,) slope of measured over modelled torque, NaN where it is not known.
+        sigma: (nj,) standard deviation of the slope, assuming that the residual is noise.
         explained: (nj,) share of the variance that the slope explains.
-        silent: (nj,) bool, joints whose torque carries nothing.
+        silent: (nj,) bool, joints whose torque reading carries no information.
     """
 
     joints: tuple[str, ...]
@@ -62,19 +62,19 @@ class Scales:
 
     @property
     def told(self) -> bool:
-        """Whether the scales of half of the joints are known and alike: one joint alone may as well be wrong."""
+        """Whether the scales of at least half of the joints are known and similar: one joint may be a coincidence."""
         known = np.abs(self.scale[np.isfinite(self.scale)])
         return len(known) >= max(2, len(self.scale) / 2) and bool(known.max() < ALIKE * known.min())
 
     @property
     def foreign(self) -> bool:
-        """Whether this is no torque in N m: the scales are known, and none is about 1."""
+        """Whether the readings are not torques in N m: the scales are known, and none is near 1."""
         known = self.scale[np.isfinite(self.scale)]
         return self.told and bool(((known < 1 / TORQUE) | (known > TORQUE)).all())
 
     @property
     def line(self) -> str:
-        """One sentence for a person."""
+        """Describe the finding in one sentence."""
         known = np.isfinite(self.scale)
         names = [name for name, is_known in zip(self.joints, known, strict=True) if is_known]
         sizes = np.abs(self.scale[known])
@@ -89,9 +89,9 @@ class Scales:
 
 
 def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
-    """Give the order of the joints in which torques fit the model by far better than as given; None where none does.
+    """Find a joint order in which torques fit the model far better than in the log's order; None if there is none.
 
-    All orders are tried up to six joints, beyond them exchanges of two and three, as long as they help.
+    Up to six joints all orders are tried; for more, exchanges of two or three joints as long as they lower the error.
 
     Args:
         rec: with measured torque.
@@ -103,23 +103,23 @@ def order_that_fits(rec: Recording, needs: Needs) -> Order | None:
     motion, tau = found
 
     def error(order: Sequence[int]) -> float:
-        """RMS of the torques in this order, without a constant of each joint."""
+        """Return the RMS torque residual in this order, after each joint's constant offset is removed."""
         left = tau[:, order] - needs(*(part[:, order] for part in motion))
         return float(np.sqrt(np.mean((left - left.mean(axis=0)) ** 2)))
 
     n = tau.shape[1]
     given = error(range(n))
     torques = float(np.sqrt(np.mean((tau - tau.mean(axis=0)) ** 2)))
-    if given * BETTER < torques:  # as given they fit
+    if given * BETTER < torques:  # the log's order fits
         return None
     best = min(permutations(range(n)), key=error) if math.factorial(n) <= MOST else _exchanged(n, error)
     least = error(best)
-    explains = least * BETTER < torques  # a wrong model fits in no order
+    explains = least * BETTER < torques  # no order fits a wrong model
     return Order(tuple(best), given, least) if least * BETTER < given and explains else None
 
 
 def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
-    """Give the order that no exchange of two, and none of three, makes better."""
+    """Return an order that no exchange of two or three joints improves."""
     best, least = list(range(n)), error(range(n))
     for some in (combinations(range(n), 2), combinations(range(n), 2), permutations(range(n), 3)):
         for places in some:
@@ -132,7 +132,7 @@ def _exchanged(n: int, error: Callable[[Sequence[int]], float]) -> tuple[int, ..
 
 
 def scales(rec: Recording, needs: Needs) -> Scales | None:
-    """Slope of measured torque over the model's, joint by joint, fitted with dry and viscous friction and a constant.
+    """Fit the slope of measured over modelled torque, joint by joint, with dry and viscous friction and a constant.
 
     Args:
         rec: with measured torque.
@@ -169,7 +169,7 @@ def scales(rec: Recording, needs: Needs) -> Scales | None:
 
 
 def motion_of(rec: Recording, most: int) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None:
-    """Return smoothed motion and torque (n, nj) at some of the moments at which all are known."""
+    """Return smoothed motion and torque (n, nj) at up to `most` samples at which all of them are known."""
     if rec.tau is None:
         return None
     motion = smooth(rec.time, rec.q, MOTION_HZ)

@@ -1,7 +1,7 @@
-"""Pictures of a LeRobot data set: its videos, decoded by PyAV at the times of the samples.
+"""Import the pictures of a LeRobot data set: PyAV decodes its videos at the times of the samples.
 
-Format 2 keeps a video an episode, format 3 several episodes in one, with their times in meta/episodes; both state where
-in `video_path` of meta/info.json.
+Format 2 has one video per episode; format 3 puts several episodes in one video, with their start times in
+meta/episodes. In both, `video_path` in meta/info.json is the pattern of the files' paths.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PREFIX = "observation.images."
 
 
 def root_of(table: Path) -> Path | None:
-    """Give the folder of the data set that a table belongs to; None where it belongs to none."""
+    """Return the folder of the LeRobot data set that contains a table; None if there is none."""
     return next(
         (folder for folder in (table.resolve(), *table.resolve().parents) if (folder / "meta" / "info.json").is_file()),
         None,
@@ -36,17 +36,17 @@ def root_of(table: Path) -> Path | None:
 def import_video(
     table: Path, rec: Recording, wanted: Sequence[str], cameras: Mapping[str, RecordedCamera], scratch: Path
 ) -> Frames | None:
-    """Give the pictures at the samples of a recording that was made of a LeRobot table.
+    """Return the pictures at the sample times of a recording that was imported from a LeRobot table.
 
     Args:
-        table: of the data set; a parquet file.
+        table: a parquet file of the data set.
         rec: the recording; its episodes are the table's, its times count from an episode's first sample.
-        wanted: keys such as `observation.images.wrist` (or `wrist`), or `all`.
-        cameras: what is known of each, by the last word of its key.
-        scratch: where the pictures are kept until the recording is written.
+        wanted: keys of videos such as `observation.images.wrist` (or `wrist`), or `all`.
+        cameras: intrinsics and poses, by the last word of the video's key.
+        scratch: folder for the pictures until the recording is written.
 
     Raises:
-        UserError: no data set around the table, no such key, a video that is missing or damaged, or no PyAV.
+        UserError: the table is in no data set, an unknown key, a missing or damaged video, or PyAV is not installed.
     """
     root = root_of(table)
     if root is None:
@@ -85,7 +85,7 @@ def _keys(wanted: Sequence[str], kinds: Mapping[str, Any], root: Path) -> list[s
 
 
 def where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple[Path, float]:
-    """Return the video of an episode, and when in it the episode begins, s. Raises UserError: there is none."""
+    """Return an episode's video file and the episode's start time in it, s. Raises UserError: there is no such file."""
     words: dict[str, str | int] = {"video_key": key, "episode_index": episode, "episode_chunk": episode // chunk}
     start = 0.0
     if "{file_index" in pattern:
@@ -102,7 +102,7 @@ def where(root: Path, pattern: str, key: str, episode: int, chunk: int) -> tuple
 
 
 def _episode(root: Path, key: str, episode: int) -> dict[str, float]:
-    """Give what meta/episodes says of an episode's video."""
+    """Read the entries of meta/episodes about an episode's video."""
     import pyarrow.parquet as pq
 
     names = ("chunk_index", "file_index", "from_timestamp")
@@ -143,6 +143,6 @@ def decoded(file: Path, times: np.ndarray, start: float) -> Iterator[tuple[float
                     number, _ = waiting.pop(0)
                     yield float(times[order[number]]), frame.to_ndarray(format="rgb24")
                 while waiting and waiting[0][1] < frame.time - 0.5 * period:
-                    waiting.pop(0)  # a frame that the video lacks
+                    waiting.pop(0)  # the video has no frame at this time
     except (FFmpegError, IndexError, ValueError) as error:
         raise UserError(f"is not a video that can be decoded ({error})", file=file) from error

@@ -15,7 +15,7 @@ from vispeg.recordings.columns import SIGNALS, columns_of
 from vispeg.recordings.tables.table import Dialect
 
 TICK = 2 * math.pi / 4096  # rad, encoder tick of Feetech's STS3215 and Dynamixel's X series
-QUANTITIES: tuple[dict[str, float], ...] = (  # unit -> SI, those of one quantity together
+QUANTITIES: tuple[dict[str, float], ...] = (  # for each physical quantity: unit -> factor to SI
     {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "mdeg": math.pi / 180e3, "turn": 2 * math.pi, "tick": TICK},
     {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30},
@@ -47,7 +47,7 @@ class Source:
 
     @property
     def names(self) -> set[str]:
-        """Names of all columns that it needs."""
+        """Names of all source columns that the value is computed from."""
         return {self.name}.union(*(term.names for term in self.plus))
 
 
@@ -203,13 +203,13 @@ def _section(data: dict, key: str, file: Path) -> dict:
 
 
 def _own_unit(own: dict, target: str) -> str:
-    """Give the unit that the header states for the user-defined signal that a column is of; empty for all others."""
+    """Return the unit that the header states if a column belongs to a user-defined signal; empty for other columns."""
     declared = own.get(target.partition(".")[0])
     return str(declared.get("unit", "")) if isinstance(declared, dict) else ""
 
 
 def _unit(unit: Any, into: str, target: str, file: Path) -> float:
-    """Give the factor from a unit into SI, or into that of a user-defined signal, which may be no unit known here."""
+    """Return the factor from a unit to SI, or to the unit of a user-defined signal, which may be one unknown here."""
     if unit is None or unit == into:
         return 1.0
     known = FACTORS if not into else next((q for q in QUANTITIES if into in q), {into: 1.0})

@@ -1,4 +1,4 @@
-"""Imports a NumPy archive: arrays `time` (n,), `q` (n, nj), and whatever else there is of a recording's signals."""
+"""Import a NumPy archive with arrays `time` (n,), `q` (n, nj), and optionally further signals of a recording."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from vispeg.recordings.tables.table import MAX_BYTES
 def import_npz(
     source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap | None = None, **header: Any
 ) -> Recording:
-    """Give a recording from an .npz file; nothing in it is ever unpickled.
+    """Import a recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays are `time`, `episode` (n,), `q`, `dq`, `tau`, `tau_cmd`, `q_cmd`, `dq_cmd` (n, nj), `ee`, `ee_cmd` (n, 7),
-    `ft` (n, 6), under these names or those that the map gives, and `joints` (nj,), the names of the columns.
+    `ft` (n, 6), under these names or those in the map, and `joints` (nj,), the joint names of the arrays' columns.
 
     Args:
         source: the .npz file.
         robot: a name or a path.
-        joints: the robot's joints; an array `joints` in the archive says otherwise.
+        joints: the robot's joints; an array `joints` in the archive overrides them.
         mapping: names and units of the arrays.
         header: further keys of recording.yaml.
 

@@ -1,4 +1,4 @@
-"""Imports an object's tosses from a NumPy archive: `state` (n, 7) or (n, 13), and where each toss starts."""
+"""Import an object's tosses from a NumPy archive: `state` (n, 7) or (n, 13), and the first row of each toss."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from vispeg.formats.arrays import read_arrays
 from vispeg.recordings.objects import ObjectRecording, rates
 from vispeg.recordings.tables.table import MAX_BYTES
 
-UNIT = 1e-2  # of a quaternion's norm
+UNIT = 1e-2  # tolerated deviation of a quaternion's norm from 1
 
 
 def import_object(
     source: Path, name: str, rate_hz: float | None, first: int = 0, last: int | None = None
 ) -> ObjectRecording:
-    """Give an object recording from an .npz file; nothing in it is ever unpickled.
+    """Import an object recording from an .npz file; nothing in it is ever unpickled.
 
     Arrays: `state` (n, 13), position (m), quaternion (w x y z), velocity (m/s, world), angular velocity (rad/s, body's
     frame), or (n, 7) without velocities; `start` (k,), first rows of the tosses (and the end, n, if it is listed);
@@ -27,7 +27,7 @@ def import_object(
         source: the .npz file.
         name: the object's body in its model.
         rate_hz: samples a second, equally spaced; None where the archive has `time`.
-        first, last: tosses taken, `last` not included; None takes all from `first` on.
+        first, last: range of tosses to import, `last` excluded; None imports all from `first` on.
 
     Raises:
         UserError: the file is damaged, an array is absent or has the wrong shape, or no toss is left.
@@ -77,7 +77,7 @@ def _array(arrays: dict[str, np.ndarray], key: str, source: Path) -> np.ndarray:
 
 
 def _edges(arrays: dict[str, np.ndarray], n: int, source: Path) -> np.ndarray:
-    """First rows of the tosses, then n."""
+    """Return the first row of each toss, then n."""
     if "start" not in arrays:
         return np.array([0, n])
     start = _array(arrays, "start", source)

@@ -1,4 +1,4 @@
-"""Pictures on their way into a recording: kept as files at once, so that a long log needs little memory."""
+"""Collect pictures for a recording; each is written to a file at once, so that a long log needs little memory."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from vispeg.recordings.frames.frames import Frames, RecordedFrame
 from vispeg.recordings.frames.png import write_colour, write_steps
 from vispeg.recordings.recording import Recording
 
-DEPTH_UNIT = 1e-3  # m, of a 16-bit depth image; a float one is kept in tenths of it
+DEPTH_UNIT = 1e-3  # m per step of a 16-bit depth image
 
 
 class Album:
-    """Takes pictures as they come and gives the frames of a recording.
+    """Takes pictures one by one, and makes the frames of a recording of them.
 
     Args:
-        folder: where the files go; it has to be there until the recording is written.
+        folder: folder for the picture files; it must exist until the recording is written.
     """
 
     def __init__(self, folder: Path):
@@ -31,11 +31,11 @@ class Album:
         self.unit: dict[str, float] = {}
 
     def add(self, camera: str, time: float, image: np.ndarray, episode: int = 0, unit: float = DEPTH_UNIT) -> None:
-        """Give a picture: (H, W, 3) uint8 colour, or (H, W) depth in m, 0 or NaN = no reading, kept in steps of `unit`
-        m.
+        """Add a picture: (H, W, 3) uint8 colour, or (H, W) depth in m (0 or NaN: no reading), stored in steps of
+        `unit` m.
 
         Raises:
-            UserError: another size than the camera's other pictures have.
+            UserError: its size differs from that of the camera's other pictures.
         """
         size = image.shape[1], image.shape[0]
         if self.size.setdefault(camera, size) != size:
@@ -52,10 +52,10 @@ class Album:
         self.rows.append((time, camera, episode, "rgb" if image.ndim == 3 else "depth", file))
 
     def frames(self, rec: Recording, cameras: Mapping[str, RecordedCamera]) -> Frames | None:
-        """Return the frames within the times of a recording; colour and depth of a camera at one time form one frame.
+        """Return the frames within the time span of a recording; colour and depth of one time form one frame.
 
         Raises:
-            UserError: pictures of a camera of which nothing, or another size, is stated; none within those times.
+            UserError: a camera without intrinsics or with another stated image size; no picture within the time span.
         """
         described = {}
         for name, (width, height) in self.size.items():
@@ -83,10 +83,9 @@ Row = tuple[float, str, int, str, Path]
 
 
 def _together(rows: Sequence[Row]) -> list[Row]:
-    """Give the pictures, depth at the time of the colour picture next to it, if that is nearer than half a period of
-    colour.
+    """Give each depth picture the time of the nearest colour picture, if that is closer than half a colour period.
 
-    A device's two streams are stamped a little apart.
+    A device stamps its two streams at slightly different times.
     """
     streams: dict[tuple[str, int], dict[str, list[Row]]] = {}
     for row in rows:

@@ -1,4 +1,4 @@
-"""Whether stated units can be true: the rate, the joints' ranges and speeds, and speeds against angles."""
+"""Check whether stated units are plausible, from the sample rate, joint ranges, speeds, torques and their relations."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from vispeg.recordings.importers.mapping import FACTORS, ColumnMap
 from vispeg.recordings.importers.slopes import Doubt, against_speeds, slope
 from vispeg.recordings.recording import Recording
 
-RATES = (3.0, 20_000.0)  # Hz: slower tells nothing of dynamics, faster is no arm's log
-TOP_SPEED = 40.0  # rad/s: of a joint whose limit is not known
-SLOW = 2e-3  # of the speed limit (or TOP_SPEED / 10): a joint that never moves faster, though it moves far
+RATES = (3.0, 20_000.0)  # Hz, plausible sample rates: slower shows no dynamics, and no arm logs faster
+TOP_SPEED = 40.0  # rad/s, assumed limit of a joint whose speed limit is not known
+SLOW = 2e-3  # share of the speed limit (or of TOP_SPEED / 10): implausibly slow for a joint that moves by FAR
 FAR = 0.1  # rad
-SMALL = 3.5  # degrees: an arm whose every angle stays below was more likely read in radians
-CHUNKS, CHUNK = 20, 10_000  # stretches of a long recording that are looked at, and their rows
-FAR_BEYOND = 10.0  # times a joint's limit: no torque
-MOTION_HZ, POSTURES = 8.0, 1000  # bandwidth of the motion that torques are worked out for, and how many
-CARRIED = 0.8  # correlation from which torques are said to move the arm
+SMALL = 3.5  # degrees: if every angle stays below this, the values are more likely radians
+CHUNKS, CHUNK = 20, 10_000  # number of stretches of a long recording that are checked, and rows of each
+FAR_BEYOND = 10.0  # multiple of a joint's torque limit that no real torque reaches
+MOTION_HZ, POSTURES = 8.0, 1000  # bandwidth of the smoothed motion, and samples at which the model's torque is computed
+CARRIED = 0.8  # least correlation of measured and modelled torques for their scale to be meaningful
 RADIANS = math.pi / 180
 
 
@@ -33,11 +33,11 @@ Needs = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # motion (n,
 
 
 def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs | None = None) -> list[Doubt]:
-    """Return implausible consequences of a recording's units, the most certain first; empty if all are plausible.
+    """List what is implausible about a recording's units, the most certain first; empty if all are plausible.
 
     Args:
-        rec: the recording, in what is said to be SI units.
-        limits: the robot's, in the order of its joints; infinite where not known.
+        rec: the recording, converted to SI units with the stated units.
+        limits: the robot's limits, in the order of its joints; infinite where not known.
         degrees: whether the angles were said to be in degrees before they became radians.
         needs: torques of the robot's model for a motion of the recording's joints; None where that is not known.
     """
@@ -48,7 +48,7 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs |
     speed = np.diff(rec.q, axis=0)[inside] / step[inside][:, None]
     top = np.where(np.isfinite(limits.velocity), limits.velocity, TOP_SPEED / 10)
     fast = np.nanquantile(np.abs(speed), 0.99, axis=0) / top if len(speed) else np.zeros(len(top))
-    if (impossible := _rate(rate)) is not None:  # filters and lags of such a clock would have billions of samples
+    if (impossible := _rate(rate)) is not None:  # with such a clock, filters would need billions of samples
         return [impossible]
     candidates = [*against_speeds(rec, inside, period), _against_commands(rec)]
     candidates += [_degrees(rec, limits, degrees, fast), _speeds(rate, fast, rec), _torque(rec, limits, needs)]
@@ -56,7 +56,7 @@ def doubts(rec: Recording, limits: Limits, degrees: bool = False, needs: Needs |
 
 
 def _some(rec: Recording) -> tuple[Recording, np.ndarray]:
-    """As much of a long recording as units can be judged by, and which of its steps (n - 1,) are real ones."""
+    """Take stretches of a long recording that suffice to check units; mark which row steps (n - 1,) lie inside one."""
     n, inside = len(rec.time), within_episode(rec)
     if n <= CHUNKS * CHUNK:
         return rec, inside
@@ -80,7 +80,7 @@ def _rate(rate: float) -> Doubt | None:
 
 
 def _against_commands(rec: Recording) -> Doubt | None:
-    """Test whether an arm goes where told: angles that follow their commands at another scale are in another unit."""
+    """Compare measured with commanded angles: if they follow at another scale, one of them is in another unit."""
     ratio = None if rec.q_cmd is None else slope(rec.q_cmd, rec.q, 0.9)
     if ratio is None:
         return None
@@ -121,15 +121,15 @@ def _speeds(rate: float, fast: np.ndarray, rec: Recording) -> Doubt | None:
 
 
 def _torque(rec: Recording, limits: Limits, needs: Needs | None) -> Doubt | None:
-    """Torques against what the joints can give, and against what the model needs for the measured motion: a payload or
-    friction that it lacks makes them differ, not a thousandfold.
+    """Compare torques with the joints' limits, and with the model's torques for the measured motion: a payload or
+    friction that the model lacks changes them, but not a thousandfold.
     """
     if rec.tau is None or np.isnan(rec.tau).all(axis=0).any():
         return None
     share = np.nanquantile(np.abs(rec.tau), 0.99, axis=0) / np.where(limits.torque > 0, limits.torque, np.inf)
     times = None if needs is None else _times_needed(rec, rec.tau, needs)
     if times is not None and 0.2 < times < 5.0:
-        return None  # a limit that is exceeded then is a placeholder in the robot's file
+        return None  # torques match the model, so an exceeded limit is a placeholder in the robot's file
     within = bool(np.isfinite(limits.torque).all() and np.max(share) <= 1.0)
     if times is not None and 300 < times < 3000 and not within:
         said = f"torques are {times:.4g} times what the model needs for the measured motion"
@@ -143,7 +143,7 @@ def _torque(rec: Recording, limits: Limits, needs: Needs | None) -> Doubt | None
 
 
 def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None:
-    """Slope of torques (n, nj) over those that the model needs; None where they do not go together."""
+    """Return the slope of torques (n, nj) over the model's torques; None if they are hardly correlated."""
     motion = smooth(rec.time, rec.q, MOTION_HZ)
     rows = np.flatnonzero(np.isfinite([*motion, tau]).all(axis=(0, 2)))
     rows = rows[:: max(1, len(rows) // POSTURES)]
@@ -159,14 +159,14 @@ def _times_needed(rec: Recording, tau: np.ndarray, needs: Needs) -> float | None
 def refuse_units(
     rec: Recording, robot: Limited, mapping: ColumnMap, file: Path, stated: str, needs: Needs | None = None
 ) -> None:
-    """Raise UserError where units cannot be true, with the likely ones; a joint that is not the robot's tells nothing.
+    """Raise UserError if units cannot be true, and name the likely ones; joints that the robot lacks are not checked.
 
     Args:
-        rec: what the units made of a log.
-        robot: whose limits say what can be true.
-        mapping: with the units.
-        file: that the error names.
-        stated: where the units should be put right, such as `the map`.
+        rec: a log, converted with the stated units.
+        robot: the robot, whose limits bound what is plausible.
+        mapping: the map that states the units.
+        file: the file that the error names.
+        stated: where the user can correct the units, such as `the map`.
         needs: torques of the robot's model, as in `doubts`.
     """
     if not set(rec.joints) <= set(robot.joints):

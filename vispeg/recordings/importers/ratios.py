@@ -1,8 +1,8 @@
-"""How far a joint turns for its motor, as far as the measured torques tell: a ratio with its interval, or none.
+"""Estimate gear ratios (joint angle over motor angle) from measured torques, each with its interval, or none.
 
-Angles are taken times a factor, joint by joint, and the model's torques for that motion are held against the measured
-ones beside friction and a constant, with a free scale. Gravity tells the factor by where it turns the torque round;
-inertia alone does not, since a scale does as well.
+Motor angles are multiplied by a trial factor per joint. The model's torques for that motion, times a free scale, plus
+friction and a constant are fitted to the measured torques. Gravity torque depends on the angle nonlinearly and so
+identifies the factor; inertial torque alone does not: it is proportional to the factor, so the scale is its alias.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from scipy import optimize, stats
 from vispeg.recordings.importers.fits import EXPLAINED, SPEEDS, Needs, motion_of
 from vispeg.recordings.recording import Recording
 
-ROWS = 200  # at which torques are worked out
-LEAST, MOST, STEPS = 1 / 400, 2.0, 70  # factors that are tried, and in how many steps
-ROUNDS = 3  # in which each joint's factor is looked for beside the others'
-EACH = 5  # rows of one independent reading
-LEFT = 1e-3  # share of a torque's variance that no model explains
-WHOLE, KNOWN = 0.03, 0.01  # half width of the interval, relative, from which a whole number, or any other, is known
+ROWS = 200  # samples at which torques are computed
+LEAST, MOST, STEPS = 1 / 400, 2.0, 70  # range of trial factors, and their number
+ROUNDS = 3  # rounds of coordinate search: each joint's factor is optimised given the others'
+EACH = 5  # rows that count as one independent reading
+LEFT = 1e-3  # share of a torque's variance that is assumed to remain unexplained by any model
+WHOLE, KNOWN = 0.03, 0.01  # relative half width of the interval up to which an integer, or another ratio, is accepted
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Ratio:
     """Joint angle over motor angle.
 
     Attributes:
-        value, low, high: with its 95 % interval.
-        torque: measured torque over the model's at that factor.
+        value, low, high: the ratio and the ends of its 95 % interval.
+        torque: scale of measured over modelled torque at that ratio.
     """
 
     value: float
@@ -41,7 +41,7 @@ class Ratio:
 
     @property
     def text(self) -> str | None:
-        """The factor as a map states it: `1/8` where 8 is the one whole number in the interval; None if not known."""
+        """The ratio as written in a map: `1/8` if 8 is the only integer in 1/ratio's interval; None if not known."""
         first, last = math.ceil(1 / self.high), math.floor(1 / self.low)
         half = (self.high - self.low) / (2 * self.value)
         if first == last and first > 1 and half < WHOLE:
@@ -53,12 +53,12 @@ class Ratio:
 
 
 def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Ratio]:
-    """Return the factors of the joints that measured torques tell.
+    """Estimate the ratios of those joints whose ratio the measured torques determine.
 
     Args:
-        rec: with measured torque; angles of `joints` are those of their motors, rad.
+        rec: recording with measured torque; the angles of `joints` are motor angles, rad.
         needs: torques of the robot's model for a motion of its joints.
-        joints: places of the joints that are looked at.
+        joints: indices of the joints in question.
     """
     found = motion_of(rec, ROWS)
     if found is None or not joints:
@@ -73,7 +73,7 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
         others.append(np.linalg.qr(np.stack([constant, dq[:, j] / top, np.tanh(dq[:, j] / (SPEEDS * top))], 1))[0])
 
     def fit(factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Squared residual, of what friction leaves, and slope of each joint, (nj,)."""
+        """Return per joint (nj,): squared residual, variance left after friction alone, and slope."""
         needed = needs(q * factor, dq * factor, ddq * factor)
         left, all_, slope = np.zeros(len(factor)), np.zeros(len(factor)), np.zeros(len(factor))
         for j in np.flatnonzero(heard):
@@ -102,11 +102,11 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
     floor = LEFT * np.maximum(fit(factor)[1], 1e-300)
 
     def unlikely(factor: np.ndarray) -> float:
-        """Twice the negative log likelihood, of as many independent readings as there are."""
+        """Return twice the negative log likelihood, counting only independent readings."""
         return free * float(np.sum(np.log(fit(factor)[0][heard] + floor[heard])))
 
     def polished(start: np.ndarray, as_one: bool) -> np.ndarray:
-        """Return the best factors about a start, of each joint or one of all."""
+        """Return the best factors near a start: one per joint, or with `as_one` a common one."""
         shape = (lambda v: at([*joints], float(np.exp(v[0])))) if as_one else lambda v: _with(start, joints, np.exp(v))
         first = np.log(start[[*joints]])
         first = first[:1] if as_one else first
@@ -117,7 +117,7 @@ def ratios(rec: Recording, needs: Needs, joints: Sequence[int]) -> dict[int, Rat
     middle = at([*joints], float(np.exp(np.median(np.log(factor[[*joints]])))))
     one = polished(middle, True)
     alike = len(joints) > 1 and unlikely(one) - unlikely(factor) < stats.chi2.ppf(0.95, len(joints) - 1)
-    factor = one if alike else factor  # gears of one kind are one number, which is known better
+    factor = one if alike else factor  # equal gears share one ratio, which is known more precisely
     left, all_, slope = fit(factor)
     explained = 1 - left / np.maximum(all_, 1e-300)
     best, most = unlikely(factor), stats.f.ppf(0.95, 1, free)
@@ -142,7 +142,7 @@ def _with(factor: np.ndarray, joints: Sequence[int], values: np.ndarray) -> np.n
 
 
 def _end(beyond: Callable[[float], float], log: float, way: int) -> float:
-    """Where `beyond` passes 0 on one side of a minimum, looked for in steps that double; far away where it does not."""
+    """Find where `beyond` crosses 0 on one side of a minimum, in doubling steps; a far value if it never does."""
     step = 1e-3
     while step < 2.0 and beyond(log + way * step) < 0:
         step *= 2

@@ -1,4 +1,4 @@
-"""Imports a ROS 1 bag, a ROS 2 bag or an MCAP file: joint states, and where there are any commands, poses, wrenches."""
+"""Import a ROS 1 bag, a ROS 2 bag or an MCAP file: joint states, and optionally commands, poses and wrenches."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ MEASURED, COMMANDED = ("q", "dq", "tau"), ("q_cmd", "dq_cmd", "tau_cmd")
 
 @dataclass(frozen=True)
 class Topics:
-    """Which topics to read; None takes the only one of its type, if there is just one. A command is never guessed.
+    """Topics to read; None stands for the only topic of that type, if there is just one. `command` is never guessed.
 
     Attributes:
         joints: JointState with what was measured; its stamps are the recording's times.
         command: JointState with what was commanded.
         pose: PoseStamped of the flange in the base.
         wrench: WrenchStamped at the flange, in the flange frame.
-        images: Image or CompressedImage, each a camera; `all` for every one there is.
+        images: Image or CompressedImage topics, one camera each; `all` for all there are.
     """
 
     joints: str | None = None
@@ -54,20 +54,20 @@ def import_rosbag(
     cameras: Mapping[str, RecordedCamera] | None = None,
     **header: Any,
 ) -> Recording:
-    """Give a recording on the clock of the measured joint states.
+    """Import a recording on the clock of the measured joint states.
 
-    Times are the messages' header stamps, or the bag's where a topic's headers are empty. Joints are found by name;
-    what a message does not hold is missing. Poses and wrenches are interpolated (positions and wrenches linearly,
-    orientations along the arc); the last command at or before a reading holds, or the nearest within half a period.
+    Times are the messages' header stamps, or bag times where a topic's headers are empty. Joints are matched by name;
+    values that a message lacks become NaN. Positions and wrenches are interpolated linearly, orientations by slerp.
+    A reading's command is the nearest one within half a period, or else the last one before it.
 
     Args:
         source: a .bag, .db3 or .mcap file, or a ROS 2 bag's folder.
         robot: a name or a path.
         joints: the robot's joints.
-        mapping: its `joints` gives the bag's name of a joint, its `recording` further keys.
+        mapping: its `joints` states the joints' names in the bag, its `recording` further header keys.
         topics: which topics to read.
         scratch: a folder for pictures, kept until the recording is written; needed for `topics.images`.
-        cameras: what is known of cameras, by name, over what CameraInfo says; a bag states no poses.
+        cameras: camera name -> intrinsics and pose, overriding CameraInfo; a bag contains no camera poses.
         header: further keys of recording.yaml.
 
     Raises:
@@ -114,7 +114,7 @@ def import_rosbag(
 
 
 def joint_topics(source: Path) -> tuple[str, ...]:
-    """Give the topics of joint states in a bag. Raises UserError: not a bag that can be read."""
+    """List the JointState topics of a bag. Raises UserError: not a readable bag."""
     with open_bag(source) as reader:
         return tuple(topics_of(reader, JOINTS))
 
@@ -130,7 +130,7 @@ def _only(reader: Any, kind: str, not_this: str | None, source: Path) -> str:
 def _joint_states(
     reader: Any, topic: str, names: list[str], mapping: ColumnMap, source: Path
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for what a message does not hold."""
+    """Read times (n,) ns and [position, velocity, effort] (n, 3 nj), NaN for values that a message lacks."""
     wanted = [mapping.joints.get(name, name) for name in names]
     places: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
     all_names: set[str] = set()
@@ -143,7 +143,7 @@ def _joint_states(
             places[heard] = ([j for j, _ in pairs], [k for _, k in pairs])
         ours, theirs = places[heard]
         if not ours:
-            return None  # a gripper's, on the same topic
+            return None  # a message about other joints, such as a gripper's, on the same topic
         out = np.full((3, len(wanted)), np.nan)
         for line, field in zip(out, FIELDS, strict=True):
             values = np.asarray(getattr(message, field), float)
@@ -182,7 +182,7 @@ def _rows(
 
 
 def _once(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """In order of time, the first of equal stamps."""
+    """Sort by time; of equal stamps keep the first."""
     time, first = np.unique(time, return_index=True)
     return time, values[first]
 
@@ -201,7 +201,7 @@ def _overlapping(
 
 
 def _add(columns: dict[str, np.ndarray], signal: str, joints: list[str], values: np.ndarray) -> None:
-    """Add a signal unless nothing of it was ever sent."""
+    """Add a signal's columns unless it was never sent (all NaN)."""
     if np.isfinite(values).any():
         columns |= dict(zip(columns_of(signal, joints), values.T, strict=True))
 

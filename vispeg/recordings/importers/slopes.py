@@ -1,4 +1,4 @@
-"""Whether two signals of a recording can both be in the units that are stated: by the slope between them."""
+"""Test the stated units of two signals against each other by the slope between them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from vispeg.recordings.columns import columns_of
 from vispeg.recordings.recording import Recording
 
 SPAN = 0.1  # s over which speeds are summed: encoder noise and a filter's delay matter little there
-ALIKE, TOGETHER = 1.5, 0.9  # factor that a filter may make of speeds; correlation of what goes together
-OFF = (  # of speeds over the change of angles
+ALIKE, TOGETHER = 1.5, 0.9  # largest factor that filtering may cause in speeds; least correlation for a slope to count
+OFF = (  # (slope of speeds over the change of angles, the correction that it suggests)
     (180 / math.pi, "deg/s for dq, or rad for q"),
     (math.pi / 180, "deg for q, or rad/s for dq"),
     (1e3, "ms for the time"),
@@ -24,14 +24,14 @@ OFF = (  # of speeds over the change of angles
 
 @dataclass(frozen=True)
 class Doubt:
-    """What cannot be true of a recording: the sentence, and the unit that would make it true.
+    """An implausible property of a recording, and the unit that would explain it.
 
     Attributes:
-        key: the columns.
-        said: what cannot be true.
-        likely: the unit that would make it true; empty where none would.
-        sure: two signals say so that do not depend on what the robot's file states as its limits.
-        scale: no unit, but the scale of some joints' sensor is wrong.
+        key: the columns concerned.
+        said: what is implausible, as a clause.
+        likely: the unit that would make it plausible; empty if none would.
+        sure: whether it follows from two measured signals, independently of the limits in the robot's file.
+        scale: whether the cause is the sensor scale of some joints instead of a unit.
     """
 
     key: str
@@ -42,13 +42,13 @@ class Doubt:
 
     @property
     def line(self) -> str:
-        """The whole of it for a person."""
+        """Return the full message for the user."""
         why = "the sensor's scale is wrong" if self.scale else "a unit is wrong"
         return f"{self.key}: {self.said}: {why}" + (f", likely {self.likely}" if self.likely else "")
 
 
 def slope(x: np.ndarray, y: np.ndarray, least: float = 0.7) -> float | None:
-    """Slope of y over x by least squares over all columns; None where they do not go together, or hardly move."""
+    """Return the least-squares slope of y over x, all columns together; None if they hardly move or correlate."""
     good = np.isfinite(x) & np.isfinite(y)
     a, b = x[good] - x[good].mean() if good.any() else x[good], y[good] - y[good].mean() if good.any() else y[good]
     if len(a) < 10 or not (a @ a > 0 and b @ b > 0):
@@ -58,14 +58,14 @@ def slope(x: np.ndarray, y: np.ndarray, least: float = 0.7) -> float | None:
 
 
 def against_speeds(rec: Recording, inside: np.ndarray, period: float) -> list[Doubt]:
-    """Measured speeds are the slope of measured angles, or a unit, a sign or the clock is wrong: a doubt a factor.
+    """Compare measured speeds with the slope of the angles; return a doubt for each wrong factor (unit, sign, clock).
 
-    Over `SPAN` the sum of speeds is compared with the change of the angle, joint by joint: nothing is differentiated.
+    Joint by joint, speeds integrated over `SPAN` are compared with the change of the angle: nothing is differentiated.
 
     Args:
-        rec: with `dq`.
-        inside: (n - 1,) bool, steps that stay inside an episode.
-        period: of the samples, s.
+        rec: recording with `dq`.
+        inside: (n - 1,) bool, whether a row step stays within an episode.
+        period: sample period, s.
     """
     if rec.dq is None:
         return []
@@ -89,7 +89,7 @@ def _doubt(rec: Recording, likely: str, wrong: list[tuple[int, float]]) -> Doubt
 
 
 def _ratio(q: np.ndarray, dq: np.ndarray, step: np.ndarray, lag: int) -> float | None:
-    """Slope of summed speeds over angles, (n,) each; None where they do not go together."""
+    """Return the slope of integrated speeds over changes of angle, from (n,) each; None if they hardly correlate."""
     if len(q) <= lag:
         return None
     move = 0.5 * (dq[1:] + dq[:-1]) * step

@@ -1,4 +1,4 @@
-"""Imports a CSV or Parquet file with columns of any name."""
+"""Import a CSV or Parquet file with arbitrary column names."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def import_table(
     progress: Callable[[float], None] = lambda share: None,
     **header: Any,
 ) -> Recording:
-    """Give a recording from a table; columns that the map does not name are taken by the recording format's own names.
+    """Import a recording from a table; columns absent from the map are used if named as in the recording format.
 
     Args:
-        source: what `read_table` reads.
+        source: a file or folder that `read_table` reads.
         robot: a name or a path.
         joints: the robot's joints.
         mapping: names and units of the columns.
-        progress: called with how much has been read, 0 to 1.
+        progress: called with the share that has been read, 0 to 1.
         header: further keys of recording.yaml.
 
     Raises:
@@ -50,13 +50,13 @@ def import_table(
 def from_table(
     table: Table, source: Path, robot: str, joints: Sequence[str], mapping: ColumnMap, **header: Any
 ) -> Recording:
-    """Give a recording from a table that is read; see `import_table`."""
+    """Build a recording from a table that has been read; see `import_table`."""
     targets = _targets(joints_of(joints, mapping), mapping)
     columns = {}
     for target, origin in mapping.columns.items():
         if target not in targets:  # a whole signal can only come from an array
             raise UserError("names no single column", file=mapping.file, key=target, choices=targets)
-        if not origin.name:  # stated as not there
+        if not origin.name:  # declared missing in the map
             columns[target] = np.full(table.rows, np.nan)
             continue
         columns[target] = summed(table, origin)
@@ -78,7 +78,7 @@ def from_table(
 
 
 def summed(table: Table, origin: Source) -> np.ndarray:
-    """Return a column (n,) in SI units with all that the map adds to it."""
+    """Return a column (n,) in SI units: the source column plus the further columns in the map's `plus`."""
     own = si(table.number(origin.name), origin)
     return sum((summed(table, term) for term in origin.plus), start=own)
 

@@ -1,4 +1,4 @@
-"""Undoes the wrap of angles that are reported within one turn, and shifts them by whole turns into a joint's range."""
+"""Unwrap angles that are reported modulo one turn, and shift them by whole turns into the joint's range."""
 
 from __future__ import annotations
 
@@ -13,38 +13,34 @@ from vispeg.recordings.checks.quality import Limits
 from vispeg.recordings.recording import Recording
 
 TURN = 2 * np.pi
-NEAR = (
-    np.pi / 2
-)  # rad: a step this near to a whole turn is a wrap; no arm moves a quarter of a turn between two samples
-WITHIN = (
-    0.02  # share of the angles that may lie outside a range which they are shifted into: of a unit that is wrong, more
-)
+NEAR = np.pi / 2  # rad, largest deviation of a step from a whole turn that counts as a wrap
+WITHIN = 0.02  # share of the shifted angles that may lie outside the range; with a wrong unit more do
 SLACK = 0.1  # rad beyond a stated range, as the ranges in robot files are not exact
 
 
 def straightened(q: np.ndarray, limits: np.ndarray, episode: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Angles without jumps of whole turns, each joint's shifted by whole turns to where its range holds the most of it.
+    """Unwrap angles, and shift each joint by whole turns so that most of its angles lie in its range.
 
     Args:
         q: (n, nj) rad, NaN where missing.
-        limits: (nj, 2) rad, infinite where not known; then only jumps are undone.
-        episode: (n,) of each row; None for one.
+        limits: (nj, 2) rad, infinite where not known, where angles are unwrapped but not shifted.
+        episode: (n,) episode number of each row; None for a single episode.
 
     Returns:
-        The angles, and the joints (nj,) bool that were changed.
+        The angles (n, nj) rad, and whether each joint was changed, (nj,) bool.
     """
     out = np.array(q, float)
     breaks = [] if episode is None else np.flatnonzero(np.diff(episode) != 0) + 1
     for rows in np.split(np.arange(len(q)), breaks):
         for j in range(q.shape[1]):
             good = rows[np.isfinite(q[rows, j])]
-            if len(good) and np.ptp(q[good, j]) <= TURN + SLACK:  # what spans more than a turn does not wrap at one
+            if len(good) and np.ptp(q[good, j]) <= TURN + SLACK:  # angles that span more than a turn do not wrap
                 out[good, j] = _into(_unwrapped(q[good, j]), *limits[j])
     return out, np.any(np.nan_to_num(out - q), axis=0)
 
 
 def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
-    """Give a recording whose measured and commanded angles do not wrap, with one note. Unchanged where none does."""
+    """Unwrap a recording's measured and commanded angles, with one note; unchanged if none of them wraps."""
     q, changed = straightened(rec.q, limits.range, rec.episode)
     q_cmd = rec.q_cmd
     if q_cmd is not None:
@@ -62,7 +58,7 @@ def turned(rec: Recording, limits: Limits, source: Path) -> Recording:
 
 
 def _unwrapped(q: np.ndarray) -> np.ndarray:
-    """Angles (n,) without steps of a whole turn."""
+    """Remove steps of a whole turn from angles (n,)."""
     step = np.diff(q)
     turns = np.round(step / TURN)
     turns[np.abs(step - TURN * turns) > NEAR] = 0
@@ -70,7 +66,7 @@ def _unwrapped(q: np.ndarray) -> np.ndarray:
 
 
 def _into(q: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Angles (n,) shifted by whole turns into the range; as they are where no shift brings them there."""
+    """Shift angles (n,) by whole turns into the range; unchanged if no shift brings them there."""
     if not (np.isfinite(low) and np.isfinite(high)):
         return q
     centre = round(float((np.median(q) - (low + high) / 2) / TURN))
@@ -84,7 +80,7 @@ def _into(q: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def _by_episode(values: np.ndarray, episode: np.ndarray | None, of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Give a value (nj,) of each episode's rows, repeated in them, (n, nj)."""
+    """Compute a value (nj,) for each episode and repeat it in the episode's rows, (n, nj)."""
     out = np.empty_like(values)
     breaks = [] if episode is None else np.flatnonzero(np.diff(episode) != 0) + 1
     for rows in np.split(np.arange(len(values)), breaks):

@@ -1,4 +1,4 @@
-"""Torque constants of joints, N m/A: stated by the user, or published for an arm or a servo, each with its source."""
+"""Look up torque constants of joints, N m/A: stated by the user or published for an arm or servo, with the source."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Constant:
 
     Attributes:
         value: N m/A, above 0.
-        source: who says so.
+        source: where the value comes from.
     """
 
     value: float
@@ -45,8 +45,8 @@ def of_arm(called: str, joints: Sequence[str]) -> dict[str, Constant]:
     """Return the published constants of an arm's joints.
 
     Args:
-        called: what the robot is called: name, file and model, in any order.
-        joints: the robot's; theirs may begin with a prefix.
+        called: text with the robot's name, file and model, in any order.
+        joints: the robot's joint names, which may carry a prefix that the published names lack.
 
     Returns:
         Joint -> constant; empty where no constant of that arm is known.
@@ -60,20 +60,20 @@ def of_arm(called: str, joints: Sequence[str]) -> dict[str, Constant]:
 
 
 def torque_sensor_of(called: str) -> str | None:
-    """Return the source that says that an arm of this name measures torque behind the gear; None where none does."""
+    """Return the source which states that an arm of this name measures torque after the gear; None if there is none."""
     sensors = published()["sensors"]
     return next((sensors[name]["source"] for name in sensors if _named(name, called)), None)
 
 
 def stated(texts: Sequence[str], joints: Sequence[str]) -> dict[str, Constant]:
-    """Return the constants that a user states.
+    """Parse the torque constants that a user states.
 
     Args:
-        texts: a number a joint in the robot's order; JOINT=NUMBER or JOINT=SERVO; or one arm's or servo's name.
+        texts: one number per joint in the robot's order; JOINT=NUMBER or JOINT=SERVO; or the name of one arm or servo.
         joints: the robot's.
 
     Raises:
-        UserError: another count than the joints', a number that is none, or an unknown name.
+        UserError: the count differs from that of the joints, an invalid number, or an unknown name.
     """
     if len(texts) == 1 and "=" not in texts[0] and not _is_number(texts[0]):
         name = texts[0]

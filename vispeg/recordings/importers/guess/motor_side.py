@@ -1,4 +1,4 @@
-"""Angles beyond the joints' ranges that are their motors': the ratio is proposed where torques tell it, else asked."""
+"""Detect joint angles beyond their ranges that are motor angles; propose gear ratios from torques, or ask for them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from vispeg.recordings.importers.turns import straightened
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.tables.table import Table
 
-SLACK, FEW = 0.1, 0.02  # rad beyond a range, and the share of readings there, from which an angle is not the joint's
-LITTLE = math.radians(25)  # an arm of which no joint moves farther in degrees may as well be one of motors in radians
-TINY = 1e-9  # factor on angles while the rest of a log is read, so that no turn of a motor is too far for a joint
-SHOWN = 3  # joints that a question names one by one
+SLACK, FEW = 0.1, 0.02  # an angle is not the joint's if more than FEW of its readings are SLACK rad beyond the range
+LITTLE = math.radians(25)  # if no joint moves farther than this, angles read as degrees may be motor angles in radians
+TINY = 1e-9  # factor on motor angles while the rest of a log is checked, so that none is beyond a joint's range
+SHOWN = 3  # joints that a question lists individually
 
 
 def of_motors(
@@ -35,13 +35,13 @@ def of_motors(
     limits: Limits,
     needs_of: Callable[[Recording], Needs | None],
 ) -> None:
-    """Propose ratios of joints whose angles are their motors', or ask for them.
+    """Propose gear ratios for joints whose columns hold motor angles, or ask for them.
 
     Args:
-        out: the proposal, which is changed.
-        table: the file's.
-        joints, limits: the robot's.
-        needs_of: the model's torques.
+        out: the proposal, modified in place.
+        table: the columns of the file.
+        joints, limits: the robot's joints and their limits.
+        needs_of: returns the model's inverse dynamics for a recording's joints.
     """
     lines = {line.target: line for line in out.lines}
     units = {lines[f"q.{joint}"].unit for joint in out.joints}
@@ -72,7 +72,7 @@ def of_motors(
 
 
 def _beyond(raw: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Whether the angles (n, nj) rad of each joint lie beyond its range, whole turns apart."""
+    """Test per joint whether its angles (n, nj) rad lie beyond its range under every shift by whole turns."""
     straight, _ = straightened(raw, bounds)
     low, high = bounds.T
     return np.mean((straight < low - SLACK) | (straight > high + SLACK), axis=0) > FEW
@@ -102,7 +102,7 @@ def _by_torques(
             )
             needs = needs_of(rec)
     except UserError:
-        return {}  # is said of the proposal itself
+        return {}  # the proposal itself reports it
     if needs is None or rec.tau is None:
         return {}
     q, _ = straightened(rec.q / TINY * unit, np.tile([-np.inf, np.inf], (len(out.joints), 1)), rec.episode)
@@ -110,7 +110,7 @@ def _by_torques(
 
 
 def _radians(out: Proposal) -> None:
-    """Take angles and speeds in radians that were taken in degrees for want of a gear."""
+    """Change angles and speeds to radians where degrees were assumed only because no gear was considered."""
     other = {"deg": "rad", "deg/s": "rad/s"}
     out.lines = [
         replace(
@@ -123,7 +123,7 @@ def _radians(out: Proposal) -> None:
 
 
 def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
-    """State one joint's ratio: for all its columns, or for those alone that are on the motor's side."""
+    """Enter one joint's ratio in the proposal: for all its columns, or only for those on the motor side."""
     text = str(ratio.text)
     value = 1 / float(text[2:]) if text.startswith("1/") else float(text)
     columns = {line.target.partition(".")[0]: line for line in out.lines if line.target.endswith(f".{joint}")}
@@ -151,7 +151,7 @@ def _apply(out: Proposal, table: Table, joint: str, ratio: Ratio) -> None:
 
 
 def _of_motor(table: Table, out: Proposal, angle: str, column: str, signal: str, value: float) -> bool:
-    """Whether a signal beside a motor's angle is on the motor's side, too."""
+    """Test whether a joint's speed, torque or command is on the motor side, as its angle is."""
     measured, other = table.columns[angle], table.columns[column]
     if signal == "dq":
         time = next(line for line in out.lines if line.target == "time")
@@ -177,7 +177,7 @@ def _question(
     found: dict[int, Ratio],
     degrees: bool,
 ) -> str:
-    """One line that asks for the ratios which the torques do not tell."""
+    """Word one line that asks for the ratios which the torques do not determine."""
     parts = []
     for j in asked[:SHOWN]:
         low, high = float(np.nanmin(raw[:, j])), float(np.nanmax(raw[:, j]))

@@ -36,7 +36,7 @@ VELOCITY = {"dq", "qd", "vel", "velocity", "velocities", "speed", "speeds", "ome
 TORQUE = {"tau", "trq", "tq", "torque", "torques", "effort", "efforts", "moment", "moments", "load", "drehmoment"}
 AMPERES = {"ma": "mA", **dict.fromkeys(("milliamp", "milliamps", "milliampere", "milliamperes"), "mA"),
            **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A")}  # fmt: skip
-OTHER = {  # quantity -> words, and why it is not used
+OTHER = {  # quantity -> words that name it, and why it is not used
     "acceleration": ({"ddq", "qdd", "acc", "acceleration", "accelerations", "beschleunigung"}, "accelerations are not"),
     "current": ({"current", "currents", "curr", "macur", "iq", "strom", *AMPERES} - {"ma"}, "measured torque is there, "
                 "so that currents are not"),
@@ -51,25 +51,25 @@ COMMANDED = {"cmd", "command", "commanded", "commands", "des", "desired", "targe
              "goal", "goals", "ref", "reference", "action", "soll", "sollwert", "sp"}  # fmt: skip
 MEASURED = {"act", "actual", "meas", "measured", "ist", "istwert", "state", "fb", "feedback", "present",
             "observation", "observations", "obs"}  # fmt: skip
-WHOLE = {  # a word that says quantity and source at once: KUKA's RSI
+WHOLE = {  # words of KUKA's RSI that state both the quantity and whether it is measured or commanded
     "aipos": ("q", False), "aspos": ("q", True), "axisact": ("q", False), "axisactmeas": ("q", False),
 }  # fmt: skip
-NO_JOINT = {"tcp", "rx", "ry", "rz", "camera", "gyro", "imu"}  # with a unit, yet of no joint
+NO_JOINT = {"tcp", "rx", "ry", "rz", "camera", "gyro", "imu"}  # columns that have a unit but belong to no joint
 FILL = {"field", "data", "value", "values", "robot", "arm", "joint", "joints", "axis", "axes", "states", "j", "motor",
         "measuredjoint", "commandedjoint", "msg", "lbr", "js", "gelenk", "achse", "ee", "hat", "filtered"}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Meaning:
-    """What one name says.
+    """The meaning of one column name.
 
     Attributes:
         name: the column.
-        quantity: q, dq, tau, time, episode, or a key of OTHER; empty where the name says nothing.
-        commanded: whether it was asked for; None where the name does not say.
+        quantity: q, dq, tau, time, episode, or a key of OTHER; empty if the name tells none.
+        commanded: True for commanded, False for measured, None if the name does not tell.
         unit: of `importers.mapping.FACTORS`, or empty.
-        label: what is left of the name: which joint.
-        said: the word that states the quantity.
+        label: the rest of the name, which identifies the joint.
+        said: the word in the name that states the quantity.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Meaning:
 
 
 def meaning(name: str, labels: dict[str, str]) -> Meaning:
-    """Read a name; `labels` are columns whose joint is known from elsewhere."""
+    """Parse a column name; `labels` maps columns to their joints where these are known from elsewhere."""
     unit, rest = _unit(re.sub(r"[\[(]\s*(m?)A\s*[\])]", lambda hit: "_milliamp" if hit[1] else "_amp", name))
     words = split(rest)
     taken, quantity, said = set(), "", ""
@@ -111,25 +111,25 @@ def meaning(name: str, labels: dict[str, str]) -> Meaning:
             commanded, taken = False, taken | {i}
     if commanded is None and not quantity and unit in OF_UNIT and not set(words) & NO_JOINT:
         quantity, said = OF_UNIT[unit], f"[{unit}]"  # `M1 [Nm]`
-    if commanded is not None and not quantity:  # `goal_rad`, `action`: the unit has to say of what
+    if commanded is not None and not quantity:  # `goal_rad`, `action`: only the unit tells the quantity
         quantity, said = OF_UNIT.get(unit, "q" if "action" in words else ""), "commanded" if commanded else "measured"
     label = [w for i, w in enumerate(words) if i not in taken and w not in FILL | MEASURED | COMMANDED]
     return Meaning(name, quantity, commanded, unit, labels.get(name) or "_".join(label), said)
 
 
 def bare(name: str) -> str:
-    """Give a name without its unit."""
+    """Return a name without its unit."""
     return _unit(name)[1]
 
 
 def split(name: str) -> list[str]:
-    """Words and numbers of a name, in small letters: `MeasuredJoint_A1` -> measured, joint, a, 1."""
+    """Split a name into words and numbers in lower case: `MeasuredJoint_A1` -> measured, joint, a, 1."""
     apart = re.sub(r"(?<=[a-zäöü0-9])(?=[A-ZÄÖÜ])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-zÄÖÜäöüß]+|\d+", apart)]
 
 
 def _unit(name: str) -> tuple[str, str]:
-    """Give the unit that a name says, and the name without it. A last `s` alone is a unit, a first one is none."""
+    """Return the unit in a name, and the name without it. A lone `s` is a unit at the end of a name only."""
     flat = re.sub(r"[\s\[\](){}.,:]+", "_", name.lower())
     for unit, pattern in UNITS:
         matches = list(re.finditer(rf"(?<![a-z0-9µ°])({pattern})(?![a-z])", flat))

@@ -33,25 +33,25 @@ from vispeg.recordings.tables.table import Dialect, Table
 NAMES = {"q": "measured angle", "dq": "measured speed", "tau": "measured torque", "q_cmd": "commanded angle",
          "dq_cmd": "commanded speed", "tau_cmd": "commanded torque"}  # fmt: skip
 SECONDS, NANOS = ("s", "sec", "secs", "seconds"), ("ns", "nsec", "nsecs", "nanosec", "nanos", "nanoseconds")
-SHOWN = 8  # numbers of a row that are shown
+SHOWN = 8  # numbers shown of a row
 ORDER = ("q", "dq", "tau", "tau_cmd", "q_cmd", "dq_cmd")
 
 
 @dataclass(frozen=True)
 class Line:
-    """One column of the map.
+    """One line of a proposed map: a column of the recording and its source.
 
     Attributes:
         target: column of the recording.
-        column: column of the source; empty for one that is declared missing.
-        unit: of its values.
-        why: in words.
+        column: column of the source file; empty for a signal that is declared missing.
+        unit: unit of the source's values.
+        why: reason for the choice, in words.
         sure: certainty: `stated` by the file, `measured` from its numbers, or `likely`.
-        scale: factor on the values in addition to the unit.
-        offset: added last, SI units.
-        plus: a further column that is added, and its unit.
-        rate_hz: sample rate if the file has no time stamps, Hz.
-        constant: N m/A, of a current.
+        scale: factor on the values in addition to that of the unit.
+        offset: SI units, added last.
+        plus: a further column to be added, and its unit.
+        rate_hz: sample rate, Hz, if the file has no time stamps.
+        constant: torque constant, N m/A, if the column is a current.
     """
 
     target: str
@@ -67,7 +67,7 @@ class Line:
 
 
 class Stated(TypedDict, total=False):
-    """Keys of recording.yaml that a file's columns say something about."""
+    """Keys of recording.yaml whose values can be guessed from a file's columns."""
 
     joints: list[str]
     torque_sensor: str
@@ -76,21 +76,21 @@ class Stated(TypedDict, total=False):
 
 @dataclass
 class Proposal:
-    """A map to be confirmed.
+    """A proposed map, to be confirmed by the user.
 
     Attributes:
-        file: the source.
-        lines: columns of the recording.
-        joints: those that were found, in the robot's order.
-        recording: keys of recording.yaml.
-        dialect: of a text table.
-        doubts: sentences on what a person should look at.
-        unused: column -> why it is not used.
+        file: the source file.
+        lines: the map's lines, one for each column of the recording.
+        joints: joints for which columns were found, in the robot's order.
+        recording: proposed keys of recording.yaml.
+        dialect: cell separator and decimal mark of a text table.
+        doubts: sentences about what the user should check.
+        unused: source column -> why it is not used.
         assumed: signals whose columns are in an assumed joint order.
-        current: whether measured torque is a motor current, whose scale has to be found.
+        current: whether "measured torque" is a motor current, whose scale to N m has to be found.
         motors: joint -> joint angle over motor angle, as in a map file, for joints whose columns are motor readings.
-        ampere: the unit of these currents that their names state, A or mA.
-        rows: the rows that decided, as they stand in the file.
+        ampere: the unit that the names of these currents state, A or mA.
+        rows: the rows of the file that decided between units, as text.
     """
 
     file: Path
@@ -127,15 +127,15 @@ def propose(
     Args:
         table: all columns of the source, or the first rows of them.
         joints: the robot's joints.
-        limits: limits of these joints, with which angles and speeds are compared.
-        dialect: how the table is written.
-        labels: column -> joint, if known from elsewhere than the header.
+        limits: limits of these joints; units are chosen so that angles and speeds respect them.
+        dialect: cell separator and decimal mark of the table.
+        labels: column -> joint, where known from a source other than the header.
         order: for each joint, the index of its column, if the file states no order.
-        rate_hz: samples a second, of a file that keeps no time.
-        calibration: joint -> encoder ticks of its calibrated range.
+        rate_hz: samples per second, for a file without time stamps.
+        calibration: joint -> width of its calibrated range, encoder ticks.
 
     Raises:
-        UserError: no column can be the time, or none the angles.
+        UserError: no column can be the time, or no columns can be the angles.
     """
     named = _labels(table, labels or {})
     meanings = own_names([meaning(name, named) for name in table.names], joints, table)
@@ -212,7 +212,7 @@ def propose(
 
 
 def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> list[Meaning]:
-    """Return the meanings; columns that are called as the joints are hold angles, or what the file's name says."""
+    """Complete the meanings: a column named as a joint holds angles, or the quantity that the file's name states."""
     full = {"_".join(split(joint)): joint for joint in joints}
     short = {"_".join(word for word in split(joint) if word not in FILL): joint for joint in joints}
     own = full | {label: joint for label, joint in short.items() if label and not label.isdigit()}
@@ -228,7 +228,7 @@ def own_names(meanings: list[Meaning], joints: Sequence[str], table: Table) -> l
 def _ticks(
     columns: Mapping[str, Meaning], stacks: dict[str, np.ndarray], out: Proposal, calibration: Mapping[str, int] | None
 ) -> list[Decoded | None]:
-    """How normalised values become encoder ticks; the stacks of angles and goals are ticks then."""
+    """Find how normalised values convert to encoder ticks, and convert the stacks of angles and goals in place."""
     if {m.unit for m in columns.values()} - {""}:
         return [None] * len(out.joints)
     names = [columns[joint].label or joint for joint in out.joints]
@@ -267,7 +267,7 @@ def _sure(reason: str) -> Literal["stated", "measured", "likely"]:
 
 
 def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
-    """Give the rows that decide between units: the first, that of the largest angle, and the last."""
+    """Return the rows that help to decide between units: the first, the one with the largest angle, and the last."""
     columns = [line.column for line in out.lines if line.target.startswith("q.")]
     stack = np.stack([table.columns[name] for name in columns], axis=1)
     peak = int(np.argmax(np.nanmax(np.abs(np.nan_to_num(stack)), axis=1)))
@@ -280,7 +280,7 @@ def _rows(table: Table, out: Proposal, time: Line) -> list[str]:
 
 
 def _seconds(table: Table, time: Line) -> np.ndarray:
-    """Give the time (n,) s that a line makes."""
+    """Compute the time (n,) in s from the map line of the time."""
     if time.rate_hz is not None:
         return np.arange(table.rows) / time.rate_hz
     seconds = table.columns[time.column] * FACTORS[time.unit]
@@ -302,7 +302,7 @@ def _servo(stacks: dict[str, np.ndarray], units: Mapping[str, tuple[str, str]], 
 
 
 def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
-    """Columns that name joints: `field.name0` = shoulder for position0, or `name` = [shoulder, elbow] for all."""
+    """Find joint names in cells: `field.name0` = shoulder labels position0; `name` = [shoulder, elbow] labels all."""
     labels = dict(stated)
     for name, (_, cell) in table.text.items():
         if "name" not in split(name) and "names" not in split(name):
@@ -323,7 +323,7 @@ def _labels(table: Table, stated: dict[str, str]) -> dict[str, str]:
 
 
 def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[Meaning]]:
-    """Group columns by quantity, source and wording."""
+    """Group columns by quantity, measured or commanded, and wording."""
     groups: dict[tuple[str, bool | None, str], list[Meaning]] = {}
     for m in meanings:
         groups.setdefault((m.quantity, m.commanded, m.said), []).append(m)
@@ -331,7 +331,7 @@ def _groups(meanings: list[Meaning]) -> dict[tuple[str, bool | None, str], list[
 
 
 def _chosen(groups: dict[tuple[str, bool | None, str], list[Meaning]], out: Proposal) -> dict[str, list[Meaning]]:
-    """Choose the most certain group of columns for each signal: one that says `actual`, then the largest."""
+    """Choose one group of columns for each signal, the highest by `_rank`; the others become unused."""
     best: dict[str, list[Meaning]] = {}
     for (quantity, commanded, _), group in sorted(groups.items(), key=_rank):
         signal = quantity + ("_cmd" if commanded else "")
@@ -352,7 +352,7 @@ def _rank(group: tuple[tuple[str, bool | None, str], list[Meaning]]) -> tuple[bo
 def joint_columns(
     group: list[Meaning], joints: Sequence[str], signal: str, out: Proposal, order: Sequence[int] | None = None
 ) -> dict[str, Meaning]:
-    """Return joint -> column: by the joint's name, else by number, else in order, or in the one that is given."""
+    """Return joint -> column: matched by the joint's name, else by number, else by place in the file or in `order`."""
     named = _by_name(group, joints)
     if named:
         out.unused |= {m.name: "of no joint of this robot" for m in group if m not in named.values()}
@@ -381,7 +381,7 @@ def joint_columns(
 
 
 def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str, Meaning]:
-    """Reorder columns: joint `i` gets the column of joint `order[i]`."""
+    """Reorder columns: the `i`-th joint gets the column of the `order[i]`-th joint."""
     if order is None or len(order) != len(pairs):
         return pairs
     names, columns = list(pairs), list(pairs.values())
@@ -389,7 +389,7 @@ def _ordered(pairs: dict[str, Meaning], order: Sequence[int] | None) -> dict[str
 
 
 def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
-    """Return columns labelled with a joint's name, or with its distinctive part."""
+    """Return joint -> column for columns labelled with a joint's name, or with the part that distinguishes it."""
     short = dict(zip(_bare(["_".join(split(j)) for j in joints]), joints, strict=True))
     full = {"_".join(split(joint)): joint for joint in joints}
     columns: dict[str, Meaning] = {}
@@ -405,7 +405,7 @@ def _by_name(group: list[Meaning], joints: Sequence[str]) -> dict[str, Meaning]:
 
 
 def _bare(labels: list[str]) -> list[str]:
-    """Strip common prefix and suffix of labels: j1, j2 -> 1, 2; numbers are not split."""
+    """Strip the common prefix and suffix of labels: j1, j2 -> 1, 2. Numbers are not split."""
     if len(labels) < 2:
         return [re.sub(r"^\D+(?=\d+$)", "", label) for label in labels]
     head = re.sub(r"\d+$", "", os.path.commonprefix(labels))
@@ -428,7 +428,7 @@ def _time(
     out: Proposal,
     rate_hz: float | None = None,
 ) -> Line:
-    """Return the time column: an increasing one with such a name, else any with even steps, else the sample rate."""
+    """Find the time: an increasing column named like a time, else one with even steps, else a sample rate."""
     if rate_hz is not None:
         return Line("time", "", "", f"the file is read at {rate_hz:g} Hz, as stated", "stated", rate_hz=rate_hz)
     pair = _pair(table, meanings)
@@ -461,7 +461,7 @@ def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]
         return None
     q, dq = (stacks[signal] * FACTORS[units[signal][0]] for signal in ("q", "dq"))
     step, speed = np.diff(q, axis=0), 0.5 * (dq[1:] + dq[:-1])
-    usual = np.abs(step) <= 3 * np.nanquantile(np.abs(step), 0.99, axis=0)  # between two episodes the angles jump
+    usual = np.abs(step) <= 3 * np.nanquantile(np.abs(step), 0.99, axis=0)  # excludes jumps between episodes
     rate = slope(np.where(usual, step, np.nan), speed, TOGETHER)
     if rate is None or not values.RATES[0] <= rate <= values.RATES[1]:
         return None
@@ -469,7 +469,7 @@ def _rate(stacks: Mapping[str, np.ndarray], units: Mapping[str, tuple[str, str]]
 
 
 def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
-    """Return the columns of seconds and nanoseconds of a split time stamp, as ROS and DROID write it; None without."""
+    """Return the seconds and nanoseconds columns of a split time stamp (ROS and DROID write it); None without one."""
     for m in meanings:
         words = split(m.name)
         if m.name not in table.columns or not words or words[-1] not in NANOS:
@@ -485,13 +485,13 @@ def _pair(table: Table, meanings: list[Meaning]) -> tuple[str, str] | None:
 
 
 def _speeds(columns: list[Meaning]) -> tuple[str, ...]:
-    """Return the possible units of speeds: the one in their names, else all."""
+    """Return the units that speeds may be in: the one stated in their names, else all."""
     stated = {m.unit for m in columns} - {""}
     return (*stated,) if len(stated) == 1 and stated <= values.STATED else values.SPEEDS
 
 
 def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
-    """Give the reason for every unused column."""
+    """Record why each remaining column is not used."""
     taken = {line.column for line in out.lines} | {line.plus[0] for line in out.lines if line.plus is not None}
     for m in meanings:
         if m.name in taken or m.name in out.unused:
@@ -505,13 +505,13 @@ def _leftover(table: Table, meanings: list[Meaning], out: Proposal) -> None:
 
 
 def _amperes(columns: Mapping[str, Meaning]) -> str:
-    """Return the unit that all names of currents share, or ""."""
+    """Return the unit that the names of all currents state, or ""."""
     said = {m.unit for m in columns.values()}
     return said.pop() if len(said) == 1 else ""
 
 
 def _sensor(names: list[str], out: Proposal) -> None:
-    """Return the kind of torque sensor, as far as column names tell."""
+    """Propose the kind of torque sensor, as far as column names tell it."""
     words = {word for name in names for word in split(name)}
     if all(re.search(r"tau_?J(?![a-z])", name) for name in names):
         sensor, why = "joint", "from the name (as Franka's tau_J); say motor if it comes from a current"

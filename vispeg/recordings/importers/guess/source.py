@@ -1,4 +1,4 @@
-"""Reads as much of a table as a guess needs and what lies beside it, and tries what is guessed against the model."""
+"""Guess a map from the first rows of a table and the files beside it, and test the guess against the robot's model."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from vispeg.recordings.tables.read import is_text, read_table
 from vispeg.recordings.tables.table import Dialect, Reading, Table
 from vispeg.recordings.tables.table_csv import COMMENT, MOST_COMMENTS, opened
 
-ROWS = 200_000  # that are looked at: header and ranges need no more
+ROWS = 200_000  # rows that are read: the header and the ranges of the values need no more
 AGREE = (
-    2.0  # times that a published constant and the model's own may differ: masses, temperature and friction make less
+    2.0  # factor by which published and fitted torque constants may differ: errors of masses and friction cause less
 )
-BEYOND = 5.0  # times a joint's torque limit: as amperes they would give more, so they are milliamperes
+BEYOND = 5.0  # if readings taken as amperes give more than this multiple of the torque limit, they are milliamperes
 QUESTION = (
     f"their torque constants, N m/A at the joint (motor constant x gear), would make torques that do not lean on the "
     f"model's masses: {KEY} with a number a joint, JOINT=NUMBER, or the name of an arm or servo (ur5e, XM430-W350)"
@@ -59,21 +59,21 @@ def guess(
     constants: Mapping[str, Constant] | None = None,
     known: Mapping[str, Constant] | None = None,
 ) -> Proposal:
-    """Give a map for a table of unknown names; nothing is proposed that the numbers or the model contradict unsaid.
+    """Propose a map for a table with unknown column names; what the numbers or the model contradict becomes a doubt.
 
     Args:
-        source: what `read_table` reads.
+        source: a file that `read_table` reads.
         joints: the robot's joints.
-        limits: of these joints.
-        needs_of: the model's torques, against which an order that nothing states and the scale of torques are tested.
-        rate_hz: samples a second of a file that keeps no time.
-        names: of the columns of a text table or array without a header.
+        limits: limits of these joints.
+        needs_of: returns the model's inverse dynamics; tests an unstated joint order and the scale of torques.
+        rate_hz: samples per second, for a file without time stamps.
+        names: column names, for a text table or array without a header.
         calibration: LeRobot's calibration file; by default the one beside the data set.
-        constants: joint -> torque constant, as the user states it: measured torque is a current then.
-        known: the same as published for the robot, used where measured torque is one.
+        constants: joint -> torque constant stated by the user; measured torque is then a current.
+        known: joint -> torque constant published for the robot, used if measured torque is a current.
 
     Raises:
-        UserError: no table, or one in which no column can be the time or the angles.
+        UserError: not a table, or no column can be the time or the angles.
     """
     dialect = dialect_of(source, tuple(names)) if is_text(source) and source.is_file() else Dialect(names=tuple(names))
     table = read_table(source, Reading(most_rows=ROWS, dialect=dialect))
@@ -115,7 +115,7 @@ def guess(
 
 
 def _tried(out: Proposal, table: Table, source: Path, joints: Sequence[str], limits: Limits) -> Recording | None:
-    """Give the recording that a proposal makes of what was read; what cannot be true of it becomes a doubt."""
+    """Build the recording that a proposal describes; what is implausible in it becomes a doubt of the proposal."""
     try:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -142,9 +142,9 @@ def _by_constants(
     known: Mapping[str, Constant] | None,
     most: Mapping[str, float],
 ) -> bool:
-    """Make torques of currents by torque constants; False where none are known or the readings are no currents.
+    """Convert currents to torques by torque constants; False if no constant is known or the readings are not currents.
 
-    Published constants of a column that is not called a current count where the model's own scale agrees with them.
+    For a column that is not named a current, published constants are used only if the fitted scale agrees with them.
     """
     constants = stated or known or {}
     if rec is None or rec.tau is None or not set(constants) & set(rec.joints):
@@ -202,7 +202,7 @@ def _by_constants(
 
 
 def _scaled(out: Proposal, found: Scales | None) -> None:
-    """Give torques that are none in N m the scale at which they are the model's, and leave out those of no joint."""
+    """Scale torques that are not in N m to the model's torques, and drop joints whose readings carry no information."""
     if found is None or not (found.foreign or (out.current and found.told)):
         if out.current:
             _without_current(out)
@@ -235,7 +235,7 @@ def _scaled(out: Proposal, found: Scales | None) -> None:
 
 
 def _without_current(out: Proposal) -> Proposal:
-    """Give the proposal without currents whose scale nothing tells."""
+    """Remove currents from the proposal whose scale cannot be determined."""
     if out.current:
         why = "a current, whose scale this motion does not tell: no torque"
         out.unused |= {line.column: why for line in out.lines if line.target.startswith("tau.")}
@@ -248,14 +248,14 @@ def _without_current(out: Proposal) -> Proposal:
 
 
 def _lerobot(source: Path) -> dict[str, str]:
-    """Columns `observation.state[0]` -> the joint that a LeRobot data set's information names for it."""
+    """Return column -> joint, such as `observation.state[0]` -> the name in the LeRobot data set's meta/info.json."""
     for folder in [source.resolve(), *source.resolve().parents[:4]]:
         if (folder / INFO).is_file():
             try:
                 features = read_json(folder / INFO)["features"]
                 return {label: name for key in features for label, name in _named(key, features[key])}
             except (UserError, KeyError, TypeError, AttributeError):
-                return {}  # of another program, or damaged: the header has to do
+                return {}  # written by another program, or damaged: only the header is used
     return {}
 
 
@@ -269,11 +269,11 @@ def _named(key: str, feature: Any) -> list[tuple[str, str]]:
 
 
 def dialect_of(file: Path, names: tuple[str, ...] = ()) -> Dialect:
-    """Return the dialect of a text table: cell separator and decimal mark.
+    """Detect the dialect of a text table: cell separator and decimal mark.
 
     Args:
         file: the table.
-        names: of the columns, for a table without a header line.
+        names: column names, for a table without a header line.
 
     Raises:
         UserError: not text.

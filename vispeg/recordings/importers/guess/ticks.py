@@ -1,7 +1,7 @@
-"""Finds the encoder ticks in angles that a program has scaled: LeRobot's -100 to 100 of each joint's calibrated range.
+"""Recover encoder ticks from normalised angles: LeRobot writes -100 to 100 over each joint's calibrated range.
 
-A reading is a whole number of ticks, so its normalised values differ by whole multiples of 200 / range (of a gripper in
-per cent, 100 / range), and the smallest range for which they all do is the calibrated one.
+A reading is a whole number of ticks, so normalised values differ by whole multiples of 200 / range (for a gripper in
+per cent, 100 / range). The calibrated range is the smallest range for which all differences are such multiples.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.formats.json_data import read_json
 
-TICKS = 4096  # a turn, of Feetech's STS3215 and Dynamixel's X series
-FULL = 100.5  # normalised values end at 100; a goal may pass it by a rounding
-LEAST_RANGE = 64  # ticks (6 degrees): no joint is calibrated to less
-NEAR = 1e-2  # of a tick: float32 keeps a value of 100 to 2e-4 of one
-DISTINCT = 12  # values that differ: by chance this many lie on a grid within NEAR once in 1e20
-STEPS = (360 / 4096, 360 / 4095)  # degrees: what LeRobot's use_degrees writes for a tick
+TICKS = 4096  # ticks per turn of Feetech's STS3215 and Dynamixel's X series
+FULL = 100.5  # largest normalised value: 100, and rounding may put a goal slightly beyond
+LEAST_RANGE = 64  # ticks (6 degrees): no joint has a smaller calibrated range
+NEAR = 1e-2  # ticks, tolerance of a whole number: float32 resolves a value of 100 to 2e-4 ticks
+DISTINCT = 12  # least number of distinct values: so many lie on a grid within NEAR by chance once in 1e20
+STEPS = (360 / 4096, 360 / 4095)  # degrees per tick, as LeRobot's use_degrees writes them
 GRIPPERS = {"gripper", "jaw", "hand", "finger", "claw", "grip"}
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """How a column's values become angles: ticks of 2 pi / 4096 rad for each of its units.
+    """Conversion of a column's normalised values to ticks of 2 pi / 4096 rad.
 
     Attributes:
         span: calibrated range, ticks.
-        full: values from one end of it to the other, 200 or 100.
-        sure: whether it was found in the values, or read in a calibration file.
-        values: distinct values that decided; 0 where a file did.
+        full: width of the range in normalised units, 200 or 100.
+        sure: whether the range was found in the values or read from a calibration file (else it is a guess).
+        values: number of distinct values it was found in; 0 if read from a file.
     """
 
     span: int
@@ -43,13 +43,13 @@ class Decoded:
 
     @property
     def scale(self) -> float:
-        """Ticks a unit."""
+        """Ticks per normalised unit."""
         return self.span / self.full
 
 
 def span_of(values: np.ndarray, full: float) -> int | None:
-    """Give the fewest ticks of which all values (n,) are whole numbers, where `full` is the whole range; None for
-    none.
+    """Return the smallest range in ticks for which all values (n,) are whole ticks; None if there is none. The range
+    is `full` wide in the values' unit.
     """
     distinct = np.unique(values[np.isfinite(values)])
     if len(distinct) < DISTINCT:
@@ -67,16 +67,16 @@ def span_of(values: np.ndarray, full: float) -> int | None:
 def decoded(
     stack: np.ndarray, names: Sequence[str], calibration: Mapping[str, int] | None = None
 ) -> list[Decoded | None]:
-    """Return the scale that decodes each column (n, nj); None for columns, or the whole log, that are not normalised.
+    """Return how each column (n, nj) converts to ticks; None for columns that are not normalised, or for all of them.
 
     Args:
         stack: measured values as they are in the file.
-        names: of the joints, as the file or the model calls them.
+        names: joint names, as in the file or the model.
         calibration: joint -> calibrated range, ticks.
 
     Returns:
-        One entry a column. All are None where a value passes 100, where all joints have one step (degrees, or decimals
-        that were written), or where no column is a whole number of ticks and no calibration says so.
+        One entry per column. All are None if a value exceeds 100, if all joints share one step (degrees, or rounded
+        decimals), or if no column consists of whole ticks and no calibration is given.
     """
     none: list[Decoded | None] = [None] * len(names)
     if not stack.size or float(np.nanmax(np.abs(stack))) > FULL:
@@ -97,14 +97,14 @@ def decoded(
             out[j] = Decoded(stated, full, True, distinct if span is not None else 0)
         elif span is not None:
             out[j] = Decoded(span, full, stated is None, distinct)
-        else:  # it stands, or moves too little: a joint of this kind turns about as far as the others
+        else:  # at rest or hardly moving: assume that its range is about as wide as the other joints'
             usual = [s * 200 // f for s, f in zip(found, fulls, strict=True) if s is not None]
             out[j] = Decoded(int(np.median(usual)) * full // 200, full, False)
     return out
 
 
 def step_of_degrees(stack: np.ndarray) -> float | None:
-    """Give the degrees of a tick that all columns (n, nj) share; None where they share none."""
+    """Return the degrees per tick in which all columns (n, nj) are whole ticks; None if no known step fits."""
     for step in STEPS:
         columns = [np.unique(column[np.isfinite(column)]) for column in stack.T]
         ticks = [(column - column[0]) / step for column in columns if len(column) >= DISTINCT]
@@ -114,7 +114,7 @@ def step_of_degrees(stack: np.ndarray) -> float | None:
 
 
 def read_calibration(file: Path) -> dict[str, int]:
-    """Joint -> calibrated range in ticks, of LeRobot's calibration file. Raises UserError: none of that kind."""
+    """Read joint -> calibrated range, ticks, from LeRobot's calibration file. Raises UserError: not such a file."""
     data = read_json(file)
     try:
         out = {str(name): int(motor["range_max"]) - int(motor["range_min"]) for name, motor in data.items()}
@@ -128,7 +128,7 @@ def read_calibration(file: Path) -> dict[str, int]:
 
 
 def calibration_beside(source: Path) -> Path | None:
-    """`calibration.json` in a data set's folder or its `meta`, where there is one."""
+    """Find `calibration.json` in a data set's folder or its `meta` folder; None if there is none."""
     folders = [source, *source.resolve().parents[:3]] if source.is_dir() else [*source.resolve().parents[:4]]
     return next(
         (f / n for f in folders for n in ("calibration.json", "meta/calibration.json") if (f / n).is_file()), None
@@ -136,7 +136,7 @@ def calibration_beside(source: Path) -> Path | None:
 
 
 def _told(name: str, calibration: Mapping[str, int]) -> int | None:
-    """Give the range of the motor that a column's label or its joint is called by."""
+    """Return the calibrated range of the motor whose name matches a column's label or joint; None without a match."""
     called = {"_".join(word for word in _words(part) if word != "joint") for part in name.split(" ")}
     return next((span for key, span in calibration.items() if "_".join(_words(key)) in called), None)
 
@@ -146,5 +146,5 @@ def _words(name: str) -> list[str]:
 
 
 def _decimal(step: float) -> bool:
-    """Whether values are only rounded to a step such as 0.1 or 0.05."""
+    """Test whether a step is mere decimal rounding, such as 0.1 or 0.05."""
     return any(math.isclose(step * 10**k, round(step * 10**k), rel_tol=1e-6) and round(step * 10**k) for k in range(3))

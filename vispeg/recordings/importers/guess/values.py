@@ -15,27 +15,27 @@ from vispeg.recordings.importers.plausible import RATES, TOP_SPEED, slope
 from vispeg.recordings.importers.turns import straightened
 
 TIMES = ("s", "ms", "us", "ns")
-SPEEDS = ("rad/s", "deg/s")  # what the speeds of a log are in whose names state no unit
-STATED = {*SPEEDS, "rpm"}  # ... and what a name may state
+SPEEDS = ("rad/s", "deg/s")  # units tried for speeds whose names state none
+STATED = {*SPEEDS, "rpm"}  # units that the name of a speed may state
 EPOCH = (1.0e9, 4.0e9)  # s: from 2001 to 2096
 TURNS = 4 * math.pi
-DEGREES = 1000.0  # beyond it, angles in degrees are encoder counts
+DEGREES = 1000.0  # larger values are not degrees but encoder counts
 TYPICAL_HZ = 300.0
 
 
 def span(column: np.ndarray) -> tuple[float, float]:
-    """Lowest and highest value; 0, 0 where there is none."""
+    """Return the lowest and highest value; 0, 0 if there are none."""
     finite = column[np.isfinite(column)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
 
 
 def all_integers(column: np.ndarray) -> bool:
-    """Whether all values are whole numbers."""
+    """Test whether all values are whole numbers."""
     return bool(np.isfinite(column).all() and (column == np.floor(column)).all())
 
 
 def increases(column: np.ndarray, even: bool = False) -> bool:
-    """Whether a column runs like a clock: upwards but for a few restarts; `even`: by steps that hardly differ."""
+    """Test whether a column increases like a clock, with few restarts; with `even`, also in nearly equal steps."""
     step = np.diff(column)
     if not even:
         step = step[step != 0] if np.mean(step != 0) > 0.5 else step  # loggers write rows twice
@@ -51,7 +51,7 @@ def units_of(
     doubts: list[str],
     known: Mapping[str, tuple[str, str]] | None = None,
 ) -> dict[str, tuple[str, str]]:
-    """Signal -> (unit, why), of angles first, as the others are held against them; `known` are found already."""
+    """Return signal -> (unit, reason): angles first, as other units are checked against them; `known` are kept."""
     out = dict(known or {})
     for signal in sorted(columns, key=lambda s: ("q", "q_cmd").index(s) if s in ("q", "q_cmd") else 2):
         if signal in out:
@@ -94,7 +94,7 @@ def _angle(
             )
         return "deg", f"up to {peak:.4g}, beyond two turns in radians"
     low, high = limits.range.T
-    straight, _ = straightened(values, limits.range)  # 0 to 2 pi is outside a range of +-pi, and no degrees
+    straight, _ = straightened(values, limits.range)  # so that 0 to 2 pi for a range of +-pi does not count as degrees
     beyond = float(np.mean((straight < low - 0.1) | (straight > high + 0.1)))
     within = float(np.mean((values * FACTORS["deg"] < low) | (values * FACTORS["deg"] > high)))
     if beyond > 0.02 and within == 0:
@@ -129,9 +129,9 @@ def time_unit(
     doubts: list[str],
     speeds: Sequence[str] = SPEEDS,
 ) -> tuple[str, str]:
-    """Give the unit of the time: what the name says unless the motion forbids it, else what the motion allows best.
+    """Return the unit of the time: the one that the name states unless the motion excludes it, else the most plausible.
 
-    `speeds` are the units that the measured speeds may be in.
+    `speeds` are the possible units of the measured speeds.
     """
     step = np.diff(time)
     period = float(np.median(step[step > 0]))
@@ -179,10 +179,9 @@ def _fits(
 def speed_unit(
     time: np.ndarray, q: np.ndarray, dq: np.ndarray, usual: tuple[str, str], speeds: Sequence[str] = SPEEDS
 ) -> tuple[str, str]:
-    """Give the unit of measured speeds (n, nj) in which they are the slope of the angles q (n, nj) rad over time (n,)
-    s.
+    """Return the unit in which measured speeds (n, nj) match the slope of the angles q (n, nj) rad over time (n,) s.
 
-    `usual` where it is one, or where none of `speeds` is.
+    `usual` is returned if it matches, or if none of `speeds` does.
     """
     step = np.diff(time)
     good = step > 0

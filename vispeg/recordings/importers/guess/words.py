@@ -1,4 +1,4 @@
-"""A proposed map as a YAML file with its reasons, and what it would gain by more knowledge."""
+"""Write a proposed map as YAML with its reasons, and advise which further information would allow more."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import yaml
 from vispeg.recordings.importers.guess.propose import Line, Proposal
 from vispeg.recordings.tables.table import Dialect
 
-MANY = 12  # unused columns that are listed one by one
+MANY = 12  # unused columns that are listed individually
 
 
 def data(proposal: Proposal) -> dict[str, object]:
-    """Give the map as plain data, as `importers.mapping.map_from` takes it."""
+    """Return the map as plain data, in the form that `importers.mapping.map_from` reads."""
     out: dict[str, object] = {}
     if proposal.dialect != Dialect():
         table: dict[str, object] = {"separator": proposal.dialect.separator, "decimal": proposal.dialect.decimal}
@@ -59,7 +59,7 @@ def text(proposal: Proposal) -> str:
 
 
 def advice(proposal: Proposal) -> list[str]:
-    """Return sentences on what can be compared as proposed, and with a stated controller and torque sensor."""
+    """Return sentences about what can be compared with this proposal, and what a stated controller would add."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
     torque = "tau" in signals and sensor != "none"
     servo = proposal.recording.get("control", {}).get("mode") == "servo"
@@ -93,6 +93,6 @@ def advice(proposal: Proposal) -> list[str]:
 
 
 def _flow(value: Any) -> str:
-    """One line of YAML."""
+    """Format a value as one line of YAML."""
     dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10_000, sort_keys=False)
     return dumped.strip().removesuffix("...").strip()
