@@ -1,4 +1,4 @@
-"""Fitting named effects to recordings from several starts: what `vispeg fit` does."""
+"""Fit named effects to recordings from several starts, as `vispeg fit` does."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from vispeg.identify.space import Axis, Space
 from vispeg.worlds.world import World
 
 Method = Literal["auto", "least-squares", "cma"]
-ITERATIONS = 15  # least-squares steps at most; ten times as many CMA-ES generations
+ITERATIONS = 15  # most least-squares steps; CMA-ES gets ten times as many generations
 SHRINK = (
     0.3,
     0.1,
     0.03,
     0.003,
 )  # of the way from null: a typical size for the shoulder may be far too much for the wrist
-STRONG = 0.95  # correlation from which on two parameters are reported as hardly told apart
+STRONG = 0.95  # correlation above which two parameters are reported as hardly distinguishable
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,11 @@ class Calibration:
 
 
 def chosen(method: Method, effects: Sequence[EffectInstance]) -> Literal["least-squares", "cma"]:
-    """`auto`: CMA-ES, then least squares, where the residual is not smooth in some effect; else least squares alone."""
+    """Return the method.
+
+    `auto` is CMA-ES followed by least squares if the residual is not smooth in some effect, otherwise least squares
+    alone.
+    """
     if method != "auto":
         return method
     return "least-squares" if all(effect(e.effect).smooth for e in effects) else "cma"
@@ -62,14 +66,14 @@ def calibrate(
     Args:
         evidence: of the fitted recordings.
         world: with the values to start from.
-        free: which effects.
+        free: indices of the fitted effects.
         seed: of the random starts and of CMA-ES.
         method: see `chosen`.
-        starts: optimizers; the first begins at the world's values, the others at random ones.
+        starts: number of optimizers; the first starts at the world's values, the others at random ones.
         iterations: least-squares steps at most, and a tenth of the CMA-ES generations.
         checkpoint: keeps their traces.
-        say: is told what is simulated.
-        evaluate: gives the evidence's residuals of worlds; by default here.
+        say: called with messages on what is simulated.
+        evaluate: computes residuals of worlds; by default in this process.
     """
     how = chosen(method, [world.effects[i] for i in free])
     space, jobs = Space(world, free), []
@@ -85,7 +89,7 @@ def calibrate(
 
 
 def strong_pairs(fit: Fit) -> list[tuple[str, str, float]]:
-    """Parameters that these recordings hardly tell apart: labels and correlation."""
+    """Return the pairs of parameters that these recordings hardly distinguish: labels and correlation."""
     names = labels(fit)
     c = fit.correlation
     return [
@@ -102,7 +106,7 @@ def labels(fit: Fit) -> list[str]:
 
 
 def _shrunk(world: World, free: Sequence[int], share: float) -> World:
-    """Give the world with the free effects' magnitudes at `share` of their way from null; shapes stay."""
+    """Return the world with the free effects' magnitudes at `share` of their distance from null; shapes stay."""
     effects = list(world.effects)
     for i in free:
         kind, placed = effect(effects[i].effect), effects[i]
@@ -114,7 +118,7 @@ def _shrunk(world: World, free: Sequence[int], share: float) -> World:
 
 
 def _draw(space: Space, rng: np.random.Generator) -> np.ndarray:
-    """Coordinates of a random start: magnitudes up to four typical sizes from null, shapes anywhere."""
+    """Return coordinates of a random start: magnitudes up to four typical sizes from null, shapes anywhere."""
     low, high = space.bounds
     return np.array([_one(space, a, lo, hi, rng) for a, lo, hi in zip(space.axes, low, high, strict=True)])
 

@@ -1,7 +1,7 @@
-"""What is compared: channels of a recording, each with its measured values, its noise and the effects that show there.
+"""Channels of a recording: measured values, their noise, and the effects that are visible in them.
 
-The first channel of an item is its principal one: its error is what a user reads, in its unit. All of them enter the
-whitened residual.
+The first channel of an item is the principal one: its error, in its unit, is shown to the user. All channels enter
+the whitened residual.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Channel:
-    """One kind of measured value of an item, a column a joint.
+    """One kind of measured value of an item, one column per joint.
 
     Attributes:
         kind: `angle` (under a known controller), `servo` (angle under a loop of the robot's own), `torque` (measured in
@@ -58,7 +58,7 @@ class Item:
     """One segment of one recording, ready to be compared.
 
     Attributes:
-        recording, segment: where it comes from.
+        recording, segment: source of the samples.
         robot: the nominal robot with the declared tool and tilt.
         channels: what was measured, the principal channel first.
     """
@@ -75,7 +75,7 @@ class Item:
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """(nch,) noise."""
+        """Standard deviation of the noise, (nch,)."""
         return np.concatenate([c.sigma for c in self.channels])
 
     @cached_property
@@ -85,29 +85,29 @@ class Item:
 
     @property
     def name(self) -> str:
-        """The recording's name, and where in it the item begins if only windows of it are used."""
+        """Name of the recording, and the start of the item in it if only windows are used."""
         start = float(self.recording.time[self.segment.rows[0]])
         return self.recording.name + (f", from {start:.4g} s" if self.recording.chosen else "")
 
     @property
     def nj(self) -> int:
-        """Joints; the first nj columns are the principal channel."""
+        """Number of joints; the first nj columns are the principal channel."""
         return len(self.recording.joints)
 
     @property
     def posture(self) -> np.ndarray:
-        """(m, nj) rad, the angles at the compared samples: measured, or smoothed where these are others."""
+        """Joint angles at the compared samples, (m, nj) rad; smoothed ones if the channel holds no angles."""
         rows = self.segment.rows
         return self.recording.q[rows] if len(rows) == len(self.valid) else self.segment.q
 
     @property
     def kind(self) -> str:
-        """What the principal channel is."""
+        """Kind of the principal channel."""
         return self.channels[0].kind
 
     @property
     def beside(self) -> str | None:
-        """What the channel next to the principal one is: `torque`, `load`, or None."""
+        """Kind of the second channel: `torque`, `load`, or None."""
         return self.channels[1].kind if len(self.channels) > 1 else None
 
     @property
@@ -117,5 +117,5 @@ class Item:
 
 
 def shows(kind: Effect, channel: str) -> bool:
-    """Whether an effect leaves a trace in a channel of this kind."""
+    """Return whether an effect is visible in a channel of this kind."""
     return channel in kind.channels()

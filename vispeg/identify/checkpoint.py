@@ -1,8 +1,8 @@
-"""Where a fit has got to, on disk: written after each evaluation, so that a killed fit can go on.
+"""Save the progress of a fit to disk after each evaluation, so that a killed fit can resume.
 
-An optimizer that goes on is begun anew and given the answers that are known, without a rollout: the costs of the
-candidates, of each population that CMA-ES draws again from its seed, and what least squares asks of each point. So it
-stands exactly where it stood, and ends with the same bits.
+A resumed optimizer starts from the beginning and gets the known answers without a rollout: the costs of the
+candidates, of each CMA-ES population drawn again from its seed, and of each point of least squares. It therefore
+reaches exactly the same state and ends with the same bits.
 """
 
 from __future__ import annotations
@@ -30,13 +30,12 @@ CHECKPOINT = Format(FORMAT, "a checkpoint of a fit", ("key", "traces"), language
 
 @dataclass
 class Trace:
-    """One optimizer's way so far.
+    """Progress of one optimizer.
 
     Attributes:
-        candidates: costs of the points that one is chosen from to begin with; empty before.
+        candidates: costs of the candidate starting points; empty before their evaluation.
         generations: costs of each CMA-ES population, in order.
-        points: what least squares was told of each point that it asked for, in order: the coordinates, and an array
-            (n + 1, n + 1) as `vispeg.identify.fit` makes it.
+        points: least-squares evaluations in order: coordinates, and the array (n + 1, n + 1) of `Point.answer`.
         laps: least-squares steps done.
         cost: the best mean squared whitened residual so far.
         watch: called after each evaluation and each step.
@@ -50,23 +49,23 @@ class Trace:
     watch: Callable[[], None] = lambda: None
 
     def chosen(self, costs: list[float]) -> None:
-        """Note that the candidates have been evaluated."""
+        """Record the costs of the candidate starting points."""
         self.candidates = [float(c) for c in costs]
         self.watch()
 
     def generation(self, costs: list[float]) -> None:
-        """Note that a CMA-ES population has been evaluated."""
+        """Record the costs of a CMA-ES population."""
         self.generations.append([float(c) for c in costs])
         self.cost = min(self.cost, *costs)
         self.watch()
 
     def point(self, u: np.ndarray, answer: np.ndarray) -> None:
-        """Note that a point of least squares has been evaluated."""
+        """Record a least-squares evaluation."""
         self.points.append((u.tolist(), answer.tolist()))
         self.watch()
 
     def lap(self, laps: int, cost: float) -> None:
-        """So many least-squares steps have been made."""
+        """Record the number of least-squares steps made and the best cost."""
         self.laps, self.cost = laps, float(cost)
         self.watch()
 
@@ -79,7 +78,7 @@ class Checkpoint:
 
     Args:
         file: where; its folder is made.
-        key: whatever the fit depends on; a checkpoint of another fit is refused.
+        key: everything that the fit depends on; a checkpoint of another fit is refused.
         starts: number of traces.
         resume: go on from the file where there is one; otherwise begin anew.
         watch: called after each step of any start, with its number and trace.
@@ -94,7 +93,7 @@ class Checkpoint:
         self.file, self.watch = file, watch
         self.key = hashlib.sha256(json.dumps(key, sort_keys=True, default=str).encode()).hexdigest()
         self.traces = _read(file, self.key, starts) if resume and file.is_file() else [Trace() for _ in range(starts)]
-        self._lock = threading.Lock()  # starts run in threads of their own
+        self._lock = threading.Lock()  # starts run in separate threads
         for i, trace in enumerate(self.traces):
             trace.watch = lambda i=i: self._stepped(i)
 
@@ -109,7 +108,7 @@ class Checkpoint:
         write_text_atomic(self.file, text, overwrite=True)
 
     def remove(self) -> None:
-        """Note that the fit is done: nothing is left behind."""
+        """Delete the file after the fit is done."""
         remove_unfinished(self.file)
 
 

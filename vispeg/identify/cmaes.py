@@ -1,4 +1,4 @@
-"""CMA-ES over a box, a population at a time, able to go on where a trace ends."""
+"""CMA-ES in a box, one population at a time, resumable from a trace."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def minimise(
 ) -> np.ndarray:
     """Give the best point found (Hansen's `cma`; N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772).
 
-    Populations whose costs a trace knows are drawn again but not evaluated: the search stands where it stood.
+    Populations whose costs are in the trace are drawn again but not evaluated, which restores the search's state.
 
     Args:
         costs: of a whole population of points (n,), finite.
@@ -31,7 +31,7 @@ def minimise(
         sigma: first step, in the coordinates' own unit.
         generations: populations at most.
         rng: the only source of chance.
-        trace: what is known already, and is told of each new population.
+        trace: costs known from an earlier run; each new population is recorded in it.
     """
     import cma
 
@@ -47,7 +47,7 @@ def minimise(
         points = search.ask()
         if k < len(evaluated):
             values = evaluated[k]
-        else:  # a population is drawn about the start: with the first one the start itself is looked at
+        else:  # the population is drawn around the start; the first one also includes the start
             values = [float(c) for c in costs([np.asarray(x) for x in ([start, *points] if k == 0 else points)])]
             if trace is not None:
                 trace.generation(values)

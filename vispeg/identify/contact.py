@@ -1,10 +1,9 @@
-"""Evidence of joints where the tool touches: the measured contact acts in the model too, and nothing is judged there.
+"""Compare joints while the tool is in contact: apply the measured contact to the model, and exclude those samples.
 
-The wrench at the wrist tells what the surroundings exert on the tool (`vispeg.sim.touch`). Through the Jacobian along
-the measured motion, `J' W`, it becomes joint torques that act on a simulated arm as they did on the real one, so that
-its motion afterwards is the real one's. While the tool touches, the sensor's error would enter: those samples, and what
-follows until the null space has forgotten, are left out. An arm in free air is compared as if there were no sensor, bit
-for bit.
+The wrist wrench gives the contact wrench W on the tool (`vispeg.sim.touch`). With the Jacobian along the measured
+motion, J' W are joint torques that act on the simulated arm as on the real one, so that both move alike afterwards.
+During contact the sensor's error would enter, so those samples are excluded, and so are the following ones until the
+null space has forgotten them. An arm in free air is compared bit for bit as without a sensor.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.touch import touch
 
-ROWS = 4096  # samples whose Jacobians are worked out at a time
+ROWS = 4096  # samples whose Jacobians are computed at a time
 
 
 @dataclass(frozen=True)
@@ -36,14 +35,13 @@ class Contact:
     torque: np.ndarray
 
     def said(self, name: str) -> str:
-        """Give a note for the user."""
+        """Return a message for the user."""
         share = f"{100 * float(np.mean(~self.free)):.0f} % of the samples are left out"
         return f"{name}: the tool touches; {share}, and the measured contact force acts on the model's arm there"
 
 
 def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
-    """Return the recorded arm's contact; None if there was none, or if the recording does not describe the force
-    sensor.
+    """Return the recorded arm's contact; None if there was none, or if the force sensor is not described.
 
     Args:
         rec: with `ft`, and `wrench` that says how it is to be read.
@@ -72,7 +70,7 @@ def contact_of(rec: Recording, robot: RobotModel) -> Contact | None:
 
 
 def _widened(time: np.ndarray, on: np.ndarray, longer: float) -> np.ndarray:
-    """(n,) bool: within `touch_before` before, or `longer` after, a sample that is on."""
+    """Return samples, (n,) bool, from `touch_before` s before to `longer` s after a sample with `on`."""
     index = np.where(on, np.arange(len(on)), -1)
     last = np.maximum.accumulate(index)
     after = (last >= 0) & (time - time[last] <= longer)

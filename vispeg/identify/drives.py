@@ -1,7 +1,7 @@
-"""What drove each joint along a measured motion: what a known controller must have sent, or the measured torque.
+"""Drive torque of each joint along a measured motion: from a known controller, or measured.
 
-A recording is turned into one whose torque is known, so that inverse dynamics applies to nearly every recording. Motion
-and torque pass one low-pass filter without phase, so a law that is linear in its torques holds between what is left.
+A recording is converted to one with known torque, so that inverse dynamics applies to nearly every recording. Motion
+and torque pass the same zero-phase low-pass, so a law that is linear in the torques also holds for the filtered ones.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from vispeg.sim.placement import activate
 from vispeg.worlds.world import World
 
 HEARD_HZ = 40.0  # bandwidth of velocities that were not recorded
-LEAST = 2.0  # s of a recording before or after its loop lost the arm, below which it is taken whole
-ROWS = 4096  # postures whose gravity is worked out at a time
+LEAST = 2.0  # s, shortest part before or after loss of control that is used instead of the whole recording
+ROWS = 4096  # postures whose gravity torques are computed at a time
 
 
 def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
     """Return what the controller sent, (n, nj) N m at the samples, gravity compensation included; None if unknown.
 
-    A command is held for one control period, so it acts half a period later in the mean; that is no delay.
+    A command is held for one control period, so it acts half a period later on average; this is not counted as delay.
     """
     c = rec.control
     if c.mode == "passive":
@@ -65,10 +65,10 @@ def sent(rec: Recording, robot: RobotModel) -> np.ndarray | None:
 
 
 def driven(rec: Recording) -> Recording | None:
-    """Return the recording with its drive as its torque, low-passed as the motion will be; None where none is known.
+    """Return the recording with its drive torque as `tau`, low-passed; None if no drive torque is known.
 
-    A joint that a controller moves is driven by what that sent, whatever was measured beside it: a sensor behind the
-    gear does not see friction in it.
+    For a joint under a known controller that is the commanded torque, even if torque was measured: a sensor behind
+    the gear does not see the friction in it.
     """
     rec = in_hand(rec, nominal_robot(rec), LEAST)
     command = sent(rec, robot_of(rec))
@@ -78,7 +78,7 @@ def driven(rec: Recording) -> Recording | None:
     assert tau is not None
     sensor = rec.torque_sensor if command is None else "motor"
     if np.ptp(rec.time) <= 2 * ENDS:
-        return None  # a filter's ends take all of it
+        return None  # too short: filter transients cover all of it
     low = smooth(rec.time, tau, MOTION_HZ)[0]
     return replace(rec, control=Control("unknown", rec.rate_hz), tau=low, torque_sensor=sensor)
 
@@ -93,17 +93,17 @@ class Motion:
 
 
 class Drives:
-    """Recordings in torque space: what each joint's drive gave, and what worlds say that it must have given.
+    """Recordings in torque space: the drive torque of each joint, and the torque that worlds require.
 
     Args:
-        recordings: those whose drive is not known are left out.
+        recordings: those without a known drive torque are left out.
 
     Attributes:
-        recordings: those whose drive is known.
+        recordings: those with a known drive torque.
         torque: (n, nj) N m, of all items end to end, low-passed.
         dq: (n, nj) rad/s.
         valid: (n, nj) bool.
-        measured: whether all of it was measured, by a sensor.
+        measured: whether all torques were measured by a sensor.
     """
 
     def __init__(self, recordings: Sequence[Recording]):
@@ -115,14 +115,14 @@ class Drives:
         self.which = [*range(len(self.items))]
         self.measured = all(r.control.mode in ("unknown", "servo") for r in recordings)
         if self.items:
-            # what worlds need follows from a motion that was low-passed, and passes the filter again: so does this
+            # the required torque is computed from low-passed motion and filtered again, so this is filtered twice too
             twice = [smooth(i.segment.time, np.nan_to_num(i.measured), MOTION_HZ)[0] for i in self.items]
             self.torque = np.concatenate(twice)
             self.dq = np.concatenate([i.segment.dq for i in self.items])
             self.valid = np.concatenate([i.valid for i in self.items])
 
     def each(self) -> list[Drives]:
-        """Return its items one by one."""
+        """Return each item as Drives of its own."""
         ends = np.cumsum([len(i.segment.time) for i in self.items])[:-1]
         out = []
         for k, rows in enumerate(np.split(np.arange(len(self.torque)), ends)):
@@ -136,7 +136,7 @@ class Drives:
         return bool(self.items)
 
     def needed(self, worlds: Sequence[World]) -> np.ndarray:
-        """Return the torque (nworld, n, nj) N m that the drives must have given by each world."""
+        """Return the drive torque (nworld, n, nj) N m that each world requires along the motion."""
         parts = []
         for i, item in zip(self.which, self.items, strict=True):
             low = np.concatenate([self._needed(i, world) for world in worlds], axis=1)
@@ -145,7 +145,7 @@ class Drives:
         return np.concatenate(parts, axis=1)
 
     def _needed(self, i: int, world: World) -> np.ndarray:
-        """Return the torque needed for one world and item (m, nj) N m, not low-passed."""
+        """Return the torque that a world requires for one item, (m, nj) N m, not low-passed."""
         assert self.evidence is not None
         plain = World(effects=tuple(e for e in world.effects if not effect(e.effect).overrides("regressor")))
         out = self.evidence.torque_of(i, plain)
@@ -176,7 +176,7 @@ class Drives:
 
 
 def noise(recordings: Sequence[Recording], world: World, seed: int = 0) -> np.ndarray:
-    """Return the RMS (nj,) N m of what noise alone makes of torque less needed torque, from one simulated repeat."""
+    """Return the RMS (nj,) N m that noise alone makes of drive minus required torque, from one simulated repeat."""
     rng = np.random.default_rng(seed)
     again = []
     for rec in recordings:

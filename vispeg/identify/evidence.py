@@ -1,7 +1,7 @@
-"""Recordings as evidence: rollouts of many candidate worlds against them, as whitened residuals over channels.
+"""Compare recordings with rollouts of many candidate worlds: whitened residuals over channels.
 
-A residual is (measured - predicted) / sigma. Angles are always compared; measured torques too where the sensor says
-what they measure.
+A residual is (measured - predicted) / sigma. Angles are always compared; measured torques too if the sensor's
+placement is stated.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from vispeg.sim.segments.segment import EXTERNAL, segments
 from vispeg.sim.shares import processes, shared
 from vispeg.worlds.world import World
 
-SOFT_STEP = 0.5  # of the physics step, for OSC: its null space is so soft that it shows the integrator's error
-SERVO_STEP = 2.5e-3  # s: a servo's loop is stepped by a stable rule, and it is no faster than 150 rad/s
-MODEL_SIGMA = 4e-6  # rad: what the integrator itself is sure of
+SOFT_STEP = 0.5  # of the physics step under OSC: its soft null space amplifies integration error
+SERVO_STEP = 2.5e-3  # s: a servo loop is integrated by a stable rule, and is no faster than 150 rad/s
+MODEL_SIGMA = 4e-6  # rad: accuracy of the integrator
 PENALTY = 1e4  # whitened residual of a rollout that diverged
-# Readings of an evidence, beyond which samples are left out evenly: memory is this times the parameters and candidates.
-# The cases of scripts/bench/hidden_effects have 70,000; their intervals hold, and more would make them narrower alone.
+# Most readings in one evidence; beyond it samples are thinned evenly, since memory grows as readings times parameters
+# and candidates. The cases of scripts/bench/hidden_effects have 70,000; more would only narrow their intervals.
 READINGS = 150_000
-LEAST_HZ = 50.0  # that are compared whatever that comes to: a block of time (0.25 s) has a dozen samples then
-AT_ONCE = 128e6  # bytes of rollouts in memory at once, a process: a row among six costs twice one among 24
-ROWS = 64  # rollouts at once, a process: whatever effects are in a batch are asked of all its rows
-WORLDS = 32  # that are simulated at once, however many segments each is run through
+LEAST_HZ = 50.0  # least rate of compared samples: a block of time (0.25 s) then still has a dozen
+AT_ONCE = 128e6  # bytes of rollouts in memory at once per process
+ROWS = 64  # rollouts per batch and process: every effect in a batch is evaluated for all of its rows
+WORLDS = 32  # worlds simulated at once, whatever the number of segments
 
 
 class Evidence(Freedom):
-    """A set of recordings and the machine that simulates worlds against them.
+    """A set of recordings, and the simulation of worlds against them.
 
     Args:
         recordings: with a known controller.
@@ -81,51 +81,49 @@ class Evidence(Freedom):
 
     @property
     def least_gain(self) -> float:
-        """Share of the held-out squared error that a step must remove."""
+        """Share of the held-out squared error that an added effect must remove."""
         return RULES.gain
 
     @property
     def most_effects(self) -> int:
-        """Effects that a search may add."""
+        """Largest number of effects that a search may add."""
         return RULES.effects
 
     def sees(self, kind: Effect) -> bool:
-        """Whether an effect leaves a trace in some channel of this evidence."""
+        """Return whether an effect is visible in some channel of this evidence."""
         return any(shows(kind, channel) for channel in {c.kind for i in self.items for c in i.channels})
 
     @property
     def decisive(self) -> float:
-        """Drop of the squared whitened residual that no chance makes, where errors that hang together count."""
+        """Drop of the squared whitened residual beyond chance, even with correlated errors."""
         return np.inf
 
     @property
     def alike(self) -> float:
-        """Share of what an effect removes that does not tell it from a rival."""
+        """Share of an effect's gain by which a competing effect may fall short and still count as confounded."""
         return 0.0
 
     @property
     def tied(self) -> float:
-        """Drop of the held-out squared residual that chance makes, which does not either."""
+        """Drop of the held-out squared residual within chance: smaller differences do not rank two worlds."""
         return 0.0
 
     @property
     def rough(self) -> float:
-        """Change of the squared residual that a solver's chatter makes."""
+        """Change of the squared residual due to solver chatter."""
         return 0.0
 
     @property
     def correlated(self) -> float:
-        """Readings in a row whose floor is one and the same error."""
+        """Number of consecutive readings that share one error of the size of the noise floor."""
         return 1.0
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether a block of time whose losses differ so much tells two worlds apart."""
+        """Return whether each time block, given its difference in loss, distinguishes two worlds, (n,) bool."""
         return np.ones(len(difference), bool)
 
     def stretches(self, blocks: np.ndarray) -> np.ndarray:
-        """(nblock,) of each of `blocks` (per residual entry) the stretch of time over which errors may be one and the
-        same.
-        """
+        """Return the stretch (nblock,) of each block in which errors are correlated; `blocks` is per residual entry."""
         return np.arange(int(blocks.max()) + 1)
 
     @property
@@ -134,7 +132,7 @@ class Evidence(Freedom):
         return self.items[0].channels[0].unit
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per item, the channels (nworld, m, nch) that the worlds predict; recent answers are remembered."""
+        """Return for each item the predicted channels (nworld, m, nch); recent answers are cached."""
         key = tuple(worlds) if len(worlds) <= 4 else None
         for worlds_key, answer in self._recent:
             if worlds_key == key:
@@ -153,7 +151,7 @@ class Evidence(Freedom):
         return shared(lambda some: self._rolled_out(some, 1), worlds, [i.measured.shape for i in self.items], count)
 
     def _rolled_out(self, worlds: Sequence[World], nthread: int) -> list[np.ndarray]:
-        """Give the worlds by the step that they need: one that needs a fine one does not make it for all."""
+        """Roll out the worlds in groups of one physics step, so that a fine step does not slow all of them."""
         steps = np.array([min([self.h_max, *(_stable_step(e) for e in w.effects)]) for w in worlds])
         if np.all(steps == steps[0]):
             return self._rolled_out_at(float(steps[0]), worlds, nthread)
@@ -181,7 +179,7 @@ class Evidence(Freedom):
     ) -> tuple[Channel, ...]:
         """Return the channels of a recording at some of its samples, at `late` (m, 1); the principal one comes first.
 
-        `noise` is that of its own signals, `noise_of`.
+        `noise` is of the recording's own signals, see `noise_of`.
         """
         q = rec.q[rows]
         kind = "servo" if rec.control.mode == "servo" else "angle"
@@ -213,7 +211,7 @@ class Evidence(Freedom):
                 free = contact.free[segment.rows]
                 if not free.any():
                     continue
-                segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # what follows is not compared
+                segment = segment.until(int(np.flatnonzero(free)[-1]) + 1)  # the rest is not compared
                 late = (late & free[:, None])[: len(segment.time)]
                 grid = np.arange(segment.ticks) * segment.tick
                 torque = contact.torque[segment.rows].T
@@ -229,14 +227,15 @@ class Evidence(Freedom):
         return out
 
     def residuals(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per world, the whitened residual of all items, flat; unreadable samples count 0, divergence PENALTY."""
+        """Return for each world the whitened residual of all items, flat.
+
+        Unreadable samples are 0, those of a diverged rollout PENALTY.
+        """
         return [*self.each_residual(worlds)]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Yield the same one by one: who keeps none of them needs the memory of a few, however long the recordings
-        are.
-        """
-        size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals a rollout
+        """Yield the residual of each world in turn, so that memory stays small for long recordings."""
+        size = sum(4 * 8 * item.segment.ticks * item.nj for item in self.items)  # four signals per rollout
         some = max(1, min(max(WORLDS, ROWS // len(self.items)), int(AT_ONCE / size))) * self.nthread
         for start in range(0, len(worlds), some):
             per_item = self.simulated(worlds[start : start + some])
@@ -246,7 +245,7 @@ class Evidence(Freedom):
 
     @staticmethod
     def whiten(item: Any, predicted: np.ndarray) -> np.ndarray:
-        """Whitened residual (m, nch) of one item."""
+        """Return the whitened residual (m, nch) of one item."""
         r = np.where(item.valid, (item.measured - predicted) / item.sigma, 0.0)
         r = np.where(np.isfinite(r), np.clip(r, -PENALTY, PENALTY), PENALTY)
         return r
@@ -262,7 +261,7 @@ class Evidence(Freedom):
         return int(sum(i.valid.sum() for i in self.items))
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Block number of every residual entry, in the order of `residuals`; blocks never span two segments."""
+        """Return the block number of every residual entry, in the order of `residuals`; no block spans two segments."""
         out, start = [], 0
         for item in self.items:
             number = (item.segment.time / (seconds or RULES.block)).astype(int)
@@ -271,7 +270,7 @@ class Evidence(Freedom):
         return np.concatenate(out)
 
     def angle_rms(self, residual: np.ndarray) -> float:
-        """RMS angle error in rad of a whitened residual, over valid angle readings."""
+        """Return the RMS angle error in rad from a whitened residual, over valid angle readings."""
         total, n, start = 0.0, 0, 0
         for item in self.items:
             r = residual[start : start + item.measured.size].reshape(item.measured.shape)
@@ -281,19 +280,19 @@ class Evidence(Freedom):
         return float(np.sqrt(total / max(n, 1)))
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
-        """RMS error of the principal channel under each world, in `unit`."""
+        """Return the RMS error of the principal channel under each world, in `unit`."""
         return [self.angle_rms(r) for r in self.each_residual(worlds)]
 
     @property
     def floors(self) -> np.ndarray:
-        """(nch,) RMS noise of each channel, in its unit: the error of a perfect model there."""
+        """RMS noise of each channel, (nch,) in its unit: the error of a perfect model."""
         count = np.stack([i.valid.sum(axis=0) for i in self.items])
         square = np.stack([i.sigma**2 for i in self.items])
         return np.sqrt(np.sum(count * square, axis=0) / np.maximum(count.sum(axis=0), 1))
 
     @property
     def floor(self) -> float:
-        """RMS angle noise in rad: the error of a perfect model."""
+        """RMS angle noise, rad: the error of a perfect model."""
         n = sum(i.valid[:, : i.nj].sum() for i in self.items)
         return float(np.sqrt(sum((i.valid * i.sigma**2)[:, : i.nj].sum() for i in self.items) / max(n, 1)))
 
@@ -309,13 +308,13 @@ def _stable_step(placed: EffectInstance) -> float:
 
 
 def _stops(recordings: Sequence[Recording]) -> list[str]:
-    """Which joints were measured beyond the stops of their model."""
+    """Return messages naming the joints that were measured beyond the stops of their model."""
     beyond = [j for rec in recordings for j in passed(nominal_robot(rec), rec.q)]
     return [f"{j} was measured beyond its range in the model, so that stop is left out" for j in dict.fromkeys(beyond)]
 
 
 def _settle(rec: Recording) -> float:
-    """Seconds at the start of a segment that are not compared."""
+    """Return the duration at the start of a segment that is not compared, s."""
     return RULES.settle if rec.control.mode in ("position", "servo") else RULES.settle_observed
 
 

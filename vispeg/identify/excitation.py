@@ -1,7 +1,7 @@
-"""Excitation: commanded motions that make a robot show what its model lacks.
+"""Excitation: commanded motions that make missing effects visible.
 
-Every motion starts at rest at its centre posture, stays inside a share of the position range and of the velocity
-limits, and comes with the exact time derivative of its positions. One small function a motion, found by name.
+Every motion starts at rest at its centre posture, stays within a share of the position and velocity limits, and
+includes the exact time derivative of its positions. There is one small function per motion, looked up by name.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from vispeg.core.errors import UserError
 
 SEVEN_AXIS_CENTRE = (0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0)  # flange in front, pointing down, well above the table
-SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad about it that keeps clear of table and base
-MOST_SAMPLES = 1_000_000  # half an hour at 500 Hz: beyond it memory ends before the motion does
+SEVEN_AXIS_REACH = (0.9, 0.4, 0.7, 0.45, 1.0, 0.6, 1.2)  # rad, reach around it that stays clear of table and base
+MOST_SAMPLES = 1_000_000  # half an hour at 500 Hz, to bound memory
 
 
 class Robot(Protocol):
-    """What a motion needs to know of a robot."""
+    """Robot properties that a motion needs."""
 
     @property
     def joints(self) -> Sequence[str]: ...  # noqa: D102
@@ -43,7 +43,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Room:
-    """Where a motion may go: time (n,) s; centre, reach, speed (nj,) rad, rad, rad/s (half-widths about the centre)."""
+    """Bounds of a motion: time (n,) s; half-widths reach and speed (nj,) rad, rad/s around the centre (nj,) rad."""
 
     joints: tuple[str, ...]
     time: np.ndarray
@@ -53,26 +53,29 @@ class Room:
 
     @property
     def duration(self) -> float:
-        """Seconds covered, one sample period included."""
+        """Duration in s, including the last sample period."""
         return float(self.time[-1] + self.time[1])
 
 
 def smoothstep(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Minimum-jerk step 10u^3-15u^4+6u^5 of u clipped to [0, 1]: its integral from 0, its value, its slope."""
+    """Return the minimum-jerk step 10u^3-15u^4+6u^5 of u clipped to [0, 1]: its integral from 0, value and slope."""
     v = np.clip(u, 0.0, 1.0)
     integral = v**4 * (2.5 - 3.0 * v + v**2) + np.maximum(u - 1.0, 0.0)
     return integral, v**3 * (10.0 - 15.0 * v + 6.0 * v**2), 30.0 * v**2 * (1.0 - v) ** 2
 
 
 def _fit(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scales an offset motion (n, nj) joint by joint until it just fits the room, and puts it at the centre."""
+    """Scale an offset motion (n, nj) joint by joint until it just fits the bounds, and add the centre."""
     far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
     scale = np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12))
     return room.centre + scale * q, scale * dq
 
 
 def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: float | None = None) -> tuple:
-    """Sum of `harmonics` sines, random in phase; base frequency by default one period a recording, 0.1 Hz at least."""
+    """Return a sum of `harmonics` sines with random phases.
+
+    By default the base frequency is one period per recording, but at least 0.1 Hz.
+    """
     t, nj = room.time, len(room.joints)
     base = max(0.1, 1.0 / room.duration) if base_hz is None else base_hz
     k = np.arange(1, harmonics + 1)
@@ -86,19 +89,19 @@ def fourier(room: Room, rng: np.random.Generator, harmonics: int = 5, base_hz: f
 
 
 def _ramped(room: Room, f: np.ndarray, df: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fades f, df (n, nj) in over the first fifth (1 s at most): position, speed and acceleration start at 0."""
+    """Fade f, df (n, nj) in over the first fifth (at most 1 s): position, speed and acceleration start at 0."""
     length = min(1.0, room.duration / 5.0)
     _, w, dw = smoothstep(room.time[:, None] / length)
     return w * f, w * df + dw / length * f
 
 
 def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: float = 4.0) -> tuple:
-    """Sines of rising frequency; amplitude falls with frequency so that the speed stays near its limit."""
+    """Return sines of rising frequency; the amplitude falls with frequency so that the speed stays near its limit."""
     t, nj = room.time[:, None], len(room.joints)
     low, high = low_hz * rng.uniform(0.8, 1.25, nj), high_hz * rng.uniform(0.8, 1.25, nj)
     freq, dfreq = low + (high - low) * t / room.duration, (high - low) / room.duration
     angle = 2.0 * np.pi * (low * t + (high - low) * t**2 / (2.0 * room.duration)) + rng.uniform(0.0, 2.0 * np.pi, nj)
-    ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed ratio a Hz
+    ratio = 2.0 * np.pi * room.reach / room.speed  # s: speed ratio per Hz
     amp = room.reach / np.sqrt(1.0 + (ratio * freq) ** 2)
     damp = -room.reach * ratio**2 * freq * dfreq / (1.0 + (ratio * freq) ** 2) ** 1.5
     f = amp * np.sin(angle)
@@ -107,7 +110,7 @@ def chirp(room: Room, rng: np.random.Generator, low_hz: float = 0.1, high_hz: fl
 
 
 def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: int = 5, blend_s: float = 0.06) -> tuple:
-    """Strokes of constant velocity out and back, `speeds` of them from `slow` rad/s to the limit, in random order."""
+    """Return strokes of constant velocity out and back, at `speeds` speeds from `slow` rad/s up, in random order."""
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     stroke = (room.duration - blend_s) / (2 * speeds)
@@ -127,14 +130,14 @@ def triangle(room: Room, rng: np.random.Generator, slow: float = 0.02, speeds: i
 
 
 def _fit_down(room: Room, dq: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `_fit`, but never enlarges."""
+    """Scale as `_fit`, but never enlarge."""
     far, fast = np.abs(q).max(axis=0), np.abs(dq).max(axis=0)
     scale = np.minimum(1.0, np.minimum(room.reach / np.maximum(far, 1e-12), room.speed / np.maximum(fast, 1e-12)))
     return room.centre + scale * q, scale * dq
 
 
 def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float = 0.005) -> tuple:
-    """Minimum-jerk steps of several sizes (`smallest` rad to the reach), rests between, joints at their own times."""
+    """Return minimum-jerk steps with rests, of sizes from `smallest` rad to the reach, at each joint's own times."""
     n, nj = len(room.time), len(room.joints)
     q, dq = np.zeros((n, nj)), np.zeros((n, nj))
     slot = room.duration / count
@@ -154,14 +157,14 @@ def steps(room: Room, rng: np.random.Generator, count: int = 6, smallest: float 
 
 
 def sweep(room: Room, rng: np.random.Generator, joint: str | None = None) -> tuple:
-    """One joint there and back through its reach, the others still; every joint in turn where none is named."""
+    """Move one joint through its reach and back while the others rest; every joint in turn if none is named."""
     if joint is not None and joint not in room.joints:
         raise UserError("sweep: no such joint", got=joint, choices=room.joints)
     moving = range(len(room.joints)) if joint is None else [room.joints.index(joint)]
     q, dq = np.zeros((len(room.time), len(room.joints))), np.zeros((len(room.time), len(room.joints)))
     slot = room.duration / len(moving)
     for k, j in enumerate(moving):
-        _, value, slope = smoothstep((room.time - k * slot) / slot)  # u(t): eased phase, so that it starts at rest
+        _, value, slope = smoothstep((room.time - k * slot) / slot)  # eased, so that it starts at rest
         sign = rng.choice([-1.0, 1.0])
         q[:, j] = sign * room.reach[j] * np.sin(2.0 * np.pi * value)
         dq[:, j] = sign * room.reach[j] * 2.0 * np.pi * np.cos(2.0 * np.pi * value) * slope / slot
@@ -176,7 +179,7 @@ def _fit_only(room: Room, dq: np.ndarray, q: np.ndarray, moving: list[int]) -> t
 
 
 def mix(room: Room, rng: np.random.Generator) -> tuple:
-    """Half of the joints on triangles, half on chirps, by lot: slow reversals and fast oscillation at once."""
+    """Move a random half of the joints on triangles, the rest on chirps: slow reversals and fast oscillation."""
     qt, dqt = triangle(room, rng)
     qc, dqc = chirp(room, rng)
     slow = rng.permutation(len(room.joints)) < (len(room.joints) + 1) // 2
@@ -221,12 +224,13 @@ def osc_targets(
 def room_of(
     robot: Robot, rate_hz: float, duration: float, centre: Sequence[float] | None = None, share: float = 0.8
 ) -> Room:
-    """Give the room inside `share` of the limits about a posture (default: clear of the table; mid-range if
-    unknown).
+    """Return the bounds of motions within `share` of the limits around a posture.
+
+    By default the posture is clear of the table, or mid-range for an unknown robot.
     """
     nj, limits = len(robot.joints), np.asarray(robot.range, float)
     count, said = duration * rate_hz, f"{duration:g} s at {rate_hz:g} Hz"
-    if not (rate_hz > 0.0 and count > 9.5):  # so that nan is none either
+    if not (rate_hz > 0.0 and count > 9.5):  # also refuses nan
         raise UserError("a motion needs ten samples at least", got=said)
     if count > MOST_SAMPLES:
         raise UserError("too long a motion", expected=f"at most {MOST_SAMPLES} samples", got=said)
@@ -255,15 +259,15 @@ def motion(
     share: float = 0.8,
     **options: Any,
 ) -> Motion:
-    """Give a commanded motion by name.
+    """Return a commanded motion by name.
 
     Args:
         name: one of `MOTIONS`, or `osc` (which needs `model=` a compiled mujoco.MjModel).
         robot: anything with joints, range (nj, 2) rad and velocity_limit (nj,) rad/s.
         rate_hz, duration: samples a second, seconds.
-        rng: the only source of chance.
-        centre: posture (nj,) rad about which to move; default: clear of the table for seven joints, else mid-range.
-        share: of position and velocity limits that may be used.
+        rng: random generator.
+        centre: posture (nj,) rad around which to move; default: clear of the table for seven joints, else mid-range.
+        share: usable share of the position and velocity limits.
         options: the motion's own.
     """
     room = room_of(robot, rate_hz, duration, centre, share)

@@ -1,4 +1,4 @@
-"""Fitting a world's free parameters to evidence: bounded least squares (scipy) or CMA-ES, with intervals."""
+"""Fit a world's free parameters to evidence: bounded least squares (scipy) or CMA-ES, with intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
-ROBUST = 1e3  # whitened residuals beyond this count less: a diverging candidate must not rule the fit
+ROBUST = 1e3  # whitened residuals beyond this are damped, so that a diverging candidate does not dominate the fit
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Fit:
     Attributes:
         world: with fitted values and their 95 % intervals.
         residual: whitened residual on the fitted evidence, flat.
-        columns: its derivatives to the optimizer coordinates at the solution, (len(residual), naxis) side by side:
-            first those of an earlier fit, where they were taken as constant; fits that share them hold them once.
+        columns: derivatives to the optimizer coordinates at the solution, (len(residual), naxis) in column blocks;
+            the first may be an earlier fit's, taken as constant and shared in memory.
         space: the coordinates.
         u: the solution in them.
         sigma: standard error of each coordinate.
@@ -55,23 +55,22 @@ class Fit:
 
     @property
     def jacobian(self) -> np.ndarray:
-        """(len(residual), naxis) all derivatives."""
+        """All derivatives, (len(residual), naxis)."""
         return self.columns[0] if len(self.columns) == 1 else np.column_stack(self.columns)
 
     @property
     def bare(self) -> Fit:
-        """The same without what is as long as the recordings are."""
+        """Return the fit without its large arrays, those as long as the recordings."""
         return replace(self, residual=np.zeros(0), columns=(np.zeros((0, len(self.u))),))
 
 
 class Race:
-    """Fits that run together and give up when another is far ahead: a hopeless candidate costs as much as a good one.
+    """Fits that run concurrently and stop when another is far ahead, since a bad candidate costs as much as a good one.
 
-    A fit is compared with what the others had reached when all last waited for rollouts, so that the order in which
-    their threads run decides nothing.
+    Fits are compared each time all of them wait for rollouts, so the result does not depend on thread scheduling.
 
     Args:
-        ratio: a fit gives up once its mean squared residual, less the noise, is so many times the best one's.
+        ratio: a fit stops once its mean squared residual minus the noise is this many times the best one's.
         laps: iterations that every fit may take.
     """
 
@@ -80,12 +79,12 @@ class Race:
         self.reached: list[float] = []  # since all last waited
 
     def turn(self) -> None:
-        """All fits wait for rollouts."""
+        """Update the best residual; called when all fits wait for rollouts."""
         self.best = min([self.best, *self.reached])
         self.reached.clear()
 
     def check(self, mean_square: float, lap: int) -> None:
-        """Raise StopIteration where a fit is out of the race."""
+        """Raise StopIteration if a fit is out of the race."""
         self.reached.append(mean_square)
         best = min(self.best, mean_square)
         if lap >= self.laps and mean_square - 1.0 > self.ratio * max(best - 1.0, 0.1):
@@ -93,13 +92,13 @@ class Race:
 
 
 class Chase(Race):
-    """Fits that give up once they cannot come near what another one reached, at the rate at which they fall.
+    """A fit's stopping rule: give up if, at its rate of decrease, it cannot reach another fit's residual.
 
-    One for each fit: it compares laps in a row. A fit that still falls steeply goes on, however far behind it is: from
-    lap to lap the share that is left may be squared, as Newton's steps square it.
+    Each fit has its own, as it compares consecutive iterations. A fit that still falls steeply continues however far
+    behind it is, because near a minimum Newton steps square the remaining share of the error.
 
     Args:
-        goal: mean squared residual to come to.
+        goal: mean squared residual to reach.
         iterations: that the fit may take.
     """
 
@@ -108,7 +107,7 @@ class Chase(Race):
         self.goal, self.iterations, self.last = goal, iterations, np.inf
 
     def check(self, mean_square: float, lap: int) -> None:
-        """Raise StopIteration where a fit cannot reach the goal."""
+        """Raise StopIteration if a fit cannot reach the goal."""
         before, self.last = self.last, mean_square
         falls = 2.0 ** max(self.iterations - lap, 0) - 1.0
         if lap >= self.laps and mean_square * min(mean_square / before, 1.0) ** falls > self.goal:
@@ -129,12 +128,13 @@ def fit_job(
     ended: tuple[Sequence[float], bool] | None = None,
     columns: np.ndarray | None = None,
 ) -> Callable[[Submit], Fit]:
-    """Give a job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
+    """Return a job for `run_together` that fits the effects at `free` of `world`, from its values and from `starts`.
 
-    `trace` is told of each step, and a fit goes on from where a given trace ends. `ended` says where an earlier run of
-    the same job ended, in optimizer coordinates, and whether it had converged: then only that point is evaluated.
-    `columns` (m, k) are derivatives to the first k coordinates that an earlier fit had: they are taken as constant, so
-    that a candidate beside many effects costs rollouts for its own parameters alone. Residuals are always exact.
+    Each step is recorded in `trace`; a fit resumes from where a given trace ends. `ended` is the end of an earlier
+    run of the same job, in optimizer coordinates, and whether it had converged; if given, only that point is
+    evaluated.
+    `columns` (m, k) are an earlier fit's derivatives to the first k coordinates, taken as constant, so that a
+    candidate added to many effects needs rollouts for its own parameters only. Residuals are always exact.
     """
 
     def job(submit: Submit) -> Fit:
@@ -162,7 +162,7 @@ def fit_job(
 
 
 def squares(r: np.ndarray) -> float:
-    """Mean squared whitened residual in which what diverged counts less."""
+    """Return the mean squared whitened residual, with diverged readings damped."""
     return float(np.mean(np.minimum(r * r, ROBUST**2)))
 
 
@@ -191,7 +191,7 @@ def _least_squares(
 def _cma(
     space: Space, u0: np.ndarray, submit: Submit, budget: int, rng: np.random.Generator | None, trace: Trace | None
 ) -> np.ndarray:
-    """Global search by CMA-ES, in coordinates that run from 0 to 1 over the bounds."""
+    """Return the best point of a global search by CMA-ES, in coordinates scaled to [0, 1] between the bounds."""
     if rng is None:
         raise ValueError("CMA-ES needs a random generator")
     low, high = space.bounds
@@ -227,10 +227,10 @@ def _summary(evidence: Evidence, space: Space, u: np.ndarray, converged: bool, p
 def _uncertainty(
     evidence: Evidence, r: np.ndarray, jac: np.ndarray, space: Space
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Give the standard errors that survive autocorrelated and misfitting residuals.
+    """Return standard errors that are robust to autocorrelation and misfit.
 
-    Sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block form), and never less than
-    the spread of the estimates that single recordings would give.
+    Sandwich covariance over blocks of time (Newey and West, Econometrica 55(3), 1987; block form), but at least the
+    standard error from the scatter of single-recording estimates.
     """
     n = jac.shape[1]
     info = jac.T @ jac
@@ -254,9 +254,7 @@ def _uncertainty(
 
 
 def _between(evidence: Evidence, r: np.ndarray, jac: np.ndarray) -> np.ndarray:
-    """Give the standard error of the mean of the estimates that single recordings give, to first order about the
-    solution.
-    """
+    """Return the standard error of the mean of the single-recording estimates, to first order around the solution."""
     shifts, start = [], 0
     for item in evidence.items:
         rows = slice(start, start + item.measured.size)

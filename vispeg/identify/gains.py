@@ -1,4 +1,4 @@
-"""Joint gains that keep an arm stable at a control rate, in every posture that it moves through."""
+"""Joint gains that keep an arm stable at a control rate in every posture of its motion."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from vispeg.sim.nominal import Nominal
 
 IIWA_KP = (800.0, 800.0, 300.0, 400.0, 100.0, 60.0, 5.0)  # N m/rad
 IIWA_KD = (20.0, 30.0, 6.0, 12.0, 1.5, 0.8, 0.08)  # N m s/rad
-STIFFNESS = 25.0  # rad/s: natural frequency of the joint servos of a robot without gains of its own
-SHARE = 0.3  # of J rate, that one joint's damping may be at the centre posture
-COUPLED = 1.2  # that all joints' damping together may take of a velocity in one tick; at 2 the loop is unstable
+STIFFNESS = 25.0  # rad/s, natural frequency of the joint servos of a robot without a gain table
+SHARE = 0.3  # of J rate: largest damping of one joint at the centre posture
+COUPLED = 1.2  # share of a velocity that all dampings together may remove per tick; at 2 the loop is unstable
 POSTURES = 256
 
 
 def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Joint gains kp (nj,) N m/rad and kd (nj,) N m s/rad that are stable at `rate_hz`.
+    """Return joint gains kp (nj,) N m/rad and kd (nj,) N m s/rad that are stable at `rate_hz`.
 
     The iiwa14 has a table; others get a natural frequency of `STIFFNESS` at their apparent inertia J about `centre`.
-    Damping stays under 0.3 J rate, far from the limit 2 J rate of a held command, and under what the postures about
-    `centre` bear (`bearable`); stiffness stays under what it then damps.
+    Damping stays under 0.3 J rate, far from the limit 2 J rate of a held command, and under the stable damping in
+    postures around `centre` (`bearable`); stiffness is then limited to keep the damping ratio.
     """
     inertia = 1.0 / np.diagonal(_mobility(robot, centre[None])[0])
     if robot.name == "iiwa14" and len(inertia) == len(IIWA_KP):
@@ -36,16 +36,16 @@ def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.nda
 
 
 def bearable(mobility: np.ndarray, kd: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Give the greatest damping (nj,) N m s/rad, in proportions like those of `kd`, that is stable in all postures.
+    """Return the greatest damping (nj,) N m s/rad, in proportions like those of `kd`, that is stable in all postures.
 
     A command held for a tick dt multiplies joint velocities by 1 - M^-1 diag(kd) dt: stable while no eigenvalue of
     M^-1 diag(kd) dt reaches 2. They are those of the symmetric A_ij = sqrt(kd_i kd_j) (M^-1)_ij dt, and of diag(s) A
     once kd_i is scaled by s_i. By Gershgorin's theorem none of these exceeds max_i s_i sum_j |A_ij|, which
-    s_i = COUPLED / sum_j |A_ij| holds at `COUPLED`. So only joints that move something light give way.
+    s_i = COUPLED / sum_j |A_ij| holds at `COUPLED`. So only joints with a light load are reduced.
 
     Args:
         mobility: M^-1 (n, nj, nj) of n postures.
-        kd: wished damping (nj,), positive.
+        kd: desired damping (nj,), positive.
         rate_hz: of control.
     """
     root = np.sqrt(kd / rate_hz)
@@ -54,14 +54,14 @@ def bearable(mobility: np.ndarray, kd: np.ndarray, rate_hz: float) -> np.ndarray
 
 
 def postures(robot: RobotModel, centre: np.ndarray) -> np.ndarray:
-    """`centre` and postures (`POSTURES`, nj) rad spread over where motions about it go: a Halton sequence."""
+    """Return `centre` and `POSTURES` postures (nj,) rad spread around it by a Halton sequence."""
     reach = room_of(robot, 100.0, 1.0).reach
     spread = 2.0 * qmc.Halton(len(centre), scramble=False).random(POSTURES) - 1.0
     return np.concatenate([centre[None], centre + reach * spread])
 
 
 def _mobility(robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Inverse joint inertia (n, nj, nj) at q (n, nj)."""
+    """Return the inverse joint inertia (n, nj, nj) at q (n, nj)."""
     return np.linalg.inv(Nominal(compiled(robot), robot.joints, robot.flange, len(q), 1).operational(q)[0])
 
 

@@ -1,7 +1,8 @@
-"""Evidence in torque space: inverse dynamics of measured motion against measured torque.
+"""Compare torques: inverse dynamics of the measured motion against the measured torque.
 
-All there is where the controller is unknown. It shares the face of `Evidence`, so that everything that judges worlds by
-rollouts can judge them by torques; effects of timing, gear play and readings leave no trace in it.
+This is the only comparison possible if the controller is unknown. It has the interface of `Evidence`, so everything
+that judges worlds by rollouts can also judge them by torques. Effects of timing, backlash and encoders are invisible
+in it.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.sim.state import DriveState, Fields
 from vispeg.worlds.world import World
 
-MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
-SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would only repeat it
-REMEMBERED = 128e6  # bytes of inertias along motions: of a minute of seven joints a hundred, of thirty joints six
-ENDS = 0.5  # s at either end of an episode, where a zero-phase filter guesses
-STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise makes a sharper edge meaningless
-STANDS = 3 * STICK  # rad/s under which a joint may as well stand
+MOTION_HZ = 8.0  # bandwidth within which the motion's acceleration is reliable
+SAMPLES_HZ = 50.0  # six times that bandwidth: more samples would add no information
+REMEMBERED = 128e6  # bytes of cached inertias along motions: a hundred minutes of 7 joints, six of 30
+ENDS = 0.5  # s at both ends of an episode, filter transients
+STICK = 0.01  # rad/s over which dry friction changes sign: velocity noise rules out a sharper edge
+STANDS = 3 * STICK  # rad/s, below which a joint may be at rest
 RIGID = frozenset({"body_mass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity"})
 CAVEATS = (
     "the controller is unknown: worlds were compared by inverse dynamics, in which delays, gear play and encoder "
@@ -59,7 +60,7 @@ class TorqueEvidence(Evidence):
         self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")
-        # One weight for all joints: what the rigid model lacks exceeds sensor noise by far, newton metres count alike.
+        # One weight for all joints: the rigid model's error exceeds sensor noise by far; a newton metre counts alike.
         # On a held-out recording of a KUKA LWR4+ a diagnosis with it ends at .181 N m; with each joint's own noise as
         # its weight at .249, with 5 % of each joint's torque beside it at .358 (scripts/bench/real_arms.py).
         sigma, self._floors = np.full_like(noise, np.sqrt(np.mean(noise**2))), noise
@@ -82,11 +83,11 @@ class TorqueEvidence(Evidence):
         return self._floors
 
     def _simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per item, the torques (nworld, m, nj) that the worlds say the sensor would read."""
+        """Return for each item the sensor torques (nworld, m, nj) that the worlds predict."""
         return [np.stack([self.torque_of(i, world) for world in worlds]) for i in range(len(self.items))]
 
     def torque_of(self, i: int, world: World) -> np.ndarray:
-        """Sensor torque (m, nj) of one world along one measured motion."""
+        """Return the sensor torque (m, nj) of one world along one measured motion."""
         item, seg = self.items[i], self.items[i].segment
         needed, dry, beside, loop = self._parts(i, world)
         needed = needed + dry * np.tanh(seg.dq / STICK)
@@ -94,8 +95,9 @@ class TorqueEvidence(Evidence):
         return loop.inverse(needed, item.recording.torque_sensor)
 
     def torque_range(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
-        """Least and greatest sensor torque (m, nj) of a world: a joint that stands holds any torque up to its dry
-        friction, so that they differ where its speed is under `STANDS`.
+        """Return the least and greatest sensor torque (m, nj) of a world.
+
+        They differ at speeds under `STANDS`, since a joint at rest holds any torque up to its dry friction.
         """
         item, seg = self.items[i], self.items[i].segment
         needed, dry, beside, loop = self._parts(i, world)
@@ -106,7 +108,7 @@ class TorqueEvidence(Evidence):
         return low, high
 
     def _parts(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, EffectLoop]:
-        """Torque that the links need (m, nj), level of dry friction, torques beside the drive's, and the effects."""
+        """Return the torque of the links (m, nj), the dry friction, torques besides the drive's, and the effects."""
         item, seg, ddq = self.items[i], self.items[i].segment, self._ddq[i]
         robot, active = item.robot, activate(item.robot, [world])
         batch = mjb.Batch(compiled(robot), 1, nthread=1)
@@ -124,23 +126,23 @@ class TorqueEvidence(Evidence):
         return needed, loop.friction(x, dry), loop.along(x, seg.cache["path"], seg.cache["at"]), loop
 
     def _body(self, i: int, world: World) -> tuple[np.ndarray, np.ndarray]:
-        """Inertia (m, nj, nj) and bias torque (m, nj) along a motion: each sample is a row of one batch; remembered."""
+        """Return inertia (m, nj, nj) and bias torque (m, nj) along a motion, one batch row per sample; cached."""
         rigid = World(effects=tuple(e for e in world.effects if effect(e.effect).writes & RIGID))
         key = (i, repr([(e.label, e.params) for e in rigid.effects]))
         found = self._rigid.pop(key, None)
         if found is None:
             seg = self.items[i].segment
             found = rigid_body(self.items[i].robot, rigid, seg.q, seg.dq)
-        self._rigid[key] = found  # the last one, of which the first go
+        self._rigid[key] = found  # the latest; the oldest are dropped first
         while len(self._rigid) > 1 and sum(mass.nbytes for mass, _ in self._rigid.values()) > REMEMBERED:
             del self._rigid[next(iter(self._rigid))]
         return found
 
 
 def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inertia (n, nj, nj) kg m2 and bias torque (n, nj) N m of a world's links at each of n states, rad and rad/s.
+    """Return inertia (n, nj, nj) kg m2 and bias torque (n, nj) N m of a world's links at n states, rad and rad/s.
 
-    Only effects that write masses or gravity count.
+    Only effects that change masses or gravity matter.
     """
     model = compiled(robot)
     batch = mjb.Batch(model, len(q), nthread=1)
@@ -149,7 +151,7 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
     for a in activate(robot, [rigid]):
         a.effect.write(fields, {k: np.repeat(v, len(q), axis=0) for k, v in a.p.items()})
     if "body_iquat" in fields.touched:
-        derive(batch, fields)  # a body whose inertia was along its own axes ignores what is written there until then
+        derive(batch, fields)  # MuJoCo ignores inertias written to a body with axis-aligned inertia until then
     batch.bind("qpos")[:, fields.qposes], batch.bind("qvel")[:, fields.dofs] = q, dq
     bias, mass = batch.bind("qfrc_bias"), batch.bind("M")
     batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
@@ -158,7 +160,7 @@ def rigid_body(robot: RobotModel, world: World, q: np.ndarray, dq: np.ndarray) -
 
 
 def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1, h_max: float = 2e-3) -> Evidence:
-    """Rollouts where every controller is known, inverse dynamics where one is not."""
+    """Return rollout evidence if every controller is known, otherwise inverse dynamics."""
     if nthread < 1:
         raise UserError("must be at least 1", key="threads", got=nthread)
     for rec in recordings:
@@ -176,10 +178,10 @@ def evidence_for(world: World, recordings: Sequence[Recording], nthread: int = 1
 
 
 def _items(rec: Recording, sigma: np.ndarray, contact: Contact | None) -> list[Item]:
-    """One item an episode, each differentiated on its own; one is cut where angles are missing for long.
+    """Return one item per episode, differentiated separately; an episode is cut at long gaps in its angles.
 
     Raises:
-        UserError: no torque that says what it measures, or no episode that outlasts what the filter's ends take.
+        UserError: no torque with a stated sensor placement, or no episode longer than the filter's transients.
     """
     if rec.tau is None or rec.torque_sensor == "none":
         header = rec.path / "recording.yaml"
@@ -203,7 +205,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
     thin = slice(None, None, max(1, round(rec.rate_hz / SAMPLES_HZ)))
     path, dq, ddq = smooth(time, rec.q[rows], MOTION_HZ)
     read = np.isfinite(ddq.sum(axis=1))
-    path, dq, ddq = (np.nan_to_num(v) for v in (path, dq, ddq))  # where it is not read, nothing is compared
+    path, dq, ddq = (np.nan_to_num(v) for v in (path, dq, ddq))  # missing readings are not compared
     at = np.arange(len(time))[thin]
     q, dq, ddq = path[thin], dq[thin], ddq[thin]
     time, tau, raw = time[thin], tau[rows][thin], rec.q[rows][thin]
@@ -217,7 +219,7 @@ def _item(rec: Recording, tau: np.ndarray, rows: np.ndarray, sigma: np.ndarray, 
 
 
 def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
-    """(nj,) N m and where it is from: two runs of one trajectory, what is stated, or a share of the torque."""
+    """Return (nj,) N m and its source: two runs of one trajectory, the stated noise, or a share of the torque."""
     for i, a in enumerate(recordings):
         for b in recordings[i + 1 :]:
             gap = _repeat_gap(a, b)
@@ -230,12 +232,12 @@ def _noise(recordings: Sequence[Recording]) -> tuple[np.ndarray, str]:
     read = np.isfinite(tau).any(axis=0)
     sigma = np.full(tau.shape[1], np.nan)
     sigma[read] = np.maximum(highpass_sigma(tau[:, read]), RULES.torque_repeats * np.nanstd(tau[:, read], axis=0))
-    usual = np.sqrt(np.nanmean(sigma**2)) if read.any() else 0.0  # of a joint without readings nothing is compared
+    usual = np.sqrt(np.nanmean(sigma**2)) if read.any() else 0.0  # a joint without readings is not compared
     return np.maximum(np.where(read, sigma, usual), 1e-3), "estimated"
 
 
 def _repeat_gap(a: Recording, b: Recording, longest: float = 2.0) -> np.ndarray | None:
-    """Torque noise from two runs of one trajectory, aligned in time; None where the motions differ."""
+    """Return the torque noise from two runs of one trajectory, aligned in time; None if the motions differ."""
     if a.tau is None or b.tau is None or a.q.shape[1] != b.q.shape[1] or a.chosen or b.chosen:
         return None
     most = int(longest * a.rate_hz)

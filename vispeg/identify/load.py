@@ -1,7 +1,7 @@
-"""The load that a servo says it carries: in proportion to its motor's torque, by a gain that nobody knows.
+"""Compare a servo's reported load: proportional to its motor's torque, with an unknown gain.
 
-The gain is a nuisance: for each world and joint the one that fits best over all recordings is taken before anything is
-compared, so that only the shape of the load in time speaks.
+The gain is a nuisance parameter: for each world and joint the best-fitting one over all recordings is used, so that
+only the shape of the load over time is informative.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from vispeg.recordings.recording import Recording
 
 
 def unsigned(rec: Recording) -> bool:
-    """Whether the load is a magnitude: no joint's reading is ever negative."""
+    """Return whether the load is a magnitude: no joint's reading is ever negative."""
     return rec.load is not None and bool(np.nanmin(rec.load) >= 0)
 
 
 def load_noise(load: np.ndarray) -> np.ndarray:
-    """1-sigma (nj,) of a load (n, nj), in its unit; never 0: a joint that rests is trusted as the mean joint is."""
+    """Return the standard deviation (nj,) of a load (n, nj), in its unit; a joint at rest gets the mean joint's."""
     spread = np.nanstd(load, axis=0)
     least = max(RULES.load_noise * float(np.sqrt(np.mean(spread**2))), 1e-9)
     return np.maximum(np.maximum(highpass_sigma(load), RULES.load_noise * spread), least)
 
 
 def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.ndarray]:
-    """Predictions (nworld, m, nch) an item, those of load channels times the gain that fits best, one a joint.
+    """Multiply the load channels of predictions (nworld, m, nch) by the best-fitting gain of each joint.
 
     A gain is the weighted least-squares one, sum(m y / sigma^2) / sum(y^2 / sigma^2) over all items' valid readings m.
     """
@@ -50,7 +50,7 @@ def with_gains(items: Sequence[Item], predicted: list[np.ndarray]) -> list[np.nd
 
 
 def _loads(item: Item):
-    """(columns, channel) of the load channels of an item."""
+    """Yield (columns, channel) of the load channels of an item."""
     start = 0
     for c in item.channels:
         stop = start + c.measured.shape[1]

@@ -1,4 +1,4 @@
-"""The nominal robot of a recording: its file's arm with the declared tool and tilt, and without stops it passed."""
+"""Nominal robot of a recording: its file's arm with the declared tool and tilt, without stops that it passed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ROBOTS: dict[tuple, RobotModel] = {}
 
 
 def robot_of(rec: Recording) -> RobotModel:
-    """Give the nominal robot of a recording without the stops that a joint was measured beyond: they are none."""
+    """Return the nominal robot of a recording, without stops that a joint was measured beyond."""
     robot = nominal_robot(rec)
     key = (id(robot), passed(robot, rec.q))
     if key not in _ROBOTS:
@@ -20,9 +20,7 @@ def robot_of(rec: Recording) -> RobotModel:
 
 
 def nominal_robot(rec: Recording) -> RobotModel:
-    """Give the nominal robot of a recording, its declared tool and tilt included; joints that it lacks are held at
-    rest.
-    """
+    """Return the nominal robot of a recording, with its declared tool and tilt; joints it lacks are held at rest."""
     key = (rec.robot, rec.joints, repr(rec.tool), rec.base_tilt)
     if key not in _ROBOTS:
         try:

@@ -1,4 +1,4 @@
-"""What least squares asks of a point of a fit: its residual and derivatives, worked out once and kept small."""
+"""Residual and derivatives at one point of a least-squares fit, computed once and stored compactly."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from vispeg.identify.checkpoint import Trace
 from vispeg.identify.pool import Submit
 from vispeg.identify.space import Space
 
-REFUSED = 2  # steps that gain nothing, after which a fit to a rough residual has ended: one may have been too long
+REFUSED = 2  # steps without gain after which a fit to a rough residual ends: a single one may just have been too long
 
 
 class Settled(Exception):
-    """Nothing is left to gain but roughness.
-
-    Attributes:
-        u: the best point, in optimizer coordinates.
-    """
+    """Raised when the remaining gain is within the roughness of the residual."""
 
     def __init__(self, u: np.ndarray):
         super().__init__("settled")
@@ -26,15 +22,15 @@ class Settled(Exception):
 class Point:
     """Residual and finite-difference Jacobian of a point, in optimizer coordinates.
 
-    Both come in one batch, for a few more rows cost less than one more call. Where the residual is rough, steps that
-    gain nothing are common: there derivatives are worked out only of a point that is better than those before it.
+    Both are computed in one batch, because a few more rows cost less than another call. If the residual is rough,
+    steps without gain are common, so derivatives are computed only at points that improve.
 
     Args:
         space: the coordinates.
-        submit: rolls out worlds.
-        trace: is told of each point; what a given trace holds is not worked out again.
+        submit: simulates worlds.
+        trace: records each point; points already in it are not computed again.
         columns: (m, k) derivatives to the first k coordinates, taken as constant.
-        rough: change of the squared residual that says nothing, such as a solver's chatter; 0 for none.
+        rough: insignificant change of the squared residual, e.g. due to solver chatter; 0 if smooth.
     """
 
     def __init__(
@@ -48,14 +44,14 @@ class Point:
         self.space, self.submit, self.trace, self.columns, self.rough = space, submit, trace, columns, rough
         self.evaluated: dict[
             bytes, tuple[np.ndarray, np.ndarray]
-        ] = {}  # residual, and derivatives that are not `columns`
+        ] = {}  # residual, and derivatives other than `columns`
         points = [] if trace is None else trace.points
         self.answers = {np.array(u, float).tobytes(): np.array(answer, float) for u, answer in points}
         self.asked: set[bytes] = set()
         self.best, self.least, self.refused = np.zeros(0), np.inf, 0
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (m,) and Jacobian (m, n) of a point."""
+        """Return the residual (m,) and Jacobian (m, n) of a point."""
         key = u.tobytes()
         if key not in self.evaluated:
             self._evaluate(u)
@@ -63,14 +59,14 @@ class Point:
         return r, jac if self.columns is None else np.column_stack([self.columns, jac])
 
     def answer(self, u: np.ndarray) -> np.ndarray:
-        """All that least squares needs of a point, few enough numbers to be kept: [R Q'r; 0 |r - QQ'r|].
+        """Return a compressed form of residual and Jacobian at a point for least squares: [R Q'r; 0 |r - QQ'r|].
 
         Here r (m,) is the residual and QR (m, n) the Jacobian. The n + 1 rows have the inner products of all m, hence
-        the same gradient, the same steps and the same decrease of the cost, up to rounding. Of a point that is refused
-        there is |r| alone.
+        the same gradient, the same steps and the same decrease of the cost, up to rounding. For a rejected point only
+        |r| is returned.
 
         Raises:
-            Settled: no step from here promises more than roughness, or none of the last ones gained anything.
+            Settled: no step from here promises a gain beyond roughness, or none of the last ones gained anything.
         """
         key = u.tobytes()
         if key not in self.answers:
@@ -83,7 +79,7 @@ class Point:
         return self.answers[key]
 
     def _compare(self, u: np.ndarray, answer: np.ndarray) -> None:
-        """Take note of a point that is better than those before it; end the fit where only roughness is left."""
+        """Keep a point that improves; end the fit if only roughness is left."""
         cost, promised = float(np.sum(answer[:, -1] ** 2)), float(np.sum(answer[:-1, -1] ** 2))
         if cost >= self.least:
             self.refused += 1
@@ -106,13 +102,13 @@ class Point:
         return np.vstack([np.column_stack([upper, along]), rest])
 
     def _evaluate(self, u: np.ndarray, r: np.ndarray | None = None) -> None:
-        """Roll out a point, where its residual is not known, and one beside it along each coordinate."""
+        """Roll out a point, if its residual is unknown, and one finite-difference step along each coordinate."""
         steps, first = self.space.steps(u), 0 if self.columns is None else self.columns.shape[1]
         points = [u + np.eye(len(u))[i] * steps[i] for i in range(first, len(u))]
         r, *moved = self.submit([self.space.at(p) for p in [u, *points]]) if r is None else [r, *self._beside(points)]
         fresh = [(m - r) / s for m, s in zip(moved, steps[first:], strict=True)]
         jac = np.stack(fresh, axis=1) if fresh else np.empty((len(r), 0))
-        if self.evaluated:  # the solver ends at this point or at the best one before
+        if self.evaluated:  # the solver ends at this point or at an earlier best one
             best = min(self.evaluated, key=lambda k: float(np.sum(self.evaluated[k][0] ** 2)))
             self.evaluated = {best: self.evaluated[best]}
         self.evaluated[u.tobytes()] = (r, jac)

@@ -1,8 +1,8 @@
-"""Many library optimizers at once, their rollouts merged into one batch.
+"""Run many library optimizers concurrently and merge their rollouts into one batch.
 
-Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer wants rollouts. Jobs run in threads,
-one at a time; once every living job waits, what was asked for is simulated as rows of one batch, or of several where
-the answers would fill the memory.
+Each job is an ordinary function that calls `submit(worlds)` whenever its optimizer needs rollouts. Jobs run in
+threads, one at a time. Once every running job waits, all requests are simulated as rows of one batch, or of several
+if the answers would not fit in memory.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from vispeg.worlds.world import World
 
 T = TypeVar("T")
 Submit = Callable[[Sequence[World]], list[np.ndarray]]
-AT_ONCE = 128e6  # bytes of answers that wait for their jobs
+AT_ONCE = 128e6  # bytes of answers waiting for their jobs
 
 
 def run_together(
@@ -28,10 +28,10 @@ def run_together(
     length: int = 1,
     at_once: float = AT_ONCE,
 ) -> list[T]:
-    """Results of `jobs`, in order; `evaluate` gets the merged requests. The first exception of a job is raised.
+    """Return the results of `jobs`, in order; `evaluate` gets the merged requests.
 
-    `turn` is called each time that all jobs wait, before any is answered. Answers, `length` numbers each, take up
-    `at_once` bytes at a time, or those of one request where it has more.
+    The first exception of a job is raised. `turn` is called each time all jobs wait, before any is answered. Answers
+    have `length` numbers each and are computed at most `at_once` bytes at a time, but at least one request at a time.
     """
     lock = threading.Condition()
     asked: dict[int, Sequence[World]] = {}
@@ -54,7 +54,7 @@ def run_together(
             result = jobs[i](submit)
             with lock:
                 done[i] = result
-        except BaseException as error:  # handed to the caller's thread
+        except BaseException as error:  # re-raised in the caller's thread
             with lock:
                 failed.append(error)
         finally:
@@ -63,7 +63,7 @@ def run_together(
                 lock.notify_all()
 
     def reply(i: int, answer: list[np.ndarray] | BaseException) -> None:
-        """Answer one job and wait until it asks again or ends: what it works with is as long as the recordings are."""
+        """Answer one job and wait until it asks again or ends, since a job's arrays are as long as the recordings."""
         with lock:
             del asked[i]
             answers[i] = answer
@@ -101,6 +101,6 @@ def run_together(
 
 
 def _first(waiting: Mapping[int, Sequence[World]], rows: float) -> list[int]:
-    """Give the first jobs whose requests have so many rows together; one at least."""
+    """Return the first jobs whose requests together have at most `rows` rows, at least one job."""
     total = np.cumsum([len(worlds) for worlds in waiting.values()])
     return [*waiting][: max(1, int(np.sum(total <= rows)))]

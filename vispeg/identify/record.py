@@ -1,4 +1,4 @@
-"""Recordings of a simulated robot: a world driven as a real robot is, read by noisy sensors."""
+"""Record a simulated robot: a world driven like a real robot and read by noisy sensors."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def controller(
     kp: np.ndarray | None = None,
     kd: np.ndarray | None = None,
 ) -> Control:
-    """Give a controller of RECORDING.md with default gains where none are given; nominal gravity is compensated.
+    """Return a controller of RECORDING.md, with default gains unless given; nominal gravity is compensated.
 
-    Servos take goals: their loop is their own, and effects are what is said of it.
+    Servos only take position goals: their loop is built in, and effects describe it.
 
     Raises:
         UserError: gains of the wrong length or sign, or gains of servos.
@@ -70,20 +70,20 @@ def record(
     nthread: int = 1,
     watch: Callable[[np.ndarray], None] = lambda true: None,
 ) -> Recording:
-    """Drives a world through a motion and reads its sensors; of servos only angles and loads.
+    """Drive a world through a motion and read its sensors; servos have only angles and loads.
 
     Args:
         world: the plant, effects included; its tool is declared in the recording, its effects are not.
         motion: the command; `ee_cmd` is derived from `q_cmd` where an osc controller needs one.
         control: the controller. In mode `torque` the joint servo with these gains computes `tau_cmd`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to what was read, after the loop. Where
-            an encoder reads in steps, all encoders have that of `q` in the loop, before they round.
-        rng: the only source of chance.
+        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`; it is added to the recorded readings only, not in the
+            loop. If any encoder has steps, the noise of all encoders is added in the loop instead, before rounding.
+        rng: random generator.
         torque_sensor: what `tau` measures; `none` leaves it out. A servo has a `load` instead, its motor's torque.
         repeat: how often the same motion is run; more than one run become episodes.
-        name: what the recording is called.
+        name: name of the recording.
         nthread: threads of the simulation.
-        watch: is shown the true joint angles (n, nj) rad of a run, which only a bystander (a camera) can see.
+        watch: called with the true joint angles (n, nj) rad of a run, for an external observer such as a camera.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
@@ -131,7 +131,7 @@ def _signals(
     row: int,
     torque_sensor: Literal["joint", "motor", "none"],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Give what the sensors read in a row of a response, and what was commanded."""
+    """Return the sensor readings in one row of a response, and the commands."""
     q, dq, tau = response.q[row], response.dq[row], response.tau_motor[row]
     if control.mode == "servo":
         return {"q": q, "load": tau}, {"q_cmd": motion.q_cmd}
@@ -155,9 +155,9 @@ def drive(
     want_ee: bool = False,
     sensed: ReadingNoise | None = None,
 ) -> tuple[Segment, Response]:
-    """Give what a controller is told, and what the sensors of one world then read, without their noise but `sensed`.
+    """Return the commands of a controller and the resulting readings of one world, with only the noise in `sensed`.
 
-    One row, or as many as `sensed` has.
+    There is one row, or one for each of `sensed`.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).
@@ -175,7 +175,7 @@ def drive(
 
 
 def centre_of(robot: RobotModel) -> np.ndarray:
-    """Give the posture (nj,) rad about which motions move."""
+    """Return the centre posture (nj,) rad of motions."""
     return room_of(robot, 100.0, 1.0).centre
 
 

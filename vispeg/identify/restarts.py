@@ -1,11 +1,10 @@
-"""Tosses of a free object as evidence: rollouts begun anew from measured states, window by window.
+"""Compare tosses of a free object window by window, each rollout starting from a measured state.
 
-A whole toss is a long chain of bounces: a small error in one becomes a large one after the next, so the end says little
-of how stiff a contact is. A window that begins anew just before a contact shows that contact alone (Bianchini, Halm and
-Posa 2023, arXiv 2310.12054, on why long predictions are a poor loss for contact).
-
-The residual is the pose at a window's end, measured less predicted, over the error of windows in free flight: a whole
-window is one reading of six values. Large residuals count linearly (Huber), since rollouts over an edge part.
+A whole toss is a long chain of bounces: a small error in one becomes a large one after the next, so the end says
+little about the stiffness of a contact. A window that starts just before a contact shows that contact alone
+(Bianchini, Halm and Posa 2023, arXiv 2310.12054, on why long predictions are a poor loss for contact). The residual
+is the pose at a window's end, measured minus predicted, divided by the error of windows in free flight: one window is
+one reading of six values. Large residuals count linearly (Huber), since rollouts diverge at edges.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from vispeg.sim.quiet import quiet
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
-SUBSTEPS = 6  # physics steps a sample, more where samples are over 7 ms apart
+SUBSTEPS = 6  # physics steps per sample, more if samples are over 7 ms apart
 LONGEST_STEP = 1.2e-3  # s
-ROWS = 8192  # rollouts at a time
+ROWS = 8192  # rollouts per batch
 LOST = 1e3  # whitened residual of a rollout that diverged
-MOST = 1500  # windows of one evidence: evenly spread over the tosses where there are more
+MOST = 1500  # largest number of windows; of more, whole tosses are dropped evenly
 
 
 @dataclass(frozen=True)
@@ -41,10 +40,10 @@ class Windows:
     """Windows of one toss.
 
     Attributes:
-        toss: its number in the recording.
-        first, last: (n,) rows of the recording where each begins and ends.
-        measured: (n, 6) position at the end, m, and zeros: turns are counted from the measured orientation.
-        sigma: (6,) error in free flight, m and rad.
+        toss: index in the recording.
+        first, last: (n,) first and last row of each window in the recording.
+        measured: (n, 6) position at the end, m, and zeros: rotations are relative to the measured orientation.
+        sigma: (6,) error in free flight, m and rad, at 1 sigma.
         contact: whether they touch anything.
     """
 
@@ -59,18 +58,18 @@ class Windows:
 
     @cached_property
     def measured(self) -> np.ndarray:
-        """(n, 6), see above."""
+        """Measured pose at each window's end, (n, 6), as in the attributes."""
         end = self.recording.pose[self.last, :3]
         return np.column_stack([end, np.zeros_like(end)])
 
     @cached_property
     def valid(self) -> np.ndarray:
-        """(n, 6) bool: every window counts."""
+        """Validity, (n, 6) bool: every window counts."""
         return np.ones(self.measured.shape, bool)
 
 
 class Restarts(Evidence):
-    """Windows of recordings against an object's model.
+    """Comparison of recorded windows with an object's model.
 
     Args:
         recordings: of one object.
@@ -116,7 +115,7 @@ class Restarts(Evidence):
         self.rollouts = 0.0
 
     def _windows(self, rec: ObjectRecording) -> list[Windows]:
-        """Give the windows of each toss, end to end."""
+        """Return the windows of each toss, end to end."""
         out = []
         for toss, rows in enumerate(rec.tosses):
             length = rows.stop - rows.start - 1
@@ -129,7 +128,7 @@ class Restarts(Evidence):
         return out
 
     def _touches(self, windows: Windows) -> np.ndarray:
-        """(n,) whether the object may touch something between the ends of a window, by its measured poses."""
+        """Return whether the object may touch something within each window, (n,) bool, by its measured poses."""
         model, data = self.compiled, mujoco.MjData(self.compiled)
         lowest = _gaps(model, data, windows.recording.pose[windows.first[0] : windows.last[-1] + 1])
         start = windows.first[0]
@@ -141,13 +140,13 @@ class Restarts(Evidence):
         )
 
     def _spread(self, windows: list[Windows]) -> list[Windows]:
-        """At most MOST windows, by leaving out whole tosses evenly."""
+        """Return at most MOST windows, leaving out whole tosses evenly."""
         total = sum(len(w.first) for w in windows)
         keep = np.linspace(0, len(windows) - 1, max(1, int(len(windows) * min(1.0, MOST / max(total, 1))))).astype(int)
         return [windows[i] for i in np.unique(keep)] if windows else []
 
     def _floor(self) -> np.ndarray:
-        """(6,) robust standard deviation of windows in free flight: position and turn, each the same along all axes."""
+        """Return the robust standard deviation (6,) of windows in free flight: position and rotation, isotropic."""
         count = sum(len(w.first) for w in self.flight)
         if count < RULES.flights_least:
             raise UserError(
@@ -162,27 +161,27 @@ class Restarts(Evidence):
 
     @property
     def unit(self) -> str:
-        """Metres: where the object is at a window's end."""
+        """Unit of the position error at a window's end: metres."""
         return "m"
 
     def sees(self, kind: Effect) -> bool:
-        """Whether an effect can act on the object."""
+        """Return whether an effect can act on the object."""
         return kind.targets(self.model) == list(self.model.free)
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per toss, poses at the windows' ends (nworld, n, 6) that the worlds predict; see Windows.measured."""
+        """Return for each toss the predicted poses at the windows' ends, (nworld, n, 6); see Windows.measured."""
         self.rollouts += len(worlds) * sum(float(np.sum(w.last - w.first)) for w in self.items) / self.rate
         return self._predicted(worlds, self.items)
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Per world, the whitened residual of all windows, flat."""
+        """Yield for each world the whitened residual of all windows, flat."""
         per_toss = self.simulated(worlds)
         for k in range(len(worlds)):
             yield np.concatenate([self.whiten(w, y[k]).ravel() for w, y in zip(self.items, per_toss, strict=True)])
 
     @staticmethod
     def whiten(item: Windows, predicted: np.ndarray) -> np.ndarray:
-        """Whitened residual (n, 6), its square Huber's loss: linear beyond `toss_far` floors."""
+        """Return the whitened residual (n, 6), Huber-damped: its square is linear beyond `toss_far` floors."""
         r = (item.measured - predicted) / item.sigma
         r = np.where(np.isfinite(r), np.clip(r, -LOST, LOST), LOST)
         size = np.abs(r)
@@ -194,26 +193,26 @@ class Restarts(Evidence):
 
     @property
     def least_gain(self) -> float:
-        """Share of the held-out squared error that a step must remove."""
+        """Share of the held-out squared error that an added effect must remove."""
         return RULES.gain
 
     @property
     def most_effects(self) -> int:
-        """Effects that a search may add."""
+        """Largest number of effects that a search may add."""
         return RULES.effects_fewest
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Block number of every residual entry: a toss is a block, since only tosses are independent."""
+        """Return the block of every residual entry: its toss, since only tosses are independent."""
         return np.concatenate([np.full(w.measured.size, i) for i, w in enumerate(self.items)])
 
     def missed(self, world: World) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (n,) in m and turn (n,) in rad between measured and predicted pose at every window's end."""
+        """Return distance (n,) m and angle (n,) rad between measured and predicted pose at every window's end."""
         error = np.concatenate([w.measured - y[0] for w, y in zip(self.items, self.simulated([world]), strict=True)])
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
     @property
     def floor(self) -> float:
-        """RMS distance error in free flight, m, without its outliers."""
+        """RMS position error in free flight, m, without outliers."""
         return float(np.sqrt(3.0) * self.sigma[0])
 
     def _predicted(self, worlds: Sequence[World], windows: Sequence[Windows]) -> list[np.ndarray]:
@@ -236,7 +235,7 @@ class Restarts(Evidence):
         return np.split(out, cuts, axis=1)
 
     def _flown(self, worlds: Sequence[World], pose: np.ndarray, rate: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Poses (nworld, n, 7) after `length` (n,) samples from states `pose` (n, 7), `rate` (n, 6)."""
+        """Return poses (nworld, n, 7) after `length` (n,) samples from states `pose` (n, 7), `rate` (n, 6)."""
         from mujoco.batch import Batch
 
         k, n = len(worlds), len(pose)
@@ -263,7 +262,7 @@ def _some(w: Windows, mask: np.ndarray, contact: bool) -> Windows:
 
 
 def _gaps(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> np.ndarray:
-    """Distance (n,) in m of the free body's shapes to the others, for each pose; at most 10 times `toss_near`."""
+    """Return the gap (n,) m between the free body's shapes and the others in each pose, capped at 10 `toss_near`."""
     free = int(model.jnt_bodyid[0])
     mine = np.flatnonzero((model.geom_bodyid == free) & ((model.geom_contype | model.geom_conaffinity) != 0))
     others = np.flatnonzero((model.geom_bodyid != free) & ((model.geom_contype | model.geom_conaffinity) != 0))

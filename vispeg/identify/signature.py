@@ -1,4 +1,4 @@
-"""Signature of an effect: difference of noiseless closed-loop motions with and without it."""
+"""Signature of an effect: difference between noiseless closed-loop motions with and without it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
 RATE, SECONDS = 500.0, 5.0
-JOINT, LINK = "joint4", "link4"  # where an effect is shown if nothing else is asked for
+JOINT, LINK = "joint4", "link4"  # default place of an effect
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Signature:
 
     Attributes:
         placed: the effect, its place and values.
-        joint: the joint that shows it most.
-        motion: what moved.
+        joint: the joint with the largest deviation.
+        motion: commanded motion.
         time: (n,) s.
-        deviation: (n,) rad, measured angle with the effect less that without.
-        torque: (n,) N m, motor torque with the effect less that without.
+        deviation: (n,) rad, measured angle with the effect minus without.
+        torque: (n,) N m, motor torque with the effect minus without.
         angle, speed: (n,) rad, rad/s, of that joint without the effect: what the torque may depend on.
     """
 
@@ -45,7 +45,7 @@ class Signature:
 
 
 def signature(name: str, where: str | None = None, *, robot: str = "iiwa14", seed: int = 0) -> Signature:
-    """Drives the robot through slow and fast strokes (joint effects) or a Fourier motion (all others), twice."""
+    """Drive the robot with and without the effect: slow and fast strokes for joint effects, else a Fourier motion."""
     kind, model = effect(name), load(robot)
     targets = kind.targets(model)
     usual = next((t for t in (JOINT, LINK) if t in targets), targets[0])

@@ -1,4 +1,4 @@
-"""The free parameters of a world as a vector that an optimizer can move in."""
+"""Free parameters of a world as a vector in optimizer units."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vispeg.core.effect import Effect, EffectInstance, effect
 from vispeg.core.params import Param
 from vispeg.worlds.world import World
 
-SHORTEST = 1e-3  # of an optimizer unit: a finite-difference step
+SHORTEST = 1e-3  # of an optimizer unit: shortest finite-difference step
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One free parameter: which effect of the world, which parameter, and its Param."""
+    """One free parameter: index of its effect in the world, its name, and its Param."""
 
     index: int
     name: str
@@ -32,26 +32,25 @@ class Axis:
 
 
 class Freedom:
-    """Which parameters of an effect a fit may change, and the finite-difference steps; by default all, with steps from
-    Param.
+    """Parameters that a fit may change, and their finite-difference steps; by default all, steps from Param.
 
     Attributes:
-        held: parameters (effect, name) that a fit leaves.
+        held: parameters (effect, name) that stay fixed.
     """
 
     held: frozenset[tuple[str, str]] = frozenset()
 
     def frees(self, kind: Effect, name: str) -> bool:
-        """Whether a fit moves this parameter of an effect."""
+        """Return whether a fit may change this parameter of an effect."""
         return True
 
     def nudge(self, kind: Effect, name: str) -> float | None:
-        """Length of a derivative's step in the unit of the parameter (or of its logarithm); None for the usual one."""
+        """Return the finite-difference step in the parameter's unit (or its logarithm's); None for the default."""
         return None
 
 
 class Space:
-    """Parameters of the effects at `free` (indices into `world.effects`), in optimizer units, that `freedom` lets."""
+    """Free parameters, as `freedom` allows, of the effects at `free` (indices into `world.effects`)."""
 
     def __init__(self, world: World, free: Sequence[int], freedom: Freedom | None = None):
         self.freedom = freedom or Freedom()
@@ -65,17 +64,17 @@ class Space:
         ]
 
     def forward(self, value: float, axis: Axis) -> float:
-        """Optimizer coordinate of a parameter value."""
+        """Return the optimizer coordinate of a parameter value."""
         return float(np.log(value)) if axis.param.scale == "log" else value / axis.unit
 
     def backward(self, u: float, axis: Axis) -> float:
-        """Parameter value of an optimizer coordinate, inside its bounds."""
+        """Return the parameter value of an optimizer coordinate, clipped to its bounds."""
         value = float(np.exp(u)) if axis.param.scale == "log" else float(u) * axis.unit
         return float(np.clip(value, axis.param.low, axis.param.high))
 
     @property
     def start(self) -> np.ndarray:
-        """Coordinates of the world's present values."""
+        """Return the coordinates of the world's present values."""
         return np.array([self.forward(self.world.effects[a.index].params[a.name].value, a) for a in self.axes])
 
     @property
@@ -85,16 +84,16 @@ class Space:
         return low, np.array([self.forward(a.param.high, a) for a in self.axes])
 
     def at(self, u: np.ndarray) -> World:
-        """Give the world at coordinates u."""
+        """Return the world at coordinates u."""
         effects: list[EffectInstance] = list(self.world.effects)
         for axis, value in zip(self.axes, u, strict=True):
             effects[axis.index] = effects[axis.index].with_values(**{axis.name: self.backward(value, axis)})
         return replace(self.world, effects=tuple(effects))
 
     def steps(self, u: np.ndarray) -> np.ndarray:
-        """Finite-difference steps, pointing away from the nearer bound.
+        """Return finite-difference steps, pointing away from the nearer bound.
 
-        A value that is small beside its unit, as a wrist's rotor inertia, needs shorter ones. A rough effect needs
+        A value much smaller than its unit, such as a wrist's rotor inertia, needs shorter ones. A rough effect needs
         longer ones, but not on a log scale, where a unit is long already: 5 % of a ripple's poles is most of a radian
         of phase.
         """

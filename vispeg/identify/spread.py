@@ -1,4 +1,4 @@
-"""Residuals of many worlds by a Ray cluster, such as the populations of CMA-ES: the same numbers as here."""
+"""Evaluate residuals of many worlds on a Ray cluster, e.g. CMA-ES populations, with the same results as locally."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.identify.evidence import Evidence
 from vispeg.identify.pool import Submit
 from vispeg.worlds.world import World
 
-_made: OrderedDict[str, Evidence] = OrderedDict()  # in a worker: the evidence that it has built
+_made: OrderedDict[str, Evidence] = OrderedDict()  # evidence built by this worker
 KEPT = 2
 
 
@@ -39,7 +39,7 @@ def spread(make: Callable[[], Evidence], workers: int) -> Submit:
 
 
 def _residuals(name: str, make: Callable[[], Evidence], part: tuple[int, Sequence[World]]) -> list[np.ndarray]:
-    """Give the residuals of a part of the worlds, in a worker."""
+    """Return the residuals of a part of the worlds, in a worker."""
     if name not in _made:
         _made[name] = make()
         while len(_made) > KEPT:

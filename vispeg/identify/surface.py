@@ -1,8 +1,8 @@
 """Fit to rough evidence: line searches along each parameter, then a quadratic surface with bootstrap intervals.
 
-Rollouts over contacts part at edges, so derivatives by small differences are noise; the error over finite sizes is
-smooth. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by drawing
-whole blocks anew, Efron, Annals of Statistics 7(1), 1979.
+Rollouts with contact diverge at edges, so finite differences over small steps are noise, but the error over finite
+sizes is smooth. Source: response surfaces, Box and Wilson, J. Royal Statistical Society B 13(1), 1951; intervals by
+resampling whole blocks, Efron, Annals of Statistics 7(1), 1979.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
 LINE = np.linspace(-1.0, 1.0, 7)
-SPANS = (0.7, 0.3)  # optimizer units that line searches reach to either side, one round after the other
+SPANS = (0.7, 0.3)  # optimizer units searched to either side, in each round
 BOX, NARROW, MOVES = (
     0.35,
     0.4,
     2,
-)  # half width of the first surface, optimizer units; least share of it that a next one has
+)  # half width of the first surface, optimizer units; smallest share of it for a later one
 DRAWS = 400
 
 
 def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
-    """Give the summed squared residual (nworld, nblock) of each block."""
+    """Return the summed squared residual (nworld, nblock) of each block."""
     blocks = evidence.blocks()
     return np.stack([np.bincount(blocks, r * r) for r in evidence.residuals(worlds)])
 
 
 def coordinates(space: Space) -> np.ndarray:
-    """Optimizer units per coordinate: a scale of null 1 moves by shares of itself, whatever its axis is."""
+    """Return optimizer units per coordinate: a scale with null 1 moves by a share of itself on any axis."""
     u = space.start
     return np.array(
         [1.0 if a.param.scale == "log" or a.param.null == 0 else abs(x) for a, x in zip(space.axes, u, strict=True)]
@@ -43,7 +43,7 @@ def coordinates(space: Space) -> np.ndarray:
 
 
 def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: Sequence[float] = SPANS) -> World:
-    """Give the world after searches along one parameter at a time, the last effect's first."""
+    """Return the world after line searches along one parameter at a time, the last effect's first."""
     for span in spans:
         for axis in reversed(range(len(Space(world, free).axes))):
             space = Space(world, free)
@@ -60,7 +60,7 @@ def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
     """Return the world at the minimum of a quadratic surface, with 95 % intervals by block bootstrap.
 
-    A next surface stands about the last one's lowest point, as wide as its intervals, until that point lies inside.
+    Each further surface is centred on the previous minimum and as wide as its intervals, until the minimum is inside.
     """
     box = BOX * coordinates(Space(world, free))
     if not len(box):
@@ -88,7 +88,7 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
 def _surface(
     evidence: Restarts, space: Space, box: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest point (k,) of a quadratic about the space's start and its 95 % interval (2, k), in half widths `box`."""
+    """Return the minimum (k,) of a quadratic about the space's start and its 95 % interval (2, k), in `box`."""
     u, (low, high), k = space.start, space.bounds, len(space.axes)
     design = np.vstack([np.zeros(k), np.eye(k), -np.eye(k), rng.uniform(-1, 1, (8 * k, k))])
     points = np.clip(u + box * design, low, high)
@@ -101,13 +101,13 @@ def _surface(
 
 
 def _terms(x: np.ndarray) -> np.ndarray:
-    """Columns 1, x_i, x_i x_j of a quadratic in (n, k)."""
+    """Return columns 1, x_i, x_i x_j of a quadratic in (n, k)."""
     i, j = np.triu_indices(x.shape[1])
     return np.column_stack([np.ones(len(x)), x, x[:, i] * x[:, j]])
 
 
 def _bottom(f: np.ndarray, k: int) -> np.ndarray:
-    """Lowest point (k,) of a quadratic inside the box (-1, 1), by its own slopes where it has no lowest one."""
+    """Return the minimum (k,) of a quadratic in the box (-1, 1); by its slopes if it has no minimum."""
     slope, curve = f[1 : 1 + k], np.zeros((k, k))
     curve[np.triu_indices(k)] = f[1 + k :]
     curve = curve + curve.T
@@ -117,7 +117,7 @@ def _bottom(f: np.ndarray, k: int) -> np.ndarray:
 
 
 def lowest(x: np.ndarray, y: np.ndarray) -> float:
-    """Where the parabola through the least of `y` (n,) and its neighbours is lowest; `x` (n,) rises."""
+    """Return the minimum of the parabola through the least of `y` (n,) and its neighbours; `x` (n,) increases."""
     i = int(np.argmin(y))
     if i in (0, len(x) - 1):
         return float(x[i])

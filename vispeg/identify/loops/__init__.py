@@ -1,1 +1,1 @@
-"""Loops that are closed over noise, over a saturated drive, or against stops that are none."""
+"""Special cases of closed loops: noise in the feedback, saturated drives, lost control, wrong joint stops."""

@@ -20,19 +20,19 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.segments.along import gravity, inertia
 from vispeg.sim.segments.segment import Segment, segments
 
-MOTION_HZ = 15.0  # bandwidth of the motion whose acceleration is believed
+MOTION_HZ = 15.0  # bandwidth within which the motion's acceleration is reliable
 OPEN = "{}: a drive is saturated most of the time, so the torques that its loop asked for drive the models"
 
 
 def driven(rec: Recording, robot: RobotModel) -> Recording:
-    """Give the recording, or where a drive is saturated most of the time the same as one under torque control."""
+    """Return the recording; if a drive is saturated most of the time, as one under torque control."""
     if rec.control.mode != "position" or rec.q_cmd is None or not saturated(rec, robot).any():
         return rec
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=_asked(rec))
 
 
 def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
-    """(nj,) bool: joints whose drives give one torque and no more, most of the time."""
+    """Return the joints whose drive torque stays at one limit most of the time, (nj,) bool."""
     parts = [_torques(rec, robot, s) for s in segments(rec)]
     if not parts:
         return np.zeros(len(rec.joints), bool)
@@ -46,7 +46,7 @@ def saturated(rec: Recording, robot: RobotModel) -> np.ndarray:
 
 
 def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n, nj) N m that the loop asked for and that the nominal arm needs, on the controller's clock."""
+    """Return the torques (n, nj) N m that the loop commanded, and that the nominal arm needs, at control ticks."""
     grid = np.arange(s.ticks) * s.tick
     weight = gravity(s, robot)
     _, _, ddq = smooth(grid, s.q_raw, MOTION_HZ)
@@ -57,7 +57,7 @@ def _torques(rec: Recording, robot: RobotModel, s: Segment) -> tuple[np.ndarray,
 
 
 def _asked(rec: Recording) -> np.ndarray:
-    """(n, nj) N m: what the loop asked its drives for beside gravity, from what it read."""
+    """Return the torques that the loop commanded from its readings, without gravity compensation, (n, nj) N m."""
     assert rec.q_cmd is not None and rec.control.kp is not None and rec.control.kd is not None
     goal = np.zeros_like(rec.q) if rec.dq_cmd is None else rec.dq_cmd
     speed = np.gradient(rec.q, rec.time, axis=0) if rec.dq is None else rec.dq

@@ -17,7 +17,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import taken
 from vispeg.robots.model import RobotModel
 
-MOTION_HZ = 50.0  # bandwidth of the speeds that are looked at
+MOTION_HZ = 50.0  # bandwidth of the speeds that are checked
 RUNAWAY = (
     "{}: the loop loses the arm (a joint exceeds {:g} times its rated speed): {:.3g} of {:.3g} s can be compared, "
     "from {:.3g} s on"
@@ -45,20 +45,20 @@ def in_hand(rec: Recording, robot: RobotModel, least: float) -> Recording:
 
 
 def said(before: Recording, after: Recording) -> str:
-    """Give a note on what was left out of a recording."""
+    """Return a message on what was left out of a recording."""
     spent = [np.ptp(time) for time in (after.time, before.time)]
     return RUNAWAY.format(before.name, RULES.runaway_speed, *spent, after.time[0])
 
 
 def _lost(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """(n,) bool: shortly before, or some time after, a sample at which some joint is far too fast."""
+    """Return samples, (n,) bool, from shortly before to some time after one at which a joint is far too fast."""
     _, dq, _ = smooth(time, q, MOTION_HZ)
     fast = time[(np.abs(dq) > RULES.runaway_speed * limit).any(axis=1)]  # a missing reading is not fast
-    # of the samples too fast the last one that is not too far ahead; it is not too far back
+    # the last fast sample that is not too far ahead; it must not be too far back either
     last = np.searchsorted(fast, time + RULES.runaway_before, side="right") - 1
     return (last >= 0) & (fast[last] >= time - RULES.runaway_after) if len(fast) else np.zeros(len(time), bool)
 
 
 def _stretches(rows: np.ndarray) -> list[np.ndarray]:
-    """Run of consecutive row numbers."""
+    """Return runs of consecutive row numbers."""
     return [run for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]

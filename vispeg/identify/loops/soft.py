@@ -23,12 +23,12 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.worlds.world import World
 
 MOTION_HZ = 40.0  # bandwidth of velocities that were not recorded
-ROWS = 4096  # samples that are worked out at a time
+ROWS = 4096  # samples processed at a time
 SOFT = "{}: the null space lets the model drift by {:.2g} rad, so the torques that the loop asked for drive the models"
 
 
 def near(evidence: Evidence, world: World) -> Evidence:
-    """Give the evidence, those of its OSC recordings that `world` drifts away from as under torque control."""
+    """Return the evidence with the OSC recordings that `world` drifts away from converted to torque control."""
     drift = _drift(evidence, world)
     if not drift:
         return evidence
@@ -39,7 +39,7 @@ def near(evidence: Evidence, world: World) -> Evidence:
 
 
 def _drift(evidence: Evidence, world: World) -> dict[int, float]:
-    """Of each OSC recording (by id) that the world leaves by more than `posture`, the RMS angle of its worst joint."""
+    """Return by id the worst joint's RMS angle of each OSC recording that the world leaves by more than `posture`."""
     if all(i.recording.control.mode != "osc" for i in evidence.items):
         return {}
     out: dict[int, float] = {}
@@ -54,14 +54,14 @@ def _drift(evidence: Evidence, world: World) -> dict[int, float]:
 
 
 def as_asked(rec: Recording, robot: RobotModel) -> Recording:
-    """Give an OSC recording as one under torque control: with what its law asks for at what it read, beside gravity."""
+    """Return an OSC recording as one under torque control, with the torques that its law commands, without gravity."""
     read = np.isfinite(rec.q).all(axis=1, keepdims=True)
     torque = np.where(read, _asked(rec, robot, np.nan_to_num(rec.q)), np.nan)
     return replace(rec, control=replace(rec.control, mode="torque"), tau_cmd=torque)
 
 
 def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """(n, nj) N m of the law in RECORDING.md at readings q (n, nj), without gravity."""
+    """Return the torques (n, nj) N m of the law in RECORDING.md at readings q (n, nj), without gravity."""
     c, n = rec.control, len(q)
     assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
     dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ)[1] if rec.dq is None else rec.dq)

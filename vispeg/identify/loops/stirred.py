@@ -52,9 +52,9 @@ def stirred(evidence: Evidence, world: World) -> float:
         options = {"h_max": h_max, "along": True, "reading_noise": noise}
         (response,) = simulate(item.robot, [world, *draws], [item.segment], **options)
         moved = (response.q[1:] - response.q[:1]) / sigma
-        floor = plain**2 if coarse else 0.0  # what is sensed has the readings' own noise in it
+        floor = plain**2 if coarse else 0.0  # the sensed angles contain the readings' own noise
         total += np.where(item.valid[:, : item.nj], moved**2 - floor, 0.0).sum(axis=(1, 2))
-    total = total[np.isfinite(total)]  # a draw that throws the arm away is no measure of the rest
+    total = total[np.isfinite(total)]  # a draw that diverges says nothing about the others
     return max(float(np.quantile(total, share)), 0.0) / max(count, 1) if len(total) else 0.0
 
 
@@ -71,14 +71,12 @@ def within(evidence: Evidence, world: World) -> bool:
 
 
 def _coarse(item: Item, world: World) -> bool:
-    """Whether a world reads some joint in steps much wider than its noise."""
+    """Return whether a world reads some joint in steps much wider than its noise."""
     return bool(np.any(reading_noise(item, world) > RULES.coarse * item.sigma[: item.nj]))
 
 
 def _begun(item: Item, world: World, draw: int) -> World:
-    """Give the world with each rounding encoder's zero somewhere in its step: the arm begins so far from its
-    reading.
-    """
+    """Return the world with each encoder's zero at a random point of its step, so the arm starts off its reading."""
     rng = stream(draw, "begun")
     for joint in item.recording.joints:
         steps = [
@@ -97,7 +95,7 @@ def _begun(item: Item, world: World, draw: int) -> World:
 
 
 def reading_noise(item: Item, world: World) -> np.ndarray:
-    """(nj,) rad, 1-sigma of angles as a world's encoders read them: the noise, and more where they are coarse."""
+    """Return the standard deviation (nj,) rad of angles as a world's encoders read them: noise plus quantisation."""
     sigma = item.sigma[: item.nj]
     squared = sigma**2  # a copy
     for j, joint in enumerate(item.recording.joints):
@@ -109,7 +107,7 @@ def reading_noise(item: Item, world: World) -> np.ndarray:
 
 
 def _velocity_noise(rec: Recording) -> np.ndarray:
-    """(nj,) rad/s of a recording's velocities; 0 where there are none, which means that they follow from angles."""
+    """Return the velocity noise (nj,) rad/s of a recording; 0 if velocities are derived from angles."""
     if "dq" in rec.noise:
         return np.full(len(rec.joints), float(rec.noise["dq"]))
     return np.zeros(len(rec.joints)) if rec.dq is None else highpass_sigma(rec.dq)

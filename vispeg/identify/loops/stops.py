@@ -1,4 +1,4 @@
-"""Joint stops that a robot's model states and its motion denies."""
+"""Joint stops of a robot's model that its measured motion passes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from vispeg.robots.model import RobotModel
 
 
 def passed(robot: RobotModel, q: np.ndarray) -> tuple[str, ...]:
-    """Joints that were measured at angles q (n, nj), rad, which the model's stops would not let them reach."""
+    """Return the joints measured at angles q (n, nj) rad beyond their model's stops."""
     low, high = robot.range.T
-    outside = (q < low - RULES.beyond_stop) | (q > high + RULES.beyond_stop)  # a missing reading is no angle
+    outside = (q < low - RULES.beyond_stop) | (q > high + RULES.beyond_stop)  # false for missing readings
     return tuple(j for j, out in zip(robot.joints, outside.any(axis=0), strict=True) if out)
 
 
 def without_stops(robot: RobotModel, joints: tuple[str, ...]) -> RobotModel:
-    """Give the robot without stops in these joints; its `range`, which is what motions are planned for, stays."""
+    """Return the robot without stops in these joints; its `range`, used for planning motions, stays."""
 
     def build() -> mujoco.MjSpec:
         spec = robot.build()

@@ -1,1 +1,1 @@
-"""Commands for an arm, before they are recorded: of a file, of a camera that looks, and tried for speed."""
+"""Commands before they are recorded: from a file, for camera calibration, and slowed down to speed limits."""

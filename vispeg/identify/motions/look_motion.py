@@ -1,9 +1,9 @@
-"""Motions that show a camera what it needs to be told from: tilt, roll, approach, and sideways past the fixture.
+"""Motions for calibrating a camera: tilt, roll, approach, and sideways past the fixture.
 
-The hand circles about the middle of the goal, so that a camera on it keeps the fixture in sight and one beside
-the cell sees the hand. Every part goes both ways at changing speed: a delay is confused with anything constant where a
-motion goes one way at one speed, a focal length with the distance where nothing tilts, a principal point with a
-rotation where nothing rolls, the scale of depth with its bias at one distance (`vispeg/vision` has the sensitivities).
+The hand circles around the middle of the goal, so that a camera on it keeps the fixture in view and one beside the
+cell sees the hand. Every part goes both ways at changing speed. A delay would be confounded with a constant offset if
+the motion had one direction and speed, a focal length with distance without tilt, a principal point with a rotation
+without roll, and the scale of depth with its bias at a single distance (`vispeg/vision` has the sensitivities).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from vispeg.sim.home import home_of
 from vispeg.sim.reach import reach
 
 FREEDOMS = ("tip", "lean", "roll", "rise", "along", "across")
-KNOTS = 40.0  # a second, at which postures are solved for
-HEIGHT = 0.06  # m of the tip over the goal in the middle of the motion
-EASE = 1.0  # s in which the motion sets in and dies away
-GROWTH = 8  # steps in which the motion grows to its size while postures are solved for
-EXACT = 1e-4  # m and rad together that inverse kinematics may leave
-FAST = 0.8  # share of the joints' speed limits that may be used
+KNOTS = 40.0  # per second, rate at which postures are solved
+HEIGHT = 0.06  # m, height of the tip over the goal in the middle of the motion
+EASE = 1.0  # s, fade-in and fade-out of the motion
+GROWTH = 8  # steps in which the amplitude grows while postures are solved
+EXACT = 1e-4  # largest residual of inverse kinematics, m and rad together
+FAST = 0.8  # usable share of the joints' speed limits
 DOWN = Rotation.from_quat([1.0, 0.0, 0.0, 0.0])  # flange z straight down
 
 
@@ -70,7 +70,7 @@ ABOUT = {
 
 
 def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
-    """Give a commanded motion of the arm in a cell, at rest at both ends.
+    """Return a commanded motion of the arm in a cell, at rest at both ends.
 
     Args:
         name: one of `LOOKS`.
@@ -99,7 +99,7 @@ def look_motion(name: str, scene: Scene, rate_hz: float, duration: float) -> Mot
 
 
 def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
-    """Give the motion, however fast. Raises UserError for a pose out of reach."""
+    """Return the motion without a speed limit. Raises UserError for a pose out of reach."""
     knots = np.linspace(0.0, duration, round(duration * KNOTS) + 1)
     nominal = nominal_of(scene.nominal, len(knots))
     x, y, z = scene.target
@@ -107,7 +107,7 @@ def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
     down = _down(scene, home)
     q = np.tile(home, (len(knots), 1))
     error = np.zeros(len(knots))
-    for grown in np.linspace(0.0, 1.0, GROWTH):  # the motion grows from rest, so that no knot finds another branch
+    for grown in np.linspace(0.0, 1.0, GROWTH):  # grow from rest, so that inverse kinematics stays on one branch
         turns, places = _poses(name, scene, knots, float(grown), down)
         q, error = reach(nominal, places, turns.as_quat()[:, [3, 0, 1, 2]], q)
     low, high = scene.range.T
@@ -121,14 +121,14 @@ def _made(name: str, scene: Scene, rate_hz: float, duration: float) -> Motion:
 
 
 def _down(scene: Scene, home: np.ndarray) -> Rotation:
-    """Give the flange straight down, turned about its axis as it is at home: the last joint is then amid its range."""
+    """Return the flange pointing straight down, turned as at home, so that the last joint is in mid-range."""
     at_home = Rotation.from_quat(flange_pose(scene.nominal, home)[[4, 5, 6, 3]])
     axis = (at_home * DOWN.inv()).as_matrix()[:, 0]
     return Rotation.from_euler("z", float(np.arctan2(axis[1], axis[0]))) * DOWN
 
 
 def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotation) -> tuple[Rotation, np.ndarray]:
-    """Orientation and place (n, 3) m of the flange in the base, of a motion of `grown` times its size."""
+    """Return orientation and position (n, 3) m of the flange in the base, for a motion at `grown` times its size."""
     total = float(time[-1])
     at = {freedom: np.zeros(len(time)) for freedom in FREEDOMS}
     eased = np.clip(np.minimum(time, total - time) / EASE, 0.0, 1.0)
@@ -144,15 +144,15 @@ def _poses(name: str, scene: Scene, time: np.ndarray, grown: float, down: Rotati
 
 
 def _speed(motion: Motion, scene: Scene) -> tuple[float, str]:
-    """Give the greatest share of a joint's speed that may be used, and whose it is."""
+    """Return the largest ratio of a joint's speed to its usable limit, and the joint's name."""
     share = np.abs(motion.dq_cmd).max(axis=0) / (FAST * np.asarray(scene.velocity_limit))
     return float(share.max()), scene.joints[int(share.argmax())]
 
 
 def _shortest(name: str, scene: Scene, rate_hz: float) -> float:
-    """Seconds, in tenths, that the motion takes at least: the same whatever was asked for.
+    """Return the shortest duration of the motion in s, rounded to tenths, whatever was requested.
 
-    Twice as long is not half as fast, as it sets in and dies away in `EASE` each.
+    Speed is not simply proportional to 1 / duration, because `EASE` at both ends is fixed.
     """
     duration = share = 4 * EASE
     while share > 1:
@@ -162,7 +162,7 @@ def _shortest(name: str, scene: Scene, rate_hz: float) -> float:
 
 
 def _touches_nothing(motion: Motion, scene: Scene) -> None:
-    """Raise UserError where the motion touches what stands in the cell."""
+    """Raise UserError if the motion touches something in the cell."""
     model = scene.compile()
     data, places = mujoco.MjData(model), [model.joint(j).qposadr[0] for j in scene.joints]
     every = max(1, round(0.05 / (motion.time[1] - motion.time[0])))

@@ -1,4 +1,4 @@
-"""Commands tried before they are recorded: an arm overshoots what it is told, most of all near its resonance."""
+"""Simulate commands before they are recorded, because an arm overshoots its command, most of all near resonance."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ from vispeg.recordings.recording import Control
 from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
-SHARE, ENOUGH = 0.95, 0.98  # of a joint's speed limit: what it is told less for, and what it may reach
-ROUNDS, OWN = 6, 2  # trials, and after how many of them all joints are told less: they shake each other
+SHARE, ENOUGH = 0.95, 0.98  # of a joint's speed limit: target after scaling, and tolerated maximum
+ROUNDS, OWN = 6, 2  # trials; trials after which all joints are scaled, because they excite each other
 
 
 def rehearsed(world: World, motion: Motion, control: Control, nthread: int = 1) -> tuple[Motion, np.ndarray]:
-    """Give the motion with which no joint of this world passes its speed limit, and the share (nj,) that is left of
-    each.
+    """Scale the motion so that no joint of this world exceeds its speed limit; return it and the scale factors (nj,).
 
-    A joint that is too fast is told less, about its first angle; where that does not help, because the others shake it,
-    all are. Flange commands (osc) stay as they are.
+    The command of a joint that is too fast is scaled around its first angle; if that does not help, because the
+    others excite it, all are scaled. Flange commands (osc) stay as they are.
 
     Raises:
         UserError: the arm does not follow (the controller is unstable with this plant).

@@ -1,4 +1,4 @@
-"""Commanded motions from a table: what a diagnosis proposed, or what a person wrote."""
+"""Commanded motions from a table, proposed by a diagnosis or written by a person."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vispeg.robots.model import RobotModel
 
 
 def replay(file: Path, robot: RobotModel, rate_hz: float) -> Motion:
-    """Give the motion in a .csv or .parquet table, put on a clock of `rate_hz` by cubic splines where its own differs.
+    """Return the motion in a .csv or .parquet table, resampled to `rate_hz` by cubic splines if its clock differs.
 
     Columns: `time` (s), `q_cmd.<joint>` (rad), and `dq_cmd.<joint>` (rad/s; the spline's slope where absent).
 

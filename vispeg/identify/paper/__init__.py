@@ -1,1 +1,1 @@
-"""The paper's way of identification: its protocol of fitting, and what that determines."""
+"""A published identification protocol, and intervals of the parameters it fits."""

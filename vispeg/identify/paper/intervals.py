@@ -1,10 +1,10 @@
-"""How well the paper's protocol determines what it fits: intervals from the curvature at the optimum.
+"""Intervals of the published protocol's parameters, from the curvature of its cost at the optimum.
 
-The cost is the sum over pieces of a 2-norm, so its Gauss-Newton curvature weighs a piece by one over its norm. Errors
-within a piece are alike (it starts from a measured state that is a little wrong), so they count for fewer than their
-number: by the ratio of the spread of the pieces' gradients to what independent errors would give (a block sandwich,
-averaged over the directions that the path shows). A direction that the path does not show keeps what is known
-beforehand, the parameter's bounds; its interval then spans them, and the value is called not determined.
+The cost is the sum over pieces of a 2-norm, so its Gauss-Newton curvature weights each piece by one over its norm.
+Errors within a piece are correlated, because it starts from a slightly wrong measured state, so they count as fewer
+than their number: by the ratio of the spread of the pieces' gradients to that of independent errors (a block
+sandwich, averaged over the directions that the path excites). A direction that the path does not excite keeps the
+prior, the parameter's bounds; its interval then spans them, and the value is reported as not determined.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from vispeg.core.params import Value
 from vispeg.identify.paper.protocol import Coordinates, Pieces, cost, paths
 from vispeg.worlds.world import World
 
-STEP = 0.02  # of a typical size, for differences
-SHOWN = 1e-6  # of the greatest curvature; directions below it count as not shown
-POLISH = 6  # Gauss-Newton steps at most
+STEP = 0.02  # of a typical size, finite-difference step
+SHOWN = 1e-6  # of the greatest curvature; directions below it count as not excited
+POLISH = 6  # most Gauss-Newton steps
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class Determined:
 
 
 def determine(space: Coordinates, pieces: Pieces, fitted: World, nthread: int = 1) -> Determined:
-    """Goes to the optimum that the search came near, and says how well it is known.
+    """Refine the optimum that the search approached, and compute its intervals.
 
     Args:
         space: of the fit.
         pieces: fitted.
-        fitted: where the search ended.
+        fitted: world at the end of the search.
         nthread: threads of the simulation.
     """
     x = Coordinates(fitted, pieces).start
@@ -65,7 +65,7 @@ def determine(space: Coordinates, pieces: Pieces, fitted: World, nthread: int = 
 def _polished(
     space: Coordinates, pieces: Pieces, x: np.ndarray, nthread: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss-Newton steps on the protocol's own cost; the point, its residual (npiece, m) and slope (npiece, m, p)."""
+    """Take Gauss-Newton steps on the protocol's cost; return point, residual (npiece, m), slope (npiece, m, p)."""
     low, high = space.bounds
     gap, slope = _slope(space, pieces, x, nthread)
     best = np.linalg.norm(gap, axis=1).sum()
@@ -83,7 +83,7 @@ def _polished(
 
 
 def _slope(space: Coordinates, pieces: Pieces, x: np.ndarray, nthread: int) -> tuple[np.ndarray, np.ndarray]:
-    """Measured less simulated (npiece, m) m, and the slope (npiece, m, p) of the simulated path, m a typical size."""
+    """Return measured minus simulated (npiece, m) m, and the path's slope (npiece, m, p), m per typical size."""
     low, high = space.bounds
     up, down = (np.clip(x + sign * STEP * np.eye(len(x)), low, high) for sign in (1, -1))
     worlds = [space.at(at) for at in (x, *up, *down)]
@@ -99,26 +99,26 @@ def _norms(gap: np.ndarray) -> np.ndarray:
 
 
 def _curvature(slope: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Gauss-Newton Hessian (p, p) of the sum of norms."""
+    """Return the Gauss-Newton Hessian (p, p) of the sum of norms."""
     return np.einsum("kmp,kmq,k->pq", slope, slope, 1 / _norms(gap))
 
 
 def _gradients(slope: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Descent direction (npiece, p) of each piece's norm."""
+    """Return the descent direction (npiece, p) of each piece's norm."""
     return np.einsum("kmp,km,k->kp", slope, gap, 1 / _norms(gap))
 
 
 def _prior(space: Coordinates, gap: np.ndarray) -> np.ndarray:
-    """Curvature (p,) that the bounds stand for: of a uniform distribution between them, in the cost's unit."""
+    """Return the curvature (p,) equivalent to a uniform prior between the bounds, in the cost's unit."""
     low, high = space.bounds
     return 12 / (high - low) ** 2 * _norms(gap).mean() / gap.shape[1]
 
 
 def _half_widths(space: Coordinates, gap: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Half of the 95 % intervals (p,), in typical sizes."""
+    """Return half of the 95 % intervals, (p,) in typical sizes."""
     pieces, samples = gap.shape
     hessian, gradients = _curvature(slope, gap), _gradients(slope, gap)
-    independent = np.einsum("kmp,kmq->pq", slope, slope) / samples  # of the gradients, if errors were
+    independent = np.einsum("kmp,kmq->pq", slope, slope) / samples  # covariance of the gradients for independent errors
     scale, axes = np.linalg.eigh(independent)
     informative = scale > SHOWN * scale.max()
     spread = ((gradients @ axes[:, informative]) ** 2).sum(axis=0) / scale[informative] * pieces / (pieces - 1)

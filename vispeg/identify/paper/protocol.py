@@ -1,9 +1,10 @@
-"""The sub-trajectory protocol: link masses, joint damping and gravity fitted to the flange's path by CMA-ES.
+"""Sub-trajectory protocol: fit link masses, joint damping and gravity to the flange's path by CMA-ES.
 
-A recording under operational space control is cut into short pieces. Each is simulated from its own measured start, so
-that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured less
-simulated flange positions. This is how insertion policies have been transferred to this arm; it sees only the flange,
-which is why `vispeg fit --effects` exists beside it. How well a path determines the values: `paper_intervals`.
+A recording under operational space control is cut into short pieces. Each is simulated from its own measured start,
+so that an error does not grow along the whole motion. The cost is the sum over the pieces of the 2-norm of measured
+minus simulated flange positions. Insertion policies have been transferred to this arm by this protocol. It uses only
+the flange position; `vispeg fit --effects` uses all channels. For the accuracy of the values see
+`vispeg.identify.paper.intervals`.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from vispeg.sim.segments.segment import Segment, segments
 from vispeg.worlds.world import World
 
 PIECES, STEPS = 9, 50
-TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: a typical size of each parameter; damping is DECAY times inertia
-WORST = 1.0  # m: cost of a piece whose rollout diverged, a step
+TILT, MASS, DECAY = 0.01, 0.3, 2.0  # rad, kg, 1/s: typical sizes; damping is DECAY times inertia
+WORST = 1.0  # m per step: cost of a piece whose rollout diverged
 GENERATIONS = 120
 
 
@@ -48,13 +49,13 @@ class Pieces:
 
     @property
     def time(self) -> np.ndarray:
-        """(npiece * nstep,) s, the pieces laid end to end."""
+        """Time of the pieces laid end to end, (npiece * nstep,) s."""
         length = self.segments[0].ticks * self.segments[0].tick
         return np.concatenate([k * length + s.time for k, s in enumerate(self.segments)])
 
 
 def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
-    """Cuts a recording into equal pieces, or takes its episodes where there are as many.
+    """Cut a recording into equal pieces, or use its episodes if there are as many.
 
     Raises:
         UserError: another controller than osc, or too few samples.
@@ -85,16 +86,16 @@ def cut(rec: Recording, pieces: int = PIECES, steps: int = STEPS) -> Pieces:
 
 def _piece(run: Segment, first: int, ticks: int, steps: int) -> Segment:
     rows = slice(first, first + ticks)
-    # ticks at which the flange is compared; the last one is the end
+    # ticks at which the flange is compared, the last at the end of a piece
     at = np.arange(1, steps + 1) * ticks // steps - 1
-    grid = np.interp((first + at) * run.tick, run.time, run.rows)  # row numbers, whole where the clocks agree
+    grid = np.interp((first + at) * run.tick, run.time, run.rows)  # row numbers, integers if the clocks agree
     command = {name: values[rows] for name, values in run.command.items()}
     q, dq, raw = run.q[rows], run.dq[rows], run.q_raw[rows]
     return Segment(run.control, run.tick, command, q, dq, raw, at * run.tick, grid)
 
 
 def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarray:
-    """Flange positions (nworld, npiece, nstep, 3) m of simulated worlds; NaN where a rollout diverged."""
+    """Return flange positions (nworld, npiece, nstep, 3) m of simulated worlds; NaN where a rollout diverged."""
     responses = simulate(pieces.robot, worlds, pieces.segments, h_max=2e-3, nthread=nthread, want_ee=True)
     out = np.stack([r.ee[:, :, :3] for r in responses if r.ee is not None], axis=1)
     out[np.stack([r.diverged for r in responses], axis=1)] = np.nan
@@ -102,13 +103,13 @@ def paths(pieces: Pieces, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 
 
 def cost(pieces: Pieces, simulated: np.ndarray) -> float:
-    """Sum over the pieces of the 2-norm of measured less simulated positions (npiece, nstep, 3), m."""
+    """Return the sum over pieces of the 2-norm of measured minus simulated positions (npiece, nstep, 3), m."""
     gap = np.nan_to_num(pieces.measured - simulated, nan=WORST)
     return float(np.linalg.norm(gap.reshape(len(gap), -1), axis=1).sum())
 
 
 class Coordinates:
-    """The protocol's parameters as a vector in units of a typical size: tilt (2), link masses (nj), damping (nj)."""
+    """Parameters of the protocol as a vector in typical sizes: tilt (2), link masses (nj), damping (nj)."""
 
     def __init__(self, world: World, pieces: Pieces):
         robot = pieces.robot
@@ -132,11 +133,11 @@ class Coordinates:
 
     @property
     def start(self) -> np.ndarray:
-        """The given model's values (null where it has no such effect)."""
+        """Return the given model's values (null for effects that it lacks)."""
         return np.array([self.placed[name, where].params[key].value / unit for name, where, key, unit in self.axes])
 
     def at(self, x: np.ndarray) -> World:
-        """Give the world at a point."""
+        """Return the world at a point."""
         low, high = self.bounds
         values: dict[tuple[str, str], dict[str, float]] = {}
         for (name, where, key, unit), v in zip(self.axes, np.clip(x, low, high), strict=True):
@@ -153,7 +154,7 @@ def fit_paper(
     nthread: int = 1,
     trace: Trace | None = None,
 ) -> World:
-    """Give the world with masses, damping and gravity that bring the flange's path nearest to the measured one."""
+    """Return the world with the masses, damping and gravity that fit the flange's path best."""
     space = Coordinates(world, pieces)
     low, high = space.bounds
 

@@ -1,7 +1,8 @@
-"""Brings predicted borders onto a picture's edges from far away: from a coarse stage on, by a shrinking window.
+"""Align predicted borders with a picture's edges from a poor start: a coarse stage, then a shrinking window.
 
-The model is as free as these pictures allow, every camera parameter and every encoder's offset at once, each held
-near its start by a weak prior. What comes out is no estimate of any of them: it is where the edges are.
+The model is as free as these pictures allow: every camera parameter and every encoder offset is fitted at once, each
+with a weak prior around its start. The fitted values are not estimates of those parameters; only the matched edges
+are used.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from vispeg.worlds.world import World
 CAMERA = ("camera_offset", "focal_error", "principal_point_error", "lens_distortion", "camera_delay")
 FREED, ROLLING = (*CAMERA, "encoder_offset"), ("rolling_shutter",)
 WINDOWS = (8.0, 8.0, 5.0, 3.0)  # px
-LOOSE = 6.0  # typical sizes that the weak prior allows
+LOOSE = 6.0  # width of the weak prior, in typical sizes
 STEPS = 4
-SPARSE = 12  # frames of the coarse stage
+SPARSE = 12  # frames used in the coarse stage
 
 
 def free_world(
     world: World, scene_joints: Sequence[str], cameras: Sequence[str], also: Sequence[str] = ()
 ) -> tuple[World, list[int]]:
-    """Give the world with every effect that moves a picture, those it lacks at null; and the indices that are free.
+    """Return the world with every effect that moves a picture (those it lacks at null), and the indices that are free.
 
     `also` are further effects of cameras.
     """
@@ -45,18 +46,21 @@ def free_world(
     return world, [i for i, e in enumerate(world.effects) if (e.effect, e.where) in places]
 
 
-Recall = Callable[[Any, Callable[[], Any]], Any]  # a question and what works its answer out -> the answer
+Recall = Callable[[Any, Callable[[], Any]], Any]  # (question, function computing its answer) -> answer, maybe cached
 
 
 def unremembered(question: Any, work_out: Callable[[], Any]) -> Any:
-    """Works an answer out each time."""
+    """Compute the answer each time, without a cache."""
     return work_out()
 
 
 def align(
     predictor: Predictor, sights: Sequence[Sight], world: World, recall: Recall = unremembered
 ) -> tuple[World, list[Points]]:
-    """Give the world whose borders lie on the edges, and the points found there; `recall` may know the former."""
+    """Return the world whose borders lie on the edges, and the points found there.
+
+    `recall` may have the world cached.
+    """
 
     def work_out() -> list:
         return _plain(_aligned(predictor, sights, world))
@@ -69,7 +73,7 @@ def align(
 def rolled(
     predictor: Predictor, sights: Sequence[Sight], settled: World, recall: Recall = unremembered
 ) -> tuple[World, list[Points]]:
-    """As `align`, from a world that was aligned: with each camera's read-out time free, too."""
+    """Align again from an aligned world, with the read-out time of each camera free as well."""
 
     def work_out() -> list:
         cameras = list(dict.fromkeys(s.camera.name for s in sights))
@@ -86,7 +90,7 @@ def _plain(effects: Sequence[EffectInstance]) -> list:
 
 
 def _aligned(predictor: Predictor, sights: Sequence[Sight], world: World) -> tuple[EffectInstance, ...]:
-    """Give the effects of the world whose borders lie on the edges."""
+    """Return the effects of the world whose borders lie on the edges."""
     cameras = list(dict.fromkeys(s.camera.name for s in sights))
     start, free = free_world(world, predictor.scene.joints, cameras)
     few = [s.only(np.linspace(0, len(s) - 1, min(SPARSE, len(s))).round().astype(int)) for s in sights]
@@ -104,7 +108,7 @@ def _settled(
     free: Sequence[int],
     windows: Sequence[float],
 ) -> tuple[World, float]:
-    """Give the world after robust steps in each window, and the share of border points without an edge near."""
+    """Return the world after robust steps in each window, and the share of border points without an edge nearby."""
     lost = 1.0
     for window in windows:
         points = [gather(predictor, s, world, window) for s in sights]

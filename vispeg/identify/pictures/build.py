@@ -1,4 +1,4 @@
-"""From sights to evidence: aligned on those to fit; those to judge on are looked at from there."""
+"""Build evidence from sights: align on the fitted ones, and measure the held-out ones from that alignment."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ Groups = tuple[Sequence[Sight], ...]
 
 
 def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight], ...], list[str]]:
-    """Leave out the cameras that see nothing of the cell from where a world has them.
+    """Leave out the cameras that see nothing of the cell from their pose in a world.
 
     A camera sees something in a frame that shows a border, or a part as near as depth is compared with a reading there.
     One that does so in fewer than `frames_least` frames of a group is left out of all groups.
 
     Args:
         scene: the cell.
-        groups: sights to fit, to judge on; an empty group judges no camera.
-        world: where everything stands.
+        groups: sights to fit and held-out sights; an empty group excludes no camera.
+        world: gives all poses.
 
     Returns:
-        The groups without those cameras, and a sentence on each of them.
+        The groups without those cameras, and a message about each camera left out.
     """
     every = [s for some in groups for s in some]
     cameras, notes, blind = list({s.camera.name: s.camera for s in every}.values()), [], set()
@@ -57,7 +57,7 @@ def seeing(scene: Scene, groups: Groups, world: World) -> tuple[tuple[list[Sight
 
 
 def _shown(predictor: Predictor, sight: Sight, world: World) -> int:
-    """In how many frames, up to `frames_least`, a sight shows something of the cell."""
+    """Count the frames, up to `frames_least`, in which a sight shows something of the cell."""
     frames, count = np.arange(len(sight)), 0
     for i, q in zip(frames, sight.at(frames, -delay_of(world, sight.camera.name)), strict=True):
         if count >= RULES.frames_least or not np.isfinite(q).all():
@@ -76,13 +76,11 @@ def border_evidence(
     robot: float | None = None,
     recall: Recall = unremembered,
 ) -> tuple[BorderEvidence, BorderEvidence]:
-    """Edges of the sights to fit and of those to judge on, both found from one alignment on those to fit.
+    """Return the edges of the fitted and of the held-out sights, both found from one alignment on the fitted ones.
 
-    The read-out time of a rolling shutter is free in it where that halves what is called the robot's errors: beside an
-    arm that errs by itself, one more free number would only hide it.
-
-    `robot` is the standard deviation of each joint's angle in each frame, rad; estimated where None. `recall` may know
-    the alignment.
+    The read-out time of a rolling shutter is freed only if that halves the apparent errors of the robot. With an arm
+    that has errors of its own, the extra parameter would only hide them. `robot` is the standard deviation of each
+    joint's angle in each frame, rad; it is estimated if None. `recall` may have the alignment cached.
     """
     cameras = list({s.camera.name: s.camera for s in (*fitted, *held_out)}.values())
     with Predictor(scene, cameras) as predictor:
@@ -104,8 +102,9 @@ def _looked(
     scatter: Scatter | None,
     freed: tuple[str, ...] = (),
 ) -> tuple[BorderEvidence, BorderEvidence]:
-    """Give the evidence of sights to fit and to judge on, about the world that those to fit, with their points,
-    settled.
+    """Return the evidence of fitted and held-out sights, linearised at the aligned world.
+
+    `settled` is that world, and `points` are the border points found with it.
     """
     (fitted, held_out), geometry = sights, predictor.geometry
     judged = [gather(predictor, s, settled, WINDOWS[-1]) for s in held_out]

@@ -1,9 +1,9 @@
-"""A camera that is far from where it was believed, or late: its pose by the distance of predicted borders to edges.
+"""Find a camera far from its nominal pose, or delayed, by the distance of predicted borders to edges.
 
-Each picture becomes fields of distance to its nearest edge of one direction. A world's score is the mean of what its
-borders find there, cut at a reach that shrinks: no edge has to be told from another, and no picture is drawn for a
-trial. Poses on a grid, and delays, are scored; the best are refined and their borders drawn anew (chamfer matching:
-Barrow, Tenenbaum, Bolles and Wolf, IJCAI 1977; from coarse to fine: Borgefors, IEEE TPAMI 10(6), 1988).
+Each picture is turned into distance fields, one per edge direction. The score of a world is the mean distance at its
+borders, capped at a reach that shrinks. No border has to be matched to a particular edge, and no trial needs a
+render. Poses on a grid and delays are scored; the best are refined, and their borders are rendered again (chamfer
+matching: Barrow, Tenenbaum, Bolles and Wolf, IJCAI 1977; coarse to fine: Borgefors, IEEE TPAMI 10(6), 1988).
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from vispeg.worlds.world import World
 
 DELAYS = np.arange(-0.06, 0.1201, 0.01)  # s; below 0 the joint log lags the camera
 TURNS, SHIFTS = np.radians([-8.0, -4.0, 0.0, 4.0, 8.0]), np.array([-0.08, -0.04, 0.0, 0.04, 0.08])  # rad, m
-REACHES = (40.0, 20.0, 10.0)  # px beyond which an edge is no nearer than any other
-REFINED = (8, 3, 1)  # trials that are refined at each of them
-STEPS, FINITE = 6, 0.05  # of refinement, and typical sizes of a finite difference: over a good part of a pixel
-WAYS, ALIKE = 4, np.radians(35)  # directions of edges that are told apart, and what may lie between two of one
-EDGES = 0.08  # share of the pixels, those of the steepest light, that are edges
-FRAMES, SPARSE = 6, 120  # that are looked at, and border points in each
-DEEP, FAR = 0.03, 5.0  # share of the distance, a px, that an edge in depth steps by; m where nothing is read
-LOOSE = 25.0  # typical sizes of a camera's offset that the weak prior allows
+REACHES = (40.0, 20.0, 10.0)  # px, cap of the distance to an edge, stage by stage
+REFINED = (8, 3, 1)  # number of trials refined at each reach
+STEPS, FINITE = 6, 0.05  # Gauss-Newton steps; finite difference in typical sizes: a large part of a pixel
+WAYS, ALIKE = 4, np.radians(35)  # number of edge directions; largest angle between edges of one direction
+EDGES = 0.08  # share of the pixels taken as edges: those with the steepest gradient
+FRAMES, SPARSE = 6, 120  # number of frames used, and of border points in each
+DEEP, FAR = 0.03, 5.0  # relative step of a depth edge over 1 px; m assumed where there is no reading
+LOOSE = 25.0  # width of the weak prior on a camera's offset, in typical sizes
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A camera's borders in a few frames, and the fields of distance of these frames, (frames, WAYS, H, W) px."""
+    """Border points of a camera in a few frames, and the distance fields of these frames, (frames, WAYS, H, W) px."""
 
     sight: Sight
     points: Points
     fields: np.ndarray
 
     def distances(self, geometry: Geometry, world: World, reach: float) -> np.ndarray:
-        """(n,) px from where a world puts the points to the nearest edges of their direction, `reach` at most."""
+        """Return (n,) px from the points in a world to the nearest edges of their direction, at most `reach`."""
         p = self.points
         u, v = np.nan_to_num(pixels(geometry, self.sight, world, p), nan=-1.0).T
         height, width = self.fields.shape[2:]
@@ -58,7 +58,7 @@ class Outline:
 
 
 def brought_near(predictor: Predictor, sights: Sequence[Sight], world: World) -> list[World]:
-    """Give the world with its cameras late, and with them elsewhere, where their borders lie nearest to edges.
+    """Return the world after a search over delays, and after one over poses, with borders nearest to edges.
 
     Args:
         predictor: of the cell.
@@ -99,13 +99,13 @@ def _outline(predictor: Predictor, sight: Sight, world: World, fields: np.ndarra
 
 
 def _late(world: World, camera: str) -> Iterator[World]:
-    """Yield the world with a late camera, or a late log."""
+    """Yield the world with a delayed camera, or a delayed joint log."""
     for delay in DELAYS:
         yield _with(world, camera, "camera_delay", delay=float(delay))
 
 
 def _elsewhere(world: World, camera: str) -> Iterator[World]:
-    """Yield the world with the camera elsewhere."""
+    """Yield the world with the camera at other poses."""
     for rx, ry, x, y in product(TURNS, TURNS, SHIFTS, SHIFTS):
         yield _with(world, camera, "camera_offset", rx=float(rx), ry=float(ry), x=float(x), y=float(y))
 
@@ -116,7 +116,7 @@ def _with(world: World, camera: str, name: str, **values: float) -> World:
 
 
 def _refined(geometry: Geometry, outline: Outline, world: World, reach: float) -> tuple[World, float]:
-    """Give the world after Gauss-Newton steps of the camera's offset and delay, and its score."""
+    """Return the world after Gauss-Newton steps of the camera's offset and delay, and its score."""
     names = ("camera_offset", "camera_delay")
     camera = outline.sight.camera.name
     space = Space(world, [i for i, e in enumerate(world.effects) if e.effect in names and e.where == camera])
@@ -145,7 +145,10 @@ def _refined(geometry: Geometry, outline: Outline, world: World, reach: float) -
 
 
 def _all_fields(sight: Sight) -> np.ndarray | None:
-    """(frames, WAYS, H, W) of a sight: of steps in depth where all frames have depth, else in colour; None without."""
+    """Return the distance fields of a sight, (frames, WAYS, H, W), or None.
+
+    They are of depth steps if all frames have depth, otherwise of colour edges; None if there is neither.
+    """
     depths = [sight.depth(i) for i in range(len(sight))]
     if all(d is not None for d in depths):
         return np.stack([_fields(_log(d)[..., None], DEEP) for d in depths if d is not None])
@@ -155,18 +158,18 @@ def _all_fields(sight: Sight) -> np.ndarray | None:
 
 
 def _log(depth: np.ndarray) -> np.ndarray:
-    """(H, W) logarithm of a depth picture, small gaps closed; what has no reading is far."""
+    """Return the logarithm of a depth picture, (H, W), small gaps closed; pixels without a reading count as far."""
     import cv2
 
     return np.log(cv2.medianBlur(np.where(depth > 0, depth, FAR).astype(np.float32), 5))
 
 
 def _fields(picture: np.ndarray, least: float) -> np.ndarray:
-    """(WAYS, H, W) float32 px to the nearest edge of each direction, `REACHES[0]` at most.
+    """Return (WAYS, H, W) float32 px to the nearest edge of each direction, at most `REACHES[0]`.
 
     Args:
         picture: (H, W, C).
-        least: step that an edge has at least.
+        least: smallest step that counts as an edge.
     """
     import cv2
 
@@ -186,5 +189,5 @@ def _fields(picture: np.ndarray, least: float) -> np.ndarray:
 
 
 def _way(normal: np.ndarray) -> np.ndarray:
-    """(n,) which of `WAYS` directions modulo half a turn some normals (n, 2) have."""
+    """Return for each normal, (n, 2), the index (n,) of its direction among `WAYS`, modulo half a turn."""
     return np.round(np.arctan2(normal[:, 1], normal[:, 0]) / (np.pi / WAYS)).astype(int) % WAYS

@@ -1,4 +1,4 @@
-"""A board's corners as border points: each is sought across and down the image, where the board lies in a world."""
+"""Measure a calibration board's corners as border points, searched along u and v around their predicted pixels."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vispeg.vision.eye import delay_of
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-PATCHES = 3  # of a board across and down, that are told apart
-ROOM = 0  # body that does not move
+PATCHES = 3  # patches of a board along each side that are told apart
+ROOM = 0  # label of the static body
 
 
 def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:
-    """By frame, the views that show the board, each from where a world has the camera."""
+    """Return the views by frame that show the board, each from the camera pose of a world."""
     name, out = sight.camera.name, {}
     geometry.place(world)
     for i in range(len(sight)) if sight.board is not None else ():
@@ -27,7 +27,7 @@ def looks_of(geometry: Geometry, sight: Sight, world: World) -> dict[int, Look]:
 
 
 def corners_of(geometry: Geometry, sight: Sight, world: World, window: float) -> list[Points]:
-    """Two points for each corner of each frame, with normals along u and v; those beyond `window` px have no edge."""
+    """Return two points per corner and frame, with normals along u and v; an offset beyond `window` px is NaN."""
     board, looks, eye = sight.board, looks_of(geometry, sight, world), geometry.eyes[sight.camera.name]
     places = None if board is None else laid(eye, board, list(looks.values()))
     if board is None or places is None:

@@ -1,8 +1,8 @@
-"""Depth pictures in figures: error by distance, lean, scatter, missing readings, and what happens beside borders.
+"""Summarise depth pictures: error by distance, tilt, noise, missing readings, and behaviour beside borders.
 
-Scatter is that of two readings of one pixel from one place, where the camera was held still: neighbours in a picture
-share most of a stereo matcher's window, so that their difference shows half of its noise or less. Where nothing was
-held still it is taken across the picture, from pixels too far apart to share a window.
+Noise is estimated from two readings of one pixel from the same place, if the camera was held still. Neighbouring
+pixels share most of a stereo matcher's window, so their difference shows half of the noise or less. If the camera
+never stood still, noise is estimated from pixels too far apart to share a window.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from vispeg.identify.pictures.shots import Shot
 from vispeg.vision.depth import depth_residual
 from vispeg.worlds.world import World
 
-NEARER = np.array([0.0, 0.12, 0.18, 0.25, 0.35, 0.5, 0.8])  # m: edges of the bins of distance; beyond is no cell
-STEP = 0.03  # m by which the far side of a border lies behind for near things to grow over it
-REACH = 8  # px beside a border
-FEW = 60  # pixels that a figure needs
-APART = 6  # px between pixels that share no matching window: half of the widest, 9 px, and a low-pass of 1.5
-ORDINARY = (3e-4, 1e-3)  # m and 1/m: scatter s0 + s1 z^2 of a camera of which nothing is stated, of no effect
-ERROR = "error at"  # how the names of errors begin; they are in m
+NEARER = np.array([0.0, 0.12, 0.18, 0.25, 0.35, 0.5, 0.8])  # m: edges of the distance bins; the cell is nearer
+STEP = 0.03  # m, depth step of a border at which the near part may bleed onto the far one
+REACH = 8  # px on each side of a border
+FEW = 60  # fewest pixels for a figure
+APART = 6  # px between pixels without a common matching window: half the widest, 9 px, plus 1.5 of blur
+ORDINARY = (3e-4, 1e-3)  # m and 1/m: noise s0 + s1 z^2 of a camera with no stated noise
+ERROR = "error at"  # prefix of the names of depth errors, in m
 
 RANGES = tuple(f"{near:g} to {far:g} m" for near, far in pairwise(NEARER))
 
 
 def table() -> tuple[Figure, ...]:
-    """Give the figures of depth: of errors the share of the distance that they may be."""
+    """Return the figures of depth; the scale of an error is relative to the distance."""
     repeats, differs = RULES.figure_depth
     return (
         *(Figure(f"{ERROR} {at}", repeats * far, differs * far) for at, far in zip(RANGES, NEARER[1:], strict=True)),
@@ -50,7 +50,7 @@ class DepthFigures:
 
     Args:
         shots: the frames.
-        ordinary: (2,) m and 1/m, scatter s0 + s1 z^2 that is of no effect.
+        ordinary: (2,) m and 1/m, noise s0 + s1 z^2 that counts as no effect.
     """
 
     def __init__(self, shots: Sequence[Shot], ordinary: tuple[float, float] = ORDINARY):
@@ -59,7 +59,7 @@ class DepthFigures:
         self.measured = np.array([self._figures(s.depth, s.again, s) for s in self.shots if s.depth is not None])
 
     def modelled(self, world: World) -> np.ndarray:
-        """Figures of the predicted depth after a world's effects on depth."""
+        """Return the figures of the predicted depth after a world's effects on depth."""
         rows = []
         for s in self.shots:
             again = None if s.again is None else s.sensed(world, of_depth, draw=1)[1]
@@ -71,7 +71,7 @@ class DepthFigures:
 
 
 def of_depth(kind: Effect) -> bool:
-    """Whether an effect is one of depth."""
+    """Return whether an effect acts on depth."""
     return shows(kind, "depth")
 
 
@@ -83,8 +83,8 @@ def depth_figures(
     Args:
         picture: the depth.
         shot: its frame.
-        again: (H, W) m from the same place at another time, None where there is none.
-        ordinary: (2,) m and 1/m, scatter s0 + s1 z^2 that is of no effect.
+        again: (H, W) m, another reading from the same place; None if there is none.
+        ordinary: (2,) m and 1/m, noise s0 + s1 z^2 that counts as no effect.
     """
     prediction, residual = shot.rendering, depth_residual(picture, shot.rendering)
     kind, z = np.digitize(prediction.depth, NEARER), prediction.depth
@@ -111,16 +111,16 @@ def depth_figures(
     return np.concatenate([error, _lean(residual.error, good, shot), scatter, gone, _beside(picture, prediction.depth)])
 
 
-MEDIAN = 0.6745  # of the size of a normal deviate, in standard deviations
+MEDIAN = 0.6745  # median of |x| for a standard normal x
 
 
 def _in_time(picture: np.ndarray, again: np.ndarray) -> np.ndarray:
-    """(H, W) m whose size scatters as one reading does; NaN where either has none."""
+    """Return a difference of two readings, (H, W) m, scaled to one reading's noise; NaN where either is missing."""
     return np.where((picture > 0) & (again > 0), np.abs(picture - again) / np.sqrt(2), np.nan)
 
 
 def _across(error: np.ndarray) -> np.ndarray:
-    """(H, W) m whose size scatters as one reading of independent ones does: what grows evenly cancels."""
+    """Return a second difference across the picture, (H, W) m, scaled to one reading's noise; linear trends cancel."""
     out = np.full(error.shape, np.nan)
     left, here, right = error[:, : -2 * APART], error[:, APART:-APART], error[:, 2 * APART :]
     out[:, APART:-APART] = np.abs(left - 2 * here + right) / np.sqrt(6)
@@ -128,7 +128,7 @@ def _across(error: np.ndarray) -> np.ndarray:
 
 
 def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
-    """(2,) m by which the error grows from the optical axis to 45 degrees right of it and below it, scale taken out."""
+    """Return the tilt (2,) m: error growth from the axis to 45 degrees right and down, without scale error."""
     some = np.zeros(good.shape, bool)
     some[::3, ::3] = True
     some &= good
@@ -145,9 +145,9 @@ def _lean(error: np.ndarray, good: np.ndarray, shot: Shot) -> np.ndarray:
 
 
 def _beside(picture: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """(2 REACH,) by distance from a border on its far side: the share of readings of the near part, and of no reading.
+    """Return shares of near-part readings and of missing ones by distance from a border, far side, (2 REACH,).
 
-    Of readings, not of pixels: what a sensor drops at a border it drops of either part.
+    The shares are of readings, not of pixels, because a sensor drops readings of either part at a border.
     """
     import cv2
 

@@ -1,8 +1,8 @@
-"""Edges in pictures as evidence: whitened misplacements of predicted borders, for many worlds without a render.
+"""Compare picture edges with predicted borders: whitened misplacements for many worlds without a render.
 
-What no effect of a camera is counts as nuisance with a covariance: the robot's own errors in each frame (their size is
-estimated from the pictures), how the fixture stands and the part sits in the gripper, and that a light or a shadow
-shifts all edges between two parts a little.
+Errors that no camera effect describes are nuisances with a covariance: the robot's joint errors in each frame (their
+size is estimated from the pictures), the pose of the fixture, the part's pose in the gripper, and a small common
+shift of all edges between two parts due to light or shadow.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-PENALTY = 1e3  # noise units of a point that a world puts behind the camera
+PENALTY = 1e3  # residual in noise units of a point that a world puts behind the camera
 
 
 @dataclass(frozen=True)
 class Item:
-    """One sight's readings as a column, with the surface of a joint channel's item.
+    """Readings of one sight as a column, with the interface of a joint channel's item.
 
     Attributes:
-        sight, points, trust: what was photographed, the border points in it, and how far each is trusted.
+        sight, points, trust: the frames, their border points, and the weight in [0, 1] of each.
         sigma: (1,) px.
         valid: (n, 1) bool.
     """
@@ -50,7 +50,7 @@ class Item:
 
     @cached_property
     def measured(self) -> np.ndarray:
-        """(n, 1) px, what was measured: each edge's distance from its border."""
+        """Measured distance of each edge from its border, (n, 1) px."""
         return np.nan_to_num(self.points.along)[:, None]
 
     @cached_property
@@ -65,14 +65,15 @@ class Item:
 
 
 class BorderEvidence(Evidence):
-    """Pictures of one cell, aligned once; worlds are compared by what they do to the borders.
+    """Pictures of one cell, aligned once; worlds are compared by how they move the borders.
 
     Args:
         geometry: the cell.
         items: sights with their points.
-        settled: the world that the points were aligned with, at which errors are linearised.
-        scatter: of each joint's angle in each frame, and of what hangs on the place in the image; estimated where None.
-        freed: effects that the alignment freed beside the usual ones.
+        settled: the aligned world, at which errors are linearised.
+        scatter: standard deviations of the joint angles in each frame and of a shift that depends on image position;
+            estimated if None.
+        freed: effects that the alignment freed in addition to the usual ones.
     """
 
     held: frozenset[tuple[str, str]] = frozenset()  # parameters that a fit leaves: none
@@ -109,19 +110,19 @@ class BorderEvidence(Evidence):
 
     @property
     def least_change(self) -> float:
-        """How many px an effect has to move the borders by: more than looks shift them."""
+        """Smallest RMS shift of the borders, px, that counts as an effect: more than a change of appearance makes."""
         return RULES.shift_px
 
     def sees(self, kind: Effect) -> bool:
-        """Whether an effect moves borders."""
+        """Return whether an effect moves borders."""
         return shows(kind, "border")
 
     def misplaced(self, world: World) -> list[np.ndarray]:
-        """Per item, (n,) px along the normals from a world's borders to the edges; NaN where there is none."""
+        """Return for each item (n,) px along the normals from a world's borders to the edges; NaN without an edge."""
         return [misplacement(self.geometry, item.sight, world, item.points) for item in self.items]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Per world, the whitened misplacement of all points, flat."""
+        """Yield for each world the whitened misplacements of all points, flat."""
         return map(self._residual, worlds)
 
     def _residual(self, world: World) -> np.ndarray:
@@ -137,25 +138,25 @@ class BorderEvidence(Evidence):
 
     @staticmethod
     def weighted(item: Item, away: np.ndarray) -> np.ndarray:
-        """Misplacements (n,) in units of the noise, those that are not trusted 0."""
+        """Return misplacements (n,) in noise units times their weights; those with weight 0 are 0."""
         r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
         return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
     @property
     def least_gain(self) -> float:
-        """Share of the held-out squared error that a step must remove."""
+        """Share of the held-out squared error that an added effect must remove."""
         return RULES.gain
 
     @property
     def most_effects(self) -> int:
-        """Effects that a search may add."""
+        """Largest number of effects that a search may add."""
         return RULES.effects_few
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Give the image of every residual entry, in the order of `residuals`: errors within an image hang together.
+        """Return the image of each residual entry, in the order of `residuals`: errors within an image are correlated.
 
-        Whatever the `seconds`, a test of single moments (above 0) takes each part in an image by itself: what moves all
-        of an image alike, the robot's error, is whitened.
+        With `seconds` above 0 (a test of single moments) each part in an image is a block of its own, whatever the
+        value. A shift common to the whole image, as by a joint error, has been whitened out.
         """
         out, start = [], 0
         for item in self.items:
@@ -166,11 +167,11 @@ class BorderEvidence(Evidence):
         return numbered.ravel()
 
     def common_errors(self) -> np.ndarray:
-        """(n, 0): what is off in all pictures alike is whitened."""
+        """Return no columns, (n, 0): errors common to all pictures have been whitened out."""
         return np.zeros((sum(len(i.points.frame) for i in self.items), 0))
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
-        """(n,) bool: a block whose squared residuals differ by less than one reading's tells nothing."""
+        """Return whether each block is informative, (n,) bool: its squared residuals differ by over one reading's."""
         return np.abs(difference) > 1.0
 
     @property
@@ -179,7 +180,7 @@ class BorderEvidence(Evidence):
         return self.geometry.scene
 
     def change(self, first: World, other: World) -> float:
-        """RMS px along the normals between two worlds' borders, over trusted points."""
+        """Return the RMS px along the normals between two worlds' borders, over trusted points."""
         square = weight = 0.0
         for item, a, b in zip(self.items, self.misplaced(first), self.misplaced(other), strict=True):
             good = item.valid[:, 0] & np.isfinite(a - b)
@@ -187,7 +188,7 @@ class BorderEvidence(Evidence):
         return float(np.sqrt(square / max(weight, 1.0)))
 
     def postures(self, world: World) -> list[np.ndarray]:
-        """Per item, (frames, nj) rad to add to the measured angles: the robot's most likely errors in a world."""
+        """Return for each item the most likely joint errors in a world, (frames, nj) rad, to add to the angles."""
         out, nj = [], len(self.scene.joints)
         for item, away, (common, joints) in zip(self.items, self.misplaced(world), self._columns, strict=True):
             columns = np.concatenate([common, max(self.robot, 1e-6) * joints], axis=1)
@@ -199,7 +200,7 @@ class BorderEvidence(Evidence):
         return out
 
     def part(self, first: int, step: int) -> BorderEvidence:
-        """Give the evidence of every `step`-th frame from `first` on."""
+        """Return the evidence of every `step`-th frame, starting at `first`."""
         items = []
         for item in self.items:
             rows = item.points.frame % step == first
@@ -207,7 +208,7 @@ class BorderEvidence(Evidence):
         return BorderEvidence(self.geometry, items, self.settled, self.scatter, self.freed)
 
     def error(self, world: World) -> float:
-        """RMS misplacement in px over trusted points, less what the robot's most likely errors make of it."""
+        """Return the RMS misplacement over trusted points, px, after the most likely joint errors are subtracted."""
         square = weight = 0.0
         for item, away in zip(self.items, self.steadied(world), strict=True):
             good = np.isfinite(away)
@@ -216,20 +217,20 @@ class BorderEvidence(Evidence):
         return float(np.sqrt(square / max(weight, 1e-9)))
 
     def errors(self, worlds: Sequence[World]) -> list[float]:
-        """`error` of each world."""
+        """Return the `error` of each world."""
         return [self.error(w) for w in worlds]
 
     def steadied(self, world: World) -> list[np.ndarray]:
-        """As `misplaced`, less what the robot's most likely errors in each frame make of it."""
+        """Return `misplaced` minus the effect of the most likely joint errors in each frame."""
         every = zip(self.items, self.misplaced(world), self.postures(world), self._arms, strict=True)
         return [away - np.sum(arm.slopes * posture[item.points.frame], axis=1) for item, away, posture, arm in every]
 
     @property
     def floor(self) -> float:
-        """RMS in px of what a right model leaves: its edges' scatter, and what a look shifts all that face one way."""
+        """RMS expected of a correct model, px: edge noise, and the common shift of edges due to appearance."""
         return float(np.sqrt(np.mean([i.sigma[0] ** 2 for i in self.items]) + RULES.edge_shift**2))
 
     @property
     def floors(self) -> np.ndarray:
-        """(1,) the same."""
+        """RMS expected of a correct model, (1,) px."""
         return np.array([self.floor])

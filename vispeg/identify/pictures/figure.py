@@ -1,8 +1,8 @@
-"""Figures of a sensor: a few robust numbers a frame, taken alike of measured pictures and of modelled ones.
+"""Figures of a camera sensor: a few robust numbers per frame, alike for measured and rendered pictures.
 
-Where the borders fit, the rendered picture passes through the sensor that a world says, and the same figures are taken
-of it as of the measured one. So an effect is compared by its own `image`, without a formula beside it (the method of
-simulated moments, McFadden, Econometrica 57(5), 1989).
+Once the borders fit, the rendered picture is passed through the sensor model of a world, and its figures are compared
+with those of the measured picture. An effect is thus compared through its own `image` function and needs no separate
+formula (method of simulated moments, McFadden, Econometrica 57(5), 1989).
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import numpy as np
 
 from vispeg.worlds.world import World
 
-NEVER = 1e9  # ordinary deviation of a figure that helps to fit an effect and names none by itself
+NEVER = 1e9  # `ordinary` of a figure that helps to fit effects but is never the reason to name one
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What a figure is sure of.
+    """Name and tolerances of a figure.
 
     Attributes:
         name: in words.
-        floor: by which it is off for reasons of its own, 1 sigma at best.
-        ordinary: by which it differs between good sensors and between looks: less is no effect.
+        floor: standard deviation of the figure with a correct model, at best.
+        ordinary: difference between good sensors and between appearances; anything smaller is no effect.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Figure:
 
 
 class Figures(Protocol):
-    """The figures of some frames of one camera."""
+    """Figures of some frames of one camera."""
 
     table: tuple[Figure, ...]
 
@@ -43,5 +43,5 @@ class Figures(Protocol):
         ...
 
     def modelled(self, world: World) -> np.ndarray:
-        """Give the same of rendered frames that passed through a world's sensor."""
+        """Return the figures (frames, figures) of rendered frames after a world's sensor effects."""
         ...

@@ -1,4 +1,4 @@
-"""The directions in which the freest model can still move: what the robot's errors are told from."""
+"""Derivatives to the parameters of the freest model, from which the robot's errors have to be separated."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def slopes(evidence: BorderEvidence) -> list[np.ndarray]:
-    """Per item, derivatives (n, k) of the weighted misplacement to the free model's parameters, in typical sizes."""
+    """Return for each item the derivatives (n, k) of the weighted misplacement per typical size of each parameter."""
     cameras = list(dict.fromkeys(i.sight.camera.name for i in evidence.items))
     world, free = free_world(evidence.settled, evidence.geometry.scene.joints, cameras, evidence.freed)
     space = Space(world, free)

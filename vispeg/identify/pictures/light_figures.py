@@ -1,8 +1,8 @@
-"""Colour pictures in figures: light, its fall-off, softness of borders at rest and in motion, noise.
+"""Summarise colour pictures: light level, vignetting, blur of borders at rest and in motion, noise.
 
-Colours and lights of a cell are not known. So of light only what does not depend on them counts: the fall-off compares
-one place of the room in several frames, softness is that of borders between parts, and noise is drawn on the measured
-picture itself, smoothed.
+Colours and lights of a cell are unknown, so only figures that hardly depend on them are used. Vignetting compares one
+place of the room in several frames, blur is measured at borders between parts, and noise is simulated on the smoothed
+measured picture itself.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from vispeg.vision.search import search
 from vispeg.worlds.world import World
 
 LEVELS = np.array([8, 40, 90, 160, 245])  # code values: edges of the bins of brightness
-FEW = 60  # pixels that a figure needs
-EDGES = 30  # border points that a softness needs
-FAST = 60.0  # px/s along the normals that some borders must differ by, for blur of motion to show
-STILL = 1.0  # px/s, under which a border stands still in the picture
-QUIET = 0.2  # quantile of local scatter: a texture is no noise
-GRAIN = 2.5  # code values, 1 sigma, of an ordinary camera's noise
+FEW = 60  # fewest pixels for a figure
+EDGES = 30  # fewest border points for a blur
+FAST = 60.0  # px/s along the normals, least spread of border speeds that shows motion blur
+STILL = 1.0  # px/s, below which a border counts as still
+QUIET = 0.2  # quantile of local scatter: the quietest places have noise but no texture
+GRAIN = 2.5  # code values, standard deviation of an ordinary camera's noise
 WINDOW = 3.0  # px
 NOISE, MOTION = "rgb_noise", "motion_blur"
 
 
 def table() -> tuple[Figure, ...]:
-    """Give the figures of light."""
+    """Return the figures of light."""
     return (
         Figure("light", *RULES.figure_light),
         Figure("red", *RULES.figure_colour),
@@ -53,7 +53,7 @@ class LightFigures:
 
     Args:
         shots: the frames.
-        lit: whether the predicted look is that of the room: only then does the level of light say anything.
+        lit: whether the rendered appearance is that of the room; only then is the light level informative.
     """
 
     def __init__(self, shots: Sequence[Shot], lit: bool):
@@ -65,13 +65,13 @@ class LightFigures:
         self.measured = self._figures(pictures, pictures, 0.0)
 
     def modelled(self, world: World) -> np.ndarray:
-        """Figures of the predicted pictures after a world's effects on light."""
+        """Return the figures of the predicted pictures after a world's effects on light."""
         still, seconds = _at_rest(world)
         pictures = [s.sensed(still, _of_light)[0] for s in self.shots]
         return self._figures(pictures, self._noisy(world), seconds)
 
     def _noisy(self, world: World) -> Sequence[np.ndarray]:
-        """Give the measured pictures, smoothed, with a world's noise in place of their own."""
+        """Return the measured pictures, smoothed, with a world's noise instead of their own."""
         noise = world.only(lambda e: e.effect == NOISE)
         if not noise.effects:
             return self.still
@@ -108,7 +108,10 @@ def _smooth(picture: np.ndarray) -> np.ndarray:
 
 
 def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
-    """(3,) octaves of green, and of red and blue against green, over the prediction: medians over the room's parts."""
+    """Return gains (3,) in octaves over the prediction: green, and red and blue relative to green.
+
+    Each is a median over the parts of the room.
+    """
     light, predicted = TO_LINEAR[picture], TO_LINEAR[shot.rendering.rgb]
     clear = shot.fixed & (picture.max(-1) < 252) & (predicted.min(-1) > 1e-3)
     out = []
@@ -121,20 +124,18 @@ def _gains(picture: np.ndarray, shot: Shot) -> np.ndarray:
 
 
 def _at_rest(world: World) -> tuple[World, float]:
-    """Give the world without what moving things smear, and for how many s its shutter is open: each border has a
-    speed.
-    """
+    """Return the world without motion blur, and its exposure time in s; blur is then added by each border's speed."""
     open_for = sum(e.params["exposure"].value for e in world.effects if e.effect == MOTION)
     effects = (e.with_values(exposure=0.0) if e.effect == MOTION else e for e in world.effects)
     return replace(world, effects=tuple(effects)), open_for
 
 
 def _softness(picture: np.ndarray, shot: Shot, seconds: float) -> np.ndarray:
-    """(2,) px^2 of most borders' spread, and ms^2 by which it grows with the squared speed across the border.
+    """Return (2,): spread of most borders, px^2, and its growth with squared speed across the border, ms^2.
 
-    What moves while a shutter is open for some `seconds` has the spread of a box beside that of the picture. The growth
-    is among borders of bodies that move in the picture: those of a hand that carries the camera never do, and their
-    surfaces are softer or harder for other reasons.
+    An exposure of `seconds` adds the variance of a box to the spread of a moving border. The growth is estimated from
+    borders of bodies that move in the picture. Those of a hand that carries the camera never move, and their surfaces
+    look softer or harder for other reasons.
     """
     square = softness(picture, shot.borders, search(picture, shot.borders, WINDOW)) ** 2
     square = square + (seconds * shot.flow) ** 2 / 12
@@ -145,7 +146,7 @@ def _softness(picture: np.ndarray, shot: Shot, seconds: float) -> np.ndarray:
 
 
 def _growth(square: np.ndarray, shot: Shot, good: np.ndarray) -> float:
-    """Give the ms^2 by which a spread (n,) px^2 grows with the squared speed; NaN where too few borders move."""
+    """Return the growth of spreads (n,) px^2 with squared speed, ms^2; NaN if too few borders move."""
     speed = (shot.flow / 1e3) ** 2  # (px/ms)^2
     rows = good & np.isin(shot.borders.body, shot.borders.body[speed > (STILL / 1e3) ** 2])
     if rows.sum() < EDGES:
@@ -158,7 +159,7 @@ def _growth(square: np.ndarray, shot: Shot, good: np.ndarray) -> float:
 
 
 def _grain(picture: np.ndarray, shot: Shot) -> np.ndarray:
-    """(levels,) log of the noise in code values in the quietest places, by brightness."""
+    """Return the log of the noise in code values in the quietest places, (levels,) by brightness."""
     import cv2
 
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6

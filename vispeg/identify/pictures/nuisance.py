@@ -1,7 +1,7 @@
-"""Errors that are no effect's, marginalised: a residual's covariance as white noise plus what few unknowns do.
+"""Marginalise nuisance errors: the covariance of a residual is white noise plus the effect of a few unknowns.
 
-With C = I + G G' in units of the noise (G: n readings, k unknowns, each column what one standard deviation of an
-unknown does), C^-1/2 = I - U (1 - (1 + L)^-1/2) U' where G G' = U L U' (Woodbury, Memorandum Report 42, Statistical
+In noise units C = I + G G', where column j of G (n readings, k unknowns) is the effect of one standard deviation of
+unknown j. Then C^-1/2 = I - U (1 - (1 + L)^-1/2) U' with G G' = U L U' (Woodbury, Memorandum Report 42, Statistical
 Research Group, Princeton, 1950).
 """
 
@@ -28,7 +28,7 @@ class Whitener:
 
     @classmethod
     def of(cls, unknowns: np.ndarray) -> Whitener:
-        """For the columns (n, k) of what one standard deviation of each unknown does."""
+        """Build from columns (n, k), each the effect of one standard deviation of one unknown."""
         value, vector = np.linalg.eigh(unknowns.T @ unknowns)
         good = value > 1e-10 * max(float(value.max(initial=0.0)), 1e-30)
         value, vector = value[good], vector[:, good]
@@ -36,7 +36,7 @@ class Whitener:
         return cls(basis, 1 - 1 / np.sqrt(1 + value), float(np.log1p(value).sum()))
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
-        """Give the residual (n,) or (n, c) whitened."""
+        """Return the residual (n,) or (n, c) whitened."""
         along = self.basis.T @ residual
         shrink = self.shrink if along.ndim == 1 else self.shrink[:, None]
         return residual - self.basis @ (shrink * along)

@@ -1,4 +1,4 @@
-"""Border points of a sight: where they were predicted, and where another world puts them."""
+"""Border points of a sight: their predicted pixels, and their pixels in other worlds."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from vispeg.vision.eye import delay_of, values_of
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-INSTANT = 5e-3  # s over which a pixel's speed is taken
+INSTANT = 5e-3  # s, step of the finite difference for a pixel's speed
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """All border points of a sight that one world predicted.
+    """All border points that one world predicts in a sight.
 
     Attributes:
         frame: (n,) index of the frame.
-        body, local: which body carries a point, and where (n, 3) in its axes, m.
-        pixel, normal: (n, 2) where it was predicted, and its border's normal.
-        along: (n,) px from there to the edge in the picture; NaN where there is none.
+        body, local: the body that carries each point, and the point in the body's frame, (n, 3) m.
+        pixel, normal: (n, 2) predicted pixel, and normal of the border.
+        along: (n,) px from there to the edge in the picture; NaN without an edge.
         parts: (n, 2) labels of the nearer and the farther part.
         depth: (n,) m.
     """
@@ -37,14 +37,14 @@ class Points:
     depth: np.ndarray
 
     def only(self, rows: np.ndarray) -> Points:
-        """Give some of the points."""
+        """Return the points of some rows."""
         return Points(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 def pixels(
     geometry: Geometry, sight: Sight, world: World, points: Points, joints: np.ndarray | None = None
 ) -> np.ndarray:
-    """(n, 2) px where a world puts the points; `joints` (nj,) rad are added to all measured angles."""
+    """Return (n, 2) px of the points in a world; `joints` (nj,) rad are added to all measured angles."""
     name = sight.camera.name
     geometry.place(world)
     readout = values_of(world, "rolling_shutter", name).get("readout", 0.0)
@@ -59,7 +59,7 @@ def pixels(
 
 
 def misplacement(geometry: Geometry, sight: Sight, world: World, points: Points) -> np.ndarray:
-    """(n,) px along the normals from where a world puts the points to the edges in the pictures."""
+    """Return (n,) px along the normals from the points as a world places them to the edges in the pictures."""
     moved = pixels(geometry, sight, world, points) - points.pixel
     return points.along - np.sum(moved * points.normal, axis=1)
 

@@ -1,8 +1,8 @@
-"""Joint errors in each frame, allowed for so that a displaced edge is still matched to its border.
+"""Estimate joint errors in each frame, so that a displaced edge is still matched to its border.
 
-A camera in the hand sees the tool in one place, however the arm errs, and the cell elsewhere in every frame. By the
-tool's edges alone the noise is a tenth of a pixel, and all of the cell an outlier. So how far an edge may be trusted is
-asked after each frame's posture was fitted to its edges, robustly.
+A camera on the hand sees the tool in the same place whatever the arm's errors, but the rest of the cell shifts from
+frame to frame. Judged by the tool's edges alone, the noise would be a tenth of a pixel and the whole cell an outlier.
+So the weight of each edge is computed after a robust fit of the posture in each frame.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from vispeg.identify.pictures.sight import Sight
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
-SMALL = 1e-4  # rad: step of a derivative
-SCALES = (1.0, 0.5, 0.3, 0.3)  # px that edges may scatter by, from one robust step to the next
+SMALL = 1e-4  # rad, step of a derivative
+SCALES = (1.0, 0.5, 0.3, 0.3)  # px, assumed scatter of the edges in successive robust steps
 
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The joints of each frame, free within `posture_frame` of what was measured.
+    """Joint errors of each frame, with prior standard deviation `posture_frame`.
 
     Attributes:
-        frame: (n,) that each border point belongs to.
-        slopes: (n, nj) px a rad, by which an error of each joint moves a point along its normal.
+        frame: (n,) frame of each border point.
+        slopes: (n, nj) px per rad, derivative of each point along its normal to each joint's error.
     """
 
     frame: np.ndarray
@@ -43,7 +43,7 @@ class Postures:
         return cls(points.frame, np.stack(along, axis=1))
 
     def taken_out(self, away: np.ndarray) -> np.ndarray:
-        """Misplacements (n,) px, NaN where there is no edge, less what each frame's most likely posture does."""
+        """Return misplacements (n,) px less the effect of the frames' likeliest joint errors; NaN without an edge."""
         out, good = away.copy(), np.isfinite(away)
         for number in np.unique(self.frame[good]):
             rows = np.flatnonzero(good & (self.frame == number))
@@ -55,10 +55,10 @@ class Postures:
 
 
 def _posture(slopes: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """(nj,) rad that make `away` (n,) of slopes (n, nj), both weighted, most likely."""
+    """Return the most likely joint errors (nj,) rad given `away` (n,) and slopes (n, nj), both weighted."""
     return np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]) / RULES.posture_frame**2, slopes.T @ away)
 
 
 def steadied(geometry: Geometry, sight: Sight, world: World, points: Points) -> np.ndarray:
-    """(n,) px: how far the edges of a sight are off a world's borders, the arm's errors in each frame taken out."""
+    """Return (n,) px from a world's borders to the edges, with the joint errors of each frame subtracted."""
     return Postures.of(geometry, sight, world, points).taken_out(misplacement(geometry, sight, world, points))

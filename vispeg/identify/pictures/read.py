@@ -1,4 +1,4 @@
-"""Sights of a recording with frames: one for every camera whose pose is stated."""
+"""Read the sights of a recording with frames: one for each camera with a stated pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vispeg.render.calibration.detect import View
 from vispeg.vision.board import board_of, view_of_board
 from vispeg.vision.eye import camera_of
 
-MOST = 40  # frames of a camera that are looked at in one recording: evenly spread ones of more
+MOST = 40  # largest number of frames per camera and recording; of more, evenly spaced ones
 
 
 def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
@@ -39,7 +39,7 @@ def sights_of(recordings: Sequence[Recording]) -> list[Sight]:
 
 
 def comparable(rec: Recording) -> bool:
-    """Whether `sights_of` takes a recording: every camera's pose is stated, and its frames are enough."""
+    """Return whether `sights_of` accepts a recording: every camera has a stated pose and enough frames."""
     frames = rec.frames
     if frames is None or not len(frames) or any(frames.cameras[name].pose is None for name in frames.names):
         return False
@@ -47,12 +47,12 @@ def comparable(rec: Recording) -> bool:
 
 
 def _standing(rec: Recording, frames: Frames) -> np.ndarray:
-    """(n,) numbers of the frames at whose moments all joint angles were measured."""
+    """Return the indices (n,) of the frames at whose times all joint angles were measured."""
     return np.flatnonzero(np.isfinite(joints_at(rec, frames.times, frames.episodes)).all(1))
 
 
 def _curve(rec: Recording, episode: int) -> CubicSpline | None:
-    """`joints_at` of an episode without gaps, its spline made once; None where readings are missing."""
+    """Return the spline of an episode without gaps (see `joints_at`), computed once; None if readings are missing."""
     rows = slice(None) if rec.episode is None else rec.episode == episode
     time, q = rec.time[rows], rec.q[rows]
     unbroken = np.isfinite(q).all() and len(time) >= 4 and np.diff(time).max() <= GAP / rec.rate_hz
@@ -93,13 +93,12 @@ def _sight(rec: Recording, name: str, frames: Frames) -> Sight:
 
 
 def _held(q: np.ndarray, episodes: np.ndarray, row: int) -> int | None:
-    """Give the frame farthest from one in time, after it or else before it, in the stretch in which no joint moves; or
-    None.
+    """Return the frame farthest in time from another in the same standstill, later if possible; None if there is none.
 
     Args:
-        q: (n, nj) rad where each frame was taken, NaN where that is not known.
+        q: (n, nj) rad, joint angles at each frame; NaN if unknown.
         episodes: (n,) of each frame.
-        row: number of the one.
+        row: index of the frame.
     """
     still = (np.abs(q - q[row]).max(axis=1) < RULES.frame_still) & (episodes == episodes[row])
     moved = np.flatnonzero(~still)

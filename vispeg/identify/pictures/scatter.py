@@ -1,7 +1,7 @@
-"""How far a robot's joints are off in each frame, and what hangs on the place in the image instead: two variances.
+"""Estimate two variances: of joint errors in each frame, and of a shift that depends on image position.
 
-A smear on the lens shifts edges by where they stand in the image, in all frames of a camera alike; joints shift them by
-frame. Asked for the joints alone, the likelihood calls a smear their error.
+A smear on the lens shifts edges by their position in the image, in all frames of a camera alike; joint errors shift
+them by frame. Without the second variance the likelihood would attribute a smear to the joints.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from vispeg.identify.pictures.fixed import slopes
 if TYPE_CHECKING:
     from vispeg.identify.pictures.evidence import BorderEvidence, Item
 
-FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px, RMS over the image: less no edge shows, more no window holds
-CELLS = (6, 5)  # of the image, across and down, over which a smear lasts: finer than a lens bends, wider than a border
+FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px RMS over the image: less does not show, more leaves the window
+CELLS = (6, 5)  # of the image, across and down: correlation length of a smear, finer than lens distortion
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations of what pictures show beside the freest model.
+    """Standard deviations of errors that the freest model does not describe.
 
     Attributes:
         robot: of each joint's angle in each frame, rad.
-        field: of the shift that hangs on the place in the image, px.
+        field: of the shift that depends on image position, px.
     """
 
     robot: float
@@ -38,10 +38,10 @@ class Scatter:
 
     @classmethod
     def of(cls, parts: Sequence[Columns]) -> Scatter:
-        """By restricted likelihood, of recordings whose field may differ.
+        """Estimate by restricted likelihood from recordings, each with a shift field of its own.
 
-        Source of the criterion: Patterson and Thompson, Biometrika 58(3), 1971, the fixed effects being those that the
-        alignment freed.
+        The fixed effects are the parameters that the alignment freed. Source of the criterion: Patterson and
+        Thompson, Biometrika 58(3), 1971.
         """
         sizes = [(robot, field) for field in FIELD for robot in robots()]
         fits = dict(zip(sizes, likelihoods(parts, sizes), strict=True))
@@ -52,13 +52,13 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Columns:
-    """What unknowns do to the readings (n) of a recording, in units of their noise.
+    """Effects of the unknowns on the readings (n) of a recording, in noise units.
 
     Attributes:
-        common: (n, k) one standard deviation of each unknown that all frames share.
-        joints: (n, k) one rad of each joint in each frame.
-        field: (n, k) 1 px of shift at each place of the image.
-        fixed: (n, k) a typical size of each parameter that the alignment freed.
+        common: (n, k) per standard deviation of each unknown shared by all frames.
+        joints: (n, k) per rad of each joint in each frame.
+        field: (n, k) per px of shift at each image position.
+        fixed: (n, k) per typical size of each parameter that the alignment freed.
         readings: (n,).
     """
 
@@ -70,7 +70,7 @@ class Columns:
 
 
 def robots() -> tuple[float, ...]:
-    """Give the sizes that are tried of an error of each joint in each frame, rad."""
+    """Return the candidate standard deviations of a joint error in each frame, rad."""
     return 0.0, *np.geomspace(3e-5, RULES.posture_frame, 12).tolist()
 
 
@@ -83,7 +83,7 @@ def columns_of(evidence: BorderEvidence, known: Sequence[tuple[np.ndarray, np.nd
 
 
 def fields(item: Item) -> np.ndarray:
-    """Columns (n, k) of a smooth random field of shifts over the image, of 1 px in any direction, in noise units."""
+    """Return columns (n, k) of a smooth random shift field over the image, 1 px in any direction, in noise units."""
     size = np.array([item.sight.camera.width, item.sight.camera.height])
     middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in CELLS)), axis=-1).reshape(-1, 2)
     place = (item.points.pixel + 0.5) / size * CELLS
@@ -94,7 +94,7 @@ def fields(item: Item) -> np.ndarray:
 
 
 def likelihoods(parts: Sequence[Columns], sizes: Sequence[tuple[float, float]]) -> list[float]:
-    """Restricted log likelihood of each (robot, field), by the sums of products of columns; see `nuisance` for C^-1."""
+    """Return the restricted log likelihood of each (robot, field) from cross products of columns; C^-1: `nuisance`."""
     products = []
     for c in parts:
         every = np.column_stack([c.common, c.joints, c.field, c.fixed, c.readings])
@@ -108,7 +108,7 @@ def _likelihood(products: Sequence[tuple[np.ndarray, list[int]]], robot: float, 
         size, k = np.repeat([1.0, robot, field], counts), sum(counts)
         half = linalg.cholesky(size[:, None] * square[:k, :k] * size + np.eye(k), lower=True)
         taken = linalg.solve_triangular(half, size[:, None] * square[:k, k:], lower=True)
-        rest = square[k:, k:] - taken.T @ taken  # of fixed effects and readings, whitened
+        rest = square[k:, k:] - taken.T @ taken  # cross products of fixed effects and readings, whitened
         information, along = information + rest[:-1, :-1], along + rest[:-1, -1]
         total += float(rest[-1, -1] + 2 * np.log(np.diag(half)).sum())
     information = information + np.eye(len(information)) / PRIOR**2

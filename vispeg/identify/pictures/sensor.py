@@ -1,4 +1,4 @@
-"""A camera's sensor as evidence: figures of measured frames less those of rendered ones that passed through it."""
+"""Compare a camera's sensor with its model: figures of measured frames minus those of rendered and sensed ones."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from vispeg.worlds.sensor import noise_of
 from vispeg.worlds.world import World
 
 Kind = Literal["depth", "light"]
-WILD = 50.0  # of its scatter, beyond which a figure counts no more
+WILD = 50.0  # multiples of its scatter beyond which a figure is ignored
 
 
 @dataclass(frozen=True, eq=False)
 class FigureItem:
-    """One sight's figures as a column.
+    """Figures of one sight as a column.
 
     Attributes:
-        sight, figures: what was photographed, and its figures.
-        each: (k,) by which a figure scatters from frame to frame.
-        kind: of channel.
+        sight, figures: the frames, and their figures.
+        each: (k,) standard deviation of each figure between frames.
+        kind: of channel, depth or light.
     """
 
     sight: Sight
@@ -47,7 +47,7 @@ class FigureItem:
 
     @property
     def measured(self) -> np.ndarray:
-        """(n, 1) all frames' figures one after the other."""
+        """Figures of all frames, one frame after the other, (n, 1)."""
         return np.nan_to_num(self.figures.measured).reshape(-1, 1)
 
     @cached_property
@@ -57,7 +57,7 @@ class FigureItem:
 
     @property
     def sigma(self) -> np.ndarray:
-        """(1,) each figure is compared in units of its own scatter."""
+        """(1,) unit: each figure is already divided by its scatter."""
         return np.ones(1)
 
     @property
@@ -67,7 +67,7 @@ class FigureItem:
 
 
 class SensorEvidence(Evidence):
-    """Figures of depth or of light of some sights; everything stands where the borders found it.
+    """Figures of depth or of light of some sights; poses are those that the borders determined.
 
     Args:
         scene: the cell.
@@ -93,25 +93,28 @@ class SensorEvidence(Evidence):
 
     @property
     def unit(self) -> str:
-        """Figures have units of their own: multiples of their scatter are compared."""
+        """Unit of the figures: multiples of their scatter, since figures have different units."""
         return "times the scatter"
 
     def sees(self, kind: Effect) -> bool:
-        """Whether an effect shows in this kind of figures."""
+        """Return whether an effect acts on this kind of figures."""
         return shows(kind, self.kind)
 
     def frees(self, kind: Effect, name: str) -> bool:
-        """All but what is held, and a stereo pair's own measures: its data sheet states them, its errors do not."""
+        """Return whether a parameter may be fitted.
+
+        Not fitted are the held ones and a stereo pair's own dimensions, which its data sheet states.
+        """
         return name not in PARAMS and (kind.name, name) not in self.held
 
     def holding(self, names: Collection[tuple[str, str]]) -> SensorEvidence:
-        """Return a copy of the evidence in whose fits these parameters of effects stay fixed."""
+        """Return a copy of the evidence in whose fits these effect parameters stay fixed."""
         out = copy(self)
         out.held = frozenset(names)
         return out
 
     def misplaced(self, world: World) -> list[np.ndarray]:
-        """Per item, (frames, figures) measured less modelled in units of the scatter; NaN where not known."""
+        """Return for each item (frames, figures) measured minus modelled, in units of the scatter; NaN if unknown."""
         for earlier, answer in self._recent_figures:
             if earlier == world:
                 return answer
@@ -123,26 +126,26 @@ class SensorEvidence(Evidence):
         return out
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Per world, all figures' residuals, flat; those that are not known 0."""
+        """Yield for each world the residuals of all figures, flat; unknown ones are 0."""
         return (np.concatenate([np.nan_to_num(r).ravel() for r in self.misplaced(world)]) for world in worlds)
 
     @property
     def least_gain(self) -> float:
-        """Share of the held-out squared error that a step must remove."""
+        """Share of the held-out squared error that an added effect must remove."""
         return RULES.gain_sensor
 
     @property
     def most_effects(self) -> int:
-        """Effects that a search may add."""
+        """Largest number of effects that a search may add."""
         return RULES.effects_fewest
 
     def blocks(self, seconds: float | None = None) -> np.ndarray:
-        """Give the frame of every residual entry."""
+        """Return the frame of each residual entry."""
         shapes = [i.figures.measured.shape for i in self.items]
         return np.repeat(np.arange(sum(s[0] for s in shapes)), np.concatenate([[s[1]] * s[0] for s in shapes]))
 
     def common_errors(self) -> np.ndarray:
-        """(n, figures) residuals where a figure is off by its floor in all frames, as by a camera's own processing."""
+        """Return (n, figures) columns: a figure is off by its floor in all frames, as by in-camera processing."""
         rows = [np.tile([f.floor for f in i.figures.table] / i.each, (len(i.figures.measured), 1)) for i in self.items]
         columns = [
             (i.valid.ravel() * r.ravel())[:, None] * np.tile(np.eye(r.shape[1]), (len(r), 1))
@@ -151,15 +154,15 @@ class SensorEvidence(Evidence):
         return np.concatenate(columns)
 
     def change(self, first: World, other: World) -> float:
-        """Give the figure that differs most between two worlds on the whole, in multiples of what is ordinary."""
+        """Return the largest difference of a figure between two worlds over all frames, in units of its `ordinary`."""
         return max((abs(v) for v in self._apart(self.misplaced(first), self.misplaced(other)).values()), default=0.0)
 
     def off(self, world: World) -> dict[str, float]:
-        """By name, by how much figures differ from a world's on the whole, in multiples of what is ordinary."""
+        """Return by name how much figures differ from a world's over all frames, in units of their `ordinary`."""
         return self._apart(self.misplaced(world), [np.zeros_like(m) for m in self.misplaced(world)])
 
     def moves(self, first: World, other: World) -> dict[str, float]:
-        """By name, by how much figures differ between two worlds, in multiples of what is ordinary."""
+        """Return by name how much the figures differ between two worlds, in multiples of the `ordinary` size."""
         return self._apart(self.misplaced(first), self.misplaced(other))
 
     def _apart(self, first: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> dict[str, float]:
@@ -173,47 +176,47 @@ class SensorEvidence(Evidence):
         return out
 
     def error(self, world: World) -> float:
-        """RMS of the figures in units of their scatter."""
+        """Return the RMS of the figures' residuals in units of their scatter."""
         return float(np.sqrt(np.nanmean(np.concatenate([m.ravel() for m in self.misplaced(world)]) ** 2)))
 
     def depth_error(self, world: World) -> float:
-        """RMS of the errors of depth over frames and ranges of distance, mm; of depth's figures alone."""
+        """Return the RMS depth error over frames and distance bins, mm; only for figures of depth."""
         rows, every = self._errors, zip(self.items, self.misplaced(world), strict=True)
         off = [m[:, rows] * i.each[rows] for i, m in every]
         return 1e3 * float(np.sqrt(np.nanmean(np.concatenate([o.ravel() for o in off]) ** 2)))
 
     @property
     def depth_floor(self) -> float:
-        """RMS scatter of those errors from frame to frame, mm."""
+        """RMS scatter of the depth errors between frames, mm."""
         seen = [i.each[self._errors][np.isfinite(i.figures.measured[:, self._errors]).any(0)] for i in self.items]
         return 1e3 * float(np.sqrt(np.mean(np.concatenate(seen) ** 2)))
 
     @property
     def _errors(self) -> np.ndarray:
-        """(figures,) bool, which of them are errors of depth."""
+        """(figures,) bool: whether a figure is a depth error."""
         return np.array([f.name.startswith(ERROR) for f in self.items[0].figures.table])
 
     @property
     def floor(self) -> float:
-        """1: the scatter itself."""
+        """RMS expected of a correct model in units of the scatter: 1."""
         return 1.0
 
     @property
     def floors(self) -> np.ndarray:
-        """(1,) the same."""
+        """RMS expected of a correct model, (1,)."""
         return np.ones(1)
 
 
 def sensor_evidence(
     scene: Scene, shots: Sequence[tuple[Sight, Sequence[Shot]]], kind: Kind, world: World
 ) -> SensorEvidence | None:
-    """Give the figures of some sights' frames, or None where too few frames have such a picture.
+    """Return the figures of some sights' frames, or None if too few frames have such a picture.
 
     Args:
         scene: the cell.
         shots: of each sight.
         kind: of channel.
-        world: with the sensor that the model states, and with looks if they are stated too.
+        world: with the stated sensor, and the stated appearance if there is one.
     """
     lit = any(effect(e.effect).family == "appearance" for e in world.effects)
     items = []
@@ -227,15 +230,16 @@ def sensor_evidence(
 
 
 def _ordinary(sight: Sight) -> tuple[float, float]:
-    """Scatter s0 + s1 z^2 of a camera's depth, m and 1/m, by its kind where that is stated.
+    """Return the noise s0 + s1 z^2 of a camera's depth, m and 1/m, by its kind if stated.
 
-    With twice the variance of its kind's noisiest: a camera at the end of its range is then at half of what is odd.
+    The variance is twice that of the noisiest camera of the kind, so that a camera at the end of its range is at half
+    the threshold.
     """
     return (0.0, float(np.sqrt(2)) * noise_of(sight.sensor)) if sight.sensor else ORDINARY
 
 
 def _scatter(figures: Figures, world: World) -> np.ndarray:
-    """(k,) by which each figure's difference from the prediction scatters between frames; its floor at least."""
+    """Return the standard deviation (k,) of each figure's residual between frames, at least its floor."""
     away = figures.measured - figures.modelled(world)
     columns = (c[np.isfinite(c)] for c in away.T)
     scatter = [1.4826 * float(np.median(np.abs(c - np.median(c)))) if len(c) else 1.0 for c in columns]

@@ -1,4 +1,4 @@
-"""Frames as a world predicts them before its sensor, each at the posture that its borders ask for."""
+"""Render frames as a world predicts them before its sensor, each at the posture fitted to its borders."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from vispeg.vision.geometry import Geometry
 from vispeg.vision.predict import Predictor, Rendering, through_sensor
 from vispeg.worlds.world import World
 
-MOST = 16  # frames of a sight: figures are means over thousands of pixels
-DRAWS = 100_000  # between the seeds of two draws of one frame: more than frames that a recording has
-LATER = 0.01  # s over which the camera's speed is taken
-SEED = 7  # of what the modelled sensor draws: the same in every world, so that differences are the world's
+MOST = 16  # largest number of frames per sight: a figure averages thousands of pixels
+DRAWS = 100_000  # stride of seeds between two draws of one frame: more than a recording has frames
+LATER = 0.01  # s, step of the finite difference for the camera's velocity
+SEED = 7  # of the sensor noise: the same in every world, so that differences are due to the world
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame: what was measured, and its prediction before the sensor.
+    """One measured frame, and its prediction before the sensor.
 
     Attributes:
-        number: of the frame in its sight.
-        rgb, depth: as measured, None where the frame has none.
+        number: index of the frame in its sight.
+        rgb, depth: as measured, None if absent.
         rendering: the prediction.
         borders: of the prediction.
         flow: (n,) px/s by which each border moves along its normal.
         velocity: (6,) m/s and rad/s of the camera in its own axes.
-        fixed: (H, W) bool, what stands still in the room.
-        again: depth as measured from the same place at another time, None where nothing was held still.
+        fixed: (H, W) bool, pixels of static parts.
+        again: another depth picture from the same place, None if the camera did not stand still.
     """
 
     number: int
@@ -48,9 +48,9 @@ class Shot:
     again: np.ndarray | None = None
 
     def sensed(self, world: World, kinds: Callable[[Effect], bool], draw: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Give the predicted picture after those effects of a world: rgb (H, W, 3) uint8, depth (H, W) float32 m.
+        """Return the prediction after some kinds of a world's effects: rgb (H, W, 3) uint8, depth (H, W) float32 m.
 
-        Another `draw` is another picture of the same moment.
+        A different `draw` gives another noise realisation of the same moment.
         """
         sensor = world.only(lambda e: kinds(effect(e.effect)))
         seed = SEED + self.number + DRAWS * draw
@@ -58,13 +58,13 @@ class Shot:
 
 
 def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarray) -> list[Shot]:
-    """Give the frames of a sight, `MOST` at most, evenly spread.
+    """Return frames of a sight, at most `MOST`, evenly spaced.
 
     Args:
         predictor: of the cell.
-        sight: what was photographed.
-        world: as the borders found it.
-        posture: (frames, nj) rad to add to the measured angles: where the borders put the arm in each frame.
+        sight: frames of one camera.
+        world: aligned to the borders.
+        posture: (frames, nj) rad to add to the measured angles so that the borders fit in each frame.
     """
     predictor.see(world)
     name, late, out = sight.camera.name, -delay_of(world, sight.camera.name), []
@@ -84,7 +84,7 @@ def shots_of(predictor: Predictor, sight: Sight, world: World, posture: np.ndarr
 def _motion(
     geometry: Geometry, name: str, borders: Borders, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(6,) speed of the camera in its own axes, and (n,) px/s of the borders along their normals."""
+    """Return the camera's velocity (6,) in its own frame, and the borders' speeds (n,) px/s along their normals."""
     places, moved = [], []
     for q in (before, after):
         geometry.at(q)
@@ -96,7 +96,7 @@ def _motion(
 
 
 def _fixed(predictor: Predictor, picture: Rendering) -> np.ndarray:
-    """(H, W) bool: pixels of parts none of whose geoms move with the arm."""
+    """Return (H, W) bool: pixels of parts without a geom that moves with the arm."""
     geometry = predictor.geometry
     moving = geometry.table[:-1][geometry.model.body_weldid[geometry.model.geom_bodyid] != 0]
     return (picture.parts > 0) & ~np.isin(picture.parts, moving)

@@ -1,4 +1,4 @@
-"""What one camera photographed in one recording, ready to be compared."""
+"""Frames of one camera in one recording, ready to be compared."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Sight:
         joints: measured angles (k, nj) rad at times (k,) s of given frames (k,): NaN where nothing was measured.
         rgb: the picture (H, W, 3) uint8 of a frame, or None.
         depth: its depth (H, W) float32 m, 0 where there is no reading, or None.
-        board: that lies in sight, None where there is none.
-        corners: the view of the board in a frame, None where it is not found there.
-        again: depth as in a frame, (H, W) m, of another one that was taken from the same place; None without one.
-        sensor: kind of depth camera, as the recording states it, "" where it does not.
+        board: calibration board in view, None if there is none.
+        corners: detected corners of the board in a frame, None if it is not found.
+        again: depth (H, W) m of another frame taken from the same place as a given one; None if there is none.
+        sensor: kind of depth camera, as stated by the recording, "" if not stated.
     """
 
     name: str
@@ -44,11 +44,11 @@ class Sight:
         return len(self.time)
 
     def at(self, frames: np.ndarray, late: np.ndarray | float = 0.0) -> np.ndarray:
-        """(k, nj) rad measured `late` s after the stamps of some frames (k,)."""
+        """Return the angles (k, nj) rad measured `late` s after the time stamps of some frames (k,)."""
         return self.joints(self.time[frames] + late, frames)
 
     def only(self, frames: Sequence[int] | np.ndarray) -> Sight:
-        """Give some of the frames, in this order."""
+        """Return the sight with some of the frames, in this order."""
         chosen = np.asarray(frames, int)
         return Sight(
             self.name,

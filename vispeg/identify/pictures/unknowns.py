@@ -1,4 +1,4 @@
-"""What no effect of a camera is, and moves edges all the same: where things stand, and what light does to an edge."""
+"""Nuisances that move edges without a camera effect: poses of fixture and part, and light that shifts an edge."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.identify.pictures.evidence import Item
 
-SMALL = 1e-4  # m, rad: steps of derivatives
+SMALL = 1e-4  # m, rad: steps of the derivatives
 
 
 def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
-    """Columns (n,): what one standard deviation of each edge bias does, in units of the noise.
+    """Return columns (n,), each the effect of one standard deviation of one edge bias, in noise units.
 
-    Edges that even the freest model leaves away from their borders are known as badly as that: `away` (n,) is what it
-    leaves, `scale` (n,) a pixel, both in those units.
+    The bias of edges that even the freest model leaves displaced is at least as uncertain as that displacement.
+    `away` (n,) is the freest model's residual, `scale` (n,) one pixel, both in noise units.
     """
     facing = np.round(np.arctan2(p.normal[:, 1], p.normal[:, 0]) / (np.pi / 2)).astype(int) % 4
     one_way, out = np.column_stack([p.parts, facing]), []
@@ -36,13 +36,13 @@ def _edges(p: Points, scale: np.ndarray, away: np.ndarray) -> list[np.ndarray]:
 
 
 def _alike(labels: np.ndarray) -> list[np.ndarray]:
-    """(n,) bool for each different row of some labels (n, k): where it stands."""
+    """Return for each distinct row of labels (n, k) a mask (n,) bool of its occurrences."""
     kinds, kind = np.unique(labels, axis=0, return_inverse=True)
     return [kind.ravel() == k for k in range(len(kinds))]
 
 
 def _things(geometry: Geometry, p: Points) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(n,) bool which points are of a thing, (3,) m what it turns about, (6,) m and rad how well its place is known."""
+    """Return for each object its points (n,) bool, centre of rotation (3,) m and sigmas of its pose (6,) m, rad."""
     scene, model = geometry.scene, geometry.model
     board = p.parts[:, 0] > len(scene.parts)
     middle = p.local[board].mean(axis=0) if board.any() else np.zeros(3)
