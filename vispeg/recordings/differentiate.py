@@ -7,16 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 ORDER = 4  # of the Butterworth filter, which runs forwards and backwards: gain 1 / (1 + (f/fc)^8), no phase
-SETTLE = 20  # over the cutoff in half-cycles a sample: extension after which the start-up has died out below 1e-9
-GAP_S = 0.020  # readings missing for longer than this are not invented
-UNEVEN = 1e-3  # of a sample period: beyond this, samples are put on an even grid before filtering
-BLOCK = 1 << 18  # samples that are filtered at once; longer runs in blocks that overlap, so that memory stays small
-FINER = 4  # times the mean rate: the finest even grid that samples are put on
-SPLINE = 200  # samples over which a spline forgets its end
+SETTLE = 20  # over the cutoff as a share of Nyquist: samples of edge extension, after which transients are below 1e-9
+GAP_S = 0.020  # s: longer gaps are not interpolated
+UNEVEN = 1e-3  # jitter, in sample periods, beyond which samples are resampled to an even grid before filtering
+BLOCK = 1 << 18  # samples filtered at once; longer runs are filtered in overlapping blocks to save memory
+FINER = 4  # the finest even grid, as a multiple of the mean rate
+SPLINE = 200  # samples over which the influence of a spline's end decays
 
 
 def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Zero-phase low-pass of q and its first two derivatives.
+    """Low-pass q without phase shift, and return it with its first two derivatives.
 
     Samples are filtered by a Butterworth low-pass run forwards and backwards over an odd extension of either edge, then
     a quintic spline through the result is differentiated. Where `time` steps back a new episode begins, and no filter
@@ -45,9 +45,9 @@ def smooth(time: np.ndarray, q: np.ndarray, cutoff_hz: float) -> tuple[np.ndarra
 
 
 def bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (n, k) at times (n,) s with straight lines over what is missing, each episode by itself.
+    """Interpolate missing values (n, k) at times (n,) s linearly, each episode by itself.
 
-    A column without any reading in an episode stays as it is there.
+    A column without any reading in an episode stays NaN there.
     """
     out = np.array(values, float)
     for rows in episodes(time) if not np.isfinite(out).all() else ():
@@ -59,14 +59,14 @@ def bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def episodes(time: np.ndarray) -> list[np.ndarray]:
-    """Row numbers of each stretch over which `time` (n,) increases."""
+    """Return the row numbers of each stretch over which `time` (n,) increases."""
     return [rows for rows in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) <= 0) + 1) if len(rows)]
 
 
 def _blocks(
     time: np.ndarray, run: np.ndarray, inside: np.ndarray, cutoff_hz: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pieces of a run of rows to filter, and the rows of `inside` that each is to answer for.
+    """Split a run of rows into overlapping pieces to filter; yield each with the rows of `inside` to take from it.
 
     A piece reaches so far beyond what it answers for that the filter and the spline have forgotten its ends.
     """
@@ -82,7 +82,7 @@ def _blocks(
 
 
 def _alike(finite: np.ndarray) -> Iterator[np.ndarray]:
-    """Columns of (n, nj) that miss the same readings, so that most signals are filtered all at once."""
+    """Group the columns of (n, nj) that miss the same readings, so that each group is filtered in one call."""
     if finite.all():
         yield np.arange(finite.shape[1])
         return
@@ -93,28 +93,28 @@ def _alike(finite: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _runs(time: np.ndarray, good: np.ndarray) -> list[np.ndarray]:
-    """Rows that have a reading, split where the next one is too far off in time."""
+    """Return the rows with a reading, split at gaps in time."""
     step = np.diff(time[good])
     longest = max(GAP_S, 1.5 * float(np.median(step))) if len(step) else GAP_S
     return np.split(good, np.flatnonzero(step > longest * (1 + 1e-9)) + 1)
 
 
 def _smooth_run(time: np.ndarray, q: np.ndarray, at: np.ndarray, cutoff_hz: float) -> list[np.ndarray]:
-    """Smoothed (n, k) samples without gaps at times `at`: value, first and second derivative."""
+    """Smooth samples (n, k) without gaps; return value, first and second derivative at the times `at`."""
     from scipy.interpolate import make_interp_spline
     from scipy.signal import butter, sosfiltfilt
 
     if len(time) < 2:
         return [np.repeat(q, len(at), axis=0), *np.full((2, len(at), q.shape[1]), np.nan)]
     start, time, at = time[0], time - time[0], at - time[0]  # small numbers keep the splines well conditioned
-    # a logger that writes in bursts has a median step far below the mean one: a finer grid would hold nothing more
+    # a logger that writes in bursts has a median step far below the mean: a finer grid would add no information
     dt = max(float(np.median(np.diff(time))), time[-1] / (FINER * len(time)))
     grid = np.linspace(0.0, time[-1], max(int(round(time[-1] / dt)) + 1, 2))
     if len(grid) != len(time) or np.max(np.abs(grid - time)) > UNEVEN * dt + 1e-12 * abs(start):
         q = make_interp_spline(time, q, k=min(3, len(time) - 1))(grid)
     fraction = 2 * cutoff_hz * (grid[1] - grid[0])
     if fraction < 0.9 and len(grid) > 6:
-        pad = int(min(np.ceil(SETTLE / fraction), BLOCK))  # a clock in the wrong unit would ask for 1e9 samples
+        pad = int(min(np.ceil(SETTLE / fraction), BLOCK))  # with time in a wrong unit it would be 1e9 samples
         longer = np.pad(q, ((pad, pad), (0, 0)), mode="reflect", reflect_type="odd")  # scipy's own stops at n - 1
         q = sosfiltfilt(butter(ORDER, fraction, output="sos"), longer, axis=0, padtype=None)[pad:-pad]
     degree = min(5, len(grid) - 1)

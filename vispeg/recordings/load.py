@@ -1,4 +1,4 @@
-"""Loads a recording folder (RECORDING.md), refusing what would mislead a fit."""
+"""Load a recording folder (RECORDING.md), refusing content that would mislead a fit."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ def load(
     signals: Callable[[Header], Collection[str]] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Give the recording in a folder with recording.yaml, samples.csv or samples.parquet, and maybe frames/.
+    """Load the recording in a folder with recording.yaml, samples.csv or samples.parquet, and optionally frames/.
 
-    Values are taken as they are: no resampling, no normalisation, NaN for empty cells. Unknown keys and columns are
-    ignored with one warning each that names them.
+    Values are kept unchanged: no resampling, no normalisation, NaN for empty cells. Unknown keys are ignored with one
+    warning that lists them, and so are unknown columns.
 
     Args:
         path: the folder.
-        signals: header -> those of `SIGNALS` to keep beside `q`, such as `needed`; the others are checked as they pass,
-            and None in the recording. None keeps all.
-        progress: called with how much has been read, 0 to 1.
+        signals: maps the header to the signals of `SIGNALS` to keep in addition to `q`, such as `needed`;
+            the others are only checked, and None in the recording. None keeps all.
+        progress: called with the share that has been read, 0 to 1.
 
     Returns:
-        The recording; SI units, radians, a `robot` path made absolute.
+        The recording in SI units and radians, with an absolute path if `robot` is a path.
 
     Raises:
-        UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
+        UserError: anything missing, malformed or implausible; the error names the file and the key, column or row.
     """
     folder = Path(path).expanduser()
     if not folder.name or folder.name == "..":
@@ -94,7 +94,7 @@ def needed(header: Header) -> tuple[str, ...]:
 
 
 def _reading(header: Header, keep: Collection[str] | None, progress: Callable[[float], None]) -> Reading:
-    """Read the columns of the signals; those that are not kept are looked at block by block."""
+    """Make the reading of the signals' columns; those that are not kept are checked block by block."""
     joints = header.joints
     retained = (*(s for s in SIGNALS if keep is None or s == "q" or s in keep), *header.signals)
     passing = tuple(s for s in SIGNALS if s not in retained)
@@ -116,14 +116,14 @@ def _reading(header: Header, keep: Collection[str] | None, progress: Callable[[f
 def assemble(
     header: Header, table: Table, folder: Path, header_file: Path, keep: Collection[str] | None = None
 ) -> Recording:
-    """Give a checked recording from a header and a table, wherever they come from.
+    """Build a validated recording from a header and a table of any origin.
 
     Args:
-        header: what recording.yaml says.
-        table: the samples; columns that are no signal of the header's joints are left out.
-        folder: what the recording is called, and what a relative `robot` path starts from.
-        header_file: what a message about the header names.
-        keep: signals to keep beside `q`; None keeps all.
+        header: content of recording.yaml.
+        table: the samples; columns that belong to no signal of the header's joints are left out.
+        folder: names the recording, and is the base of a relative `robot` path.
+        header_file: the file that errors about the header name.
+        keep: signals to keep in addition to `q`; None keeps all.
 
     Raises:
         UserError: as for `load`.
@@ -134,7 +134,7 @@ def assemble(
     _need(table, header, signals)
     time, episode = _clock(table, header.rate_hz)
     q = signals.pop("q")
-    if q is None:  # `_need` has made sure of it; said again for the reader
+    if q is None:  # cannot happen after `_need`; narrows the type
         raise UserError("has no measured angles", file=table.file, expected=columns_of("q", header.joints)[0])
     return Recording(
         path=folder,
@@ -181,7 +181,7 @@ def _files(folder: Path) -> tuple[Path, Path]:
 
 
 def _robot(robot: str, folder: Path, file: Path) -> str:
-    """Give a name as it is; a path (it has a suffix or a slash) absolute."""
+    """Return a robot's name unchanged, and a path (it has a suffix or a slash) as an absolute path."""
     if "/" not in robot and not robot.lower().endswith((".xml", ".urdf", ".mjcf")):
         return robot
     try:
@@ -195,7 +195,7 @@ def _robot(robot: str, folder: Path, file: Path) -> str:
 
 
 def _control(section: ControlSection, rate_hz: float, nj: int, file: Path) -> Control:
-    """Check the gains against the mode: one a joint for position, six for osc."""
+    """Check the number of gains against the mode: one per joint for position, six for osc."""
     size = {"position": nj, "osc": 6}.get(section.mode)
     gains: dict[str, np.ndarray | None] = {}
     for name in ("kp", "kd"):
@@ -226,7 +226,7 @@ def _torque_limit(limit: list[float] | None, nj: int, file: Path) -> np.ndarray 
 
 
 def _own(table: Table, name: str, said: SignalSection, header: Header) -> Signal:
-    """Give a signal that the header declares. Raises UserError where a column is not there."""
+    """Read a signal that the header declares. Raises UserError: a column is absent."""
     values = _signal(table, name, header.joints, True)
     if values is None:
         expected = columns_of(name, header.joints)[0]
@@ -237,9 +237,9 @@ def _own(table: Table, name: str, said: SignalSection, header: Header) -> Signal
 
 
 def _signal(table: Table, name: str, joints: list[str], keep: bool) -> np.ndarray | None:
-    """One signal (n, width), or None where none of its columns is there or it is not kept. A set must be complete.
+    """Read one signal (n, width); None if it is not kept or has no columns. With some columns, it must have all.
 
-    A table's columns are used up as they become a signal: a long recording is not held twice.
+    Columns are removed from the table as they become a signal, so that memory does not hold a long recording twice.
     """
     columns = columns_of(name, joints)
     if name != "q" and not any(column in table.names for column in columns):

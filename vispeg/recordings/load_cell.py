@@ -14,11 +14,11 @@ from vispeg.recordings.schema import CellSection, OutcomeSection, WrenchSection
 
 
 def cell(section: CellSection | None, file: Path) -> CellBelief | None:
-    """Give the belief, a world file's path made absolute; what it says is checked by whoever builds the cell.
+    """Return the belief about the cell, with an absolute world path; its content is checked when the cell is built.
 
     Args:
-        section: what recording.yaml says.
-        file: that says so: a relative path starts from its folder, and a message names it.
+        section: the key `cell` of recording.yaml.
+        file: the file with that key: base of relative paths, and named in errors.
 
     Raises:
         UserError: no such world file.
@@ -45,7 +45,7 @@ def cell(section: CellSection | None, file: Path) -> CellBelief | None:
 
 
 def _robot(stated: Any, file: Path) -> Any:
-    """Give the robot that a cell states, a file's path seen from the folder of what states it."""
+    """Return the robot that a cell states, with a relative path resolved against the folder of the stating file."""
     model = stated.get("model") if isinstance(stated, Mapping) else stated
     if not isinstance(model, str) or not Path(model).suffix or Path(model).expanduser().is_absolute():
         return stated
@@ -54,7 +54,7 @@ def _robot(stated: Any, file: Path) -> Any:
 
 
 def wrench(section: WrenchSection | None) -> WrenchSensor | None:
-    """How the wrench is to be read; None where nothing is said."""
+    """Return the convention of the wrench; None if none is stated."""
     if section is None:
         return None
     (x, y, z), (qw, qx, qy, qz) = section.pos_m, section.quat
@@ -62,7 +62,7 @@ def wrench(section: WrenchSection | None) -> WrenchSensor | None:
 
 
 def outcomes(sections: list[OutcomeSection], episode: np.ndarray | None, file: Path) -> tuple[Outcome, ...]:
-    """How trials ended. Raises UserError for an outcome of an episode that is not there, or that is given twice."""
+    """Return the outcomes of trials. Raises UserError: an outcome's episode is absent or has two outcomes."""
     there = {0} if episode is None else {int(number) for number in np.unique(episode)}
     for i, outcome in enumerate(sections):
         if outcome.episode not in there:

@@ -1,4 +1,4 @@
-"""The noise of a recording: as stated, or estimated from what no arm can do."""
+"""Sensor noise of a recording: as stated, or estimated from changes too fast for an arm."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from vispeg.recordings.checks.quality import quantization
 from vispeg.recordings.recording import Recording
 
 NOISE = {"q": 2e-5, "dq": 1e-3, "tau": 0.2, "ee": 1e-4, "ft": 0.1, "ft_torque": 0.005}  # 1 sigma, SI: a good arm's
-SILENT_TAU = 1e-5  # share of the peak torque: no sensor is as quiet as this
+SILENT_TAU = 1e-5  # noise as a share of the peak torque below which a signal cannot be an unfiltered sensor's
 
 
 def highpass_sigma(values: np.ndarray) -> np.ndarray:
-    """1-sigma white noise of each column of (n, nj), from fourth differences: motion is smooth over five samples.
+    """Estimate the 1-sigma white noise of each column of (n, nj) from fourth differences.
 
-    The fourth difference of white noise has variance 70 sigma^2 (sum of squared binomials 1 4 6 4 1); the median
-    absolute deviation keeps jumps and reversals out. 0 where no five readings follow each other: no noise is seen.
+    Motion is smooth over five samples. The fourth difference of white noise has variance 70 sigma^2 (sum of squared
+    binomials 1 4 6 4 1). The median absolute deviation makes the estimate robust to jumps and reversals. It is 0
+    without five consecutive readings.
     """
     diff = np.diff(values, 4, axis=0)
     sigma, told = np.zeros(values.shape[1]), np.isfinite(diff).any(axis=0)
@@ -29,7 +30,7 @@ def highpass_sigma(values: np.ndarray) -> np.ndarray:
 
 
 def noise_of(rec: Recording) -> dict[str, np.ndarray]:
-    """1-sigma per joint (nj,) of `q` (rad) and `tau` (N m): stated where it is, else estimated."""
+    """Return the 1-sigma noise per joint (nj,) of `q` (rad) and `tau` (N m): the stated one, else an estimate."""
     out = {}
     for name, least in (("q", 1e-7), ("tau", 1e-3)):
         values = getattr(rec, name)
@@ -43,24 +44,22 @@ def noise_of(rec: Recording) -> dict[str, np.ndarray]:
 
 
 def _pooled(sigma: np.ndarray, least: float) -> np.ndarray:
-    """Give a joint that shows no noise (it stands on one step of its encoder) is taken to be as noisy as the others
-    are.
-    """
+    """Replace the noise of joints that show none (at rest within one encoder step) by that of the other joints."""
     noisy = sigma > least
     usual = float(np.median(sigma[noisy])) if noisy.any() else least
     return np.where(noisy, sigma, usual)
 
 
 def _rounding(values: np.ndarray) -> np.ndarray:
-    """1-sigma (nj,) of what a quantized signal (n, nj) rounds away: step / sqrt(12); 0 where no step is seen."""
+    """Return the 1-sigma rounding error (nj,) of a quantized signal (n, nj): step / sqrt(12); 0 without a step."""
     return np.array([(quantization(column) or 0.0) / np.sqrt(12.0) for column in values.T])
 
 
 def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarray:
-    """1-sigma of one reading, from recordings of the same commanded motion: sensor noise and lack of repeatability.
+    """Estimate the 1-sigma noise of one reading, repeatability included, from recordings of one commanded motion.
 
-    The variance across recordings at each row (unbiased, over k - 1) is averaged over rows; what all recordings share,
-    such as an effect that no model has, is not in it.
+    The variance across recordings at each row (unbiased, over k - 1) is averaged over rows. Deviations that all
+    recordings share, such as those of an unmodelled effect, do not contribute.
 
     Args:
         recs: at least two recordings, aligned in time from their first row on; the longest are cut to the shortest.
@@ -88,7 +87,7 @@ def noise_from_repeats(recs: Sequence[Recording], signal: str = "q") -> np.ndarr
 
 
 def noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    """Give readings (n, k) with white noise of the 1-sigma that `noise` states for this signal; none where it states
+    """Add white noise with the 1-sigma that `noise` states for this signal to readings (n, k); unchanged if it states
     none.
 
     A load has the torques' noise; the orientation of `ee` is taken as exact, so that quaternions stay of unit length;
@@ -103,7 +102,7 @@ def noisy(key: str, values: np.ndarray, noise: Mapping[str, float], rng: np.rand
 
 
 def same_motion(a: Recording, b: Recording) -> bool:
-    """Whether two recordings state the same robot, controller and commands at the same times (to half a sample)."""
+    """Test whether two recordings have the same robot, controller and commands at the same times (to half a sample)."""
     rows = min(len(a.time), len(b.time))
     if (a.robot, a.joints, a.control.mode) != (b.robot, b.joints, b.control.mode):
         return False
@@ -118,5 +117,5 @@ def same_motion(a: Recording, b: Recording) -> bool:
 
 
 def silent(sigma: float | None, peak: float | None) -> bool:
-    """Whether a torque signal shows less noise than any sensor has."""
+    """Test whether a torque signal shows less noise than any unfiltered sensor has."""
     return sigma is not None and peak is not None and sigma < SILENT_TAU * peak

@@ -1,4 +1,4 @@
-"""Recordings of a free object's motion, `vispeg-object-recording/1`: its pose over time, toss by toss."""
+"""Recordings of a free object's motion, `vispeg-object-recording/1`: its pose over time, one episode per toss."""
 
 from __future__ import annotations
 
@@ -98,9 +98,9 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_object_recording(path: Path | str) -> ObjectRecording:
-    """Give the recording in a folder with recording.yaml and samples.csv or samples.parquet.
+    """Load an object recording from a folder with recording.yaml and samples.csv or samples.parquet.
 
-    Where the table has no velocities they are taken from the poses by central differences.
+    If the table has no velocities, they are computed from the poses by central differences.
 
     Raises:
         UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
@@ -146,7 +146,7 @@ def _block(table: Table, columns: list[str]) -> np.ndarray:
 
 
 def rates(pose: np.ndarray, time: np.ndarray, episode: np.ndarray) -> np.ndarray:
-    """Velocities (n, 6) of poses (n, 7) by central differences inside each episode; see ObjectRecording.rate."""
+    """Compute velocities (n, 6) of poses (n, 7) by central differences in each episode; see ObjectRecording.rate."""
     out = np.zeros((len(time), 6))
     for number in np.unique(episode):
         rows = np.flatnonzero(episode == number)
@@ -160,7 +160,7 @@ def rates(pose: np.ndarray, time: np.ndarray, episode: np.ndarray) -> np.ndarray
 
 
 def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Rotation vectors (n, 3) in rad that turn orientation `a` to `b`, both (n, 4) wxyz, in the frame of `a`."""
+    """Return the rotation vectors (n, 3) rad from orientation `a` to `b`, both (n, 4) wxyz, in the frame of `a`."""
     w = np.sum(a * b, axis=-1)
     v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
     v = np.where(w[..., None] < 0, -v, v)

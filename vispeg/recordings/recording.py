@@ -1,4 +1,4 @@
-"""A recording in memory: what was measured, and what is known of how."""
+"""A recording in memory: the measured signals, and how they were measured."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Nullspace:
 
 @dataclass(frozen=True)
 class Control:
-    """The controller that ran on the robot, as RECORDING.md states it; gains are arrays, one a joint or six for osc."""
+    """The controller that ran on the robot, see RECORDING.md; gains are arrays, one per joint or six for osc."""
 
     mode: Mode = "unknown"
     rate_hz: float = 500.0
@@ -36,12 +36,12 @@ class Control:
     kd: np.ndarray | None = None
     nullspace: Nullspace | None = None
     force_limit: float | None = None  # N, osc: the greatest commanded force
-    torque_limit: np.ndarray | None = None  # (nj,) N m, osc: what the commanded torque is cut to
+    torque_limit: np.ndarray | None = None  # (nj,) N m, osc: limit at which the commanded torque is clipped
 
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of a recording, in its own time, s."""
+    """A stretch of a recording, in the recording's time, s."""
 
     start: float
     stop: float
@@ -49,14 +49,15 @@ class Window:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What was taken of a long recording.
+    """The windows that were chosen from a long recording.
 
     Attributes:
-        of_s, used_s: its length and what is used of it, s.
+        of_s, used_s: length of the recording and of the used part, s.
         windows: in order of time.
-        reversals, reversals_of: changes of direction in the windows and in the whole, all joints together.
-        speed, acceleration, load: largest in the windows over largest in the whole, of the joint where that is least.
-        standing: joints that move in the whole and stand in every window.
+        reversals, reversals_of: changes of direction in the windows and in the whole recording, summed over joints.
+        speed, acceleration, load: peak in the windows over peak in the whole recording, for the joint with the least
+            such ratio.
+        standing: joints that move in the recording but in none of the windows.
     """
 
     of_s: float
@@ -70,7 +71,7 @@ class Chosen:
     standing: tuple[str, ...] = ()
 
     def said(self, name: str) -> str:
-        """One sentence for a person."""
+        """Describe the choice in one sentence."""
         where = ", ".join(f"{w.start:.4g}" for w in self.windows)
         many = f"{len(self.windows)} windows" if len(self.windows) > 1 else "one window"
         speed, acceleration, load = (f"{100 * x:.0f} %" for x in (self.speed, self.acceleration, self.load))
@@ -84,12 +85,12 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Signal:
-    """A measured signal of a channel of one's own, one column a joint.
+    """A measured signal of a user-defined channel, one column per joint.
 
     Attributes:
         values: (n, nj) in `unit`, NaN where a reading is missing.
         unit: as the header states it.
-        noise: 1-sigma, or None where nothing is stated.
+        noise: 1-sigma, or None if not stated.
     """
 
     values: np.ndarray
@@ -112,19 +113,19 @@ class Recording:
         dq, tau, tau_cmd, q_cmd, dq_cmd: (n, nj) or None.
         load: (n, nj) or None; the robot's own estimate of its motors' torque, in any unit, with or without a sign.
         ee, ee_cmd: (n, 7) x y z qw qx qy qz of the flange in the base, or None.
-        ft: (n, 6) N, N m, or None; `wrench` says how it is to be read.
+        ft: (n, 6) N, N m, or None; `wrench` states its convention.
         episode: (n,) int; rows of one episode belong together.
         tool: None, or {mass_kg, com_m, inertia_kgm2, name}.
-        base_tilt: (2,) rad, roll and pitch that the user believes.
+        base_tilt: (2,) rad, believed roll and pitch of the base.
         torque_sensor: what `tau` measures.
         noise: 1-sigma per channel (`q`, `dq`, `tau`, `ee`, `ft` in N, `ft_torque` in N m), only what is known.
-        cell: what stands in the cell as the user believes it; None where nothing is said.
-        wrench: the wrist's force sensor; None where nothing is said of it.
-        outcomes: how trials ended, of those episodes that say so.
+        cell: the user's belief about the cell; None if not stated.
+        wrench: the convention of the wrist's wrench sensor; None if not stated.
+        outcomes: outcomes of trials, for the episodes that state one.
         motion, notes: free text.
-        signals: by name what else was measured in every joint, as the header declares it.
-        frames: pictures beside the samples, or None where there are none.
-        chosen: which windows of a longer recording this is (`recordings.windows`), or None where it is whole.
+        signals: name -> further signal measured in every joint, as the header declares it.
+        frames: pictures, or None if there are none.
+        chosen: the windows of a longer recording that this one consists of (`recordings.windows`), or None if whole.
     """
 
     path: Path
@@ -163,7 +164,7 @@ class Recording:
         return self.path.name
 
     def some(self, rows: Any) -> Recording:
-        """Give a recording of some of its samples, which `rows` indexes; its frames stay."""
+        """Select samples by the index `rows`; all frames are kept."""
         columns = {k: v[rows] for k in ("time", "episode", *SIGNALS) if (v := getattr(self, k)) is not None}
         signals = {k: replace(s, values=s.values[rows]) for k, s in self.signals.items()}
         return replace(self, signals=signals, **columns)
@@ -176,7 +177,7 @@ class Recording:
 
 
 def in_order(rec: Recording, joints: Sequence[str]) -> Recording:
-    """Put a recording's joints into the order of a robot that has all of them; unchanged where it has not."""
+    """Reorder a recording's joints to the robot's order `joints`; unchanged if the robot lacks one of them."""
     wanted = tuple(joint for joint in joints if joint in rec.joints)
     if wanted == rec.joints or len(wanted) != len(rec.joints):
         return rec

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-REGIMES = ("free", "press", "slide", "hole", "impact")  # as JSON files have them
-INSIDE = REGIMES[3]  # of what is inserted
+REGIMES = ("free", "press", "slide", "hole", "impact")  # names in JSON files
+INSIDE = REGIMES[3]  # regime of an inserted tip
 FREE, PRESS, SLIDE, INSIDE, IMPACT = range(len(REGIMES))
 
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Where one regime ends and another begins.
+    """Thresholds between regimes.
 
     Attributes:
-        touch: contact force from which the tool touches, N; it does until the force is under half of that.
-        slide: speed of the tip along the surface from which it slides, m/s.
-        inside: depth of the tip in the goal from which it counts as inserted, m.
-        hit: speed of the tip against what it meets from which the first touch is an impact, m/s.
-        impact: for how long after the first touch, s.
+        touch: contact force at which a touch begins, N; it ends below half of that.
+        slide: least tip speed along the surface that counts as sliding, m/s.
+        inside: least depth of the tip in the goal that counts as inserted, m.
+        hit: least approach speed of the tip at which a first touch counts as an impact, m/s.
+        impact: duration of an impact after the first touch, s.
     """
 
     touch: float = 2.0
@@ -31,7 +31,7 @@ class Thresholds:
 
 
 def touching(force: np.ndarray, threshold: float) -> np.ndarray:
-    """(n,) bool: force (n,) N rose to `threshold` and has not fallen under half of it since; NaN touches nothing."""
+    """Mark touch (n,) bool: force (n,) N rose to `threshold` and has since stayed above half of it; NaN is no touch."""
     on, off = force >= threshold, ~(force >= 0.5 * threshold)
     change = np.where(on, 1, np.where(off, -1, 0))
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(force)), 0))
@@ -46,18 +46,18 @@ def regimes(
     inside: np.ndarray | None = None,
     thresholds: Thresholds | None = None,
 ) -> np.ndarray:
-    """Give the regime of each sample of one episode.
+    """Classify each sample of one episode by contact regime.
 
     Args:
         time: (n,) s, increasing.
-        force: (n,) N, length of the contact force.
-        speed: (n,) m/s, of the tip along the surface that it touches.
-        approach: (n,) m/s, of the tip in all.
-        inside: (n,) m, depth of the tip in the goal where it is over it, else negative; None where there is no goal.
-        thresholds: where one regime ends and another begins.
+        force: (n,) N, magnitude of the contact force.
+        speed: (n,) m/s, tip speed along the touched surface.
+        approach: (n,) m/s, total tip speed.
+        inside: (n,) m, depth of the tip in the goal if it is above the opening, else negative; None without goal.
+        thresholds: thresholds between regimes.
 
     Returns:
-        (n,) int, numbers of `REGIMES`.
+        (n,) int, indices into `REGIMES`.
     """
     th = thresholds or Thresholds()
     touch = touching(force, th.touch)

@@ -1,4 +1,4 @@
-"""What recording.yaml may hold, and how it is read without trusting it."""
+"""Schema of recording.yaml, and its validation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _unit(quat: list[float]) -> list[float]:
 
 
 def _named_cell(word: str) -> Mapping[str, object] | None:
-    """Give a world's name or path in place of a mapping; `none` for no cell."""
+    """Accept a world's name or path in place of a mapping; `none` means no cell."""
     return None if word == "none" else {"world": word}
 
 
@@ -94,7 +94,7 @@ class NoiseSection(_Section):
 
 
 class BoardSection(_Section):
-    """A flat board with corners in the cell, as `vispeg camera calibrate` takes one; where it lies is not stated."""
+    """A flat calibration board in the cell, as `vispeg camera calibrate` uses; its pose is not stated."""
 
     kind: Literal["chessboard", "charuco"]
     columns: int
@@ -106,7 +106,7 @@ class BoardSection(_Section):
 
 
 class CellSection(_Section):
-    """What stands in the cell as the user believes it, in the words of a world file."""
+    """The user's belief about the cell, in the keys of a world file."""
 
     world: str = ""
     task: dict[str, object] = {}
@@ -116,13 +116,13 @@ class CellSection(_Section):
 
 
 class CellOf(_Section):
-    """The key `cell` of any file that has one."""
+    """Base of all schemas with a key `cell`."""
 
     cell: Annotated[CellSection | None, CellWord] = None
 
 
 class WrenchSection(_Section):
-    """How `ft` is to be read."""
+    """Convention of the wrench signal `ft`."""
 
     frame: Literal["flange", "base"] = "flange"
     acts_on: Literal["tool", "flange"] = "tool"
@@ -142,7 +142,7 @@ class OutcomeSection(_Section):
 
 
 class SignalSection(_Section):
-    """A signal of a channel of one's own: a column a joint, `NAME.JOINT`."""
+    """A signal of a user-defined channel: one column `NAME.JOINT` per joint."""
 
     unit: Annotated[str, Field(min_length=1)]
     noise: Positive | None = None
@@ -187,12 +187,12 @@ class Header(CellOf):
 
 
 def read_header(file: Path) -> Header:
-    """Read and validates recording.yaml. Raises UserError; warns once about keys that this version does not know."""
+    """Read and validate recording.yaml. Raises UserError; warns once about keys that this version does not know."""
     return header_from(read_yaml(file), file)
 
 
 def header_from(data: Any, file: Path) -> Header:
-    """Validate what recording.yaml, or something that stands for it, hold; `file` is what messages name."""
+    """Validate the content of recording.yaml, or an equivalent of it; `file` is named in messages."""
     if not isinstance(data, dict):
         raise UserError("is not a mapping", file=file, expected=f"'format: {FORMAT}' and further keys", got=data)
     header = typed(Header, data, file)

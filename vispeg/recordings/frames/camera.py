@@ -1,4 +1,4 @@
-"""A camera as its user calibrated it: what `frames/cameras.yaml` says of one."""
+"""A calibrated camera, as `frames/cameras.yaml` describes it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Sensor = Literal["d405", "d435", "structured_light"]  # the sensors of `vispeg.w
 Side = Annotated[int, Field(ge=1, le=8192)]
 Row = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 DEPTH_UNIT = 1e-3  # m: what most depth cameras deliver
-ROTATION = 1e-3  # how far a pose's axes may be from orthonormal: numbers written with four digits pass
+ROTATION = 1e-3  # tolerance of a rotation's orthonormality: numbers written with four digits pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +29,14 @@ class RecordedCamera:
     """A calibrated camera of a recording.
 
     Attributes:
-        name: what index.csv calls it.
+        name: its name in index.csv.
         width, height: px.
         fx, fy, cx, cy: px; the centre of the top left pixel is (0, 0).
         distortion: (k1, k2, p1, p2, k3) of Brown's model, as OpenCV has it.
-        depth_unit: m, a step of its 16-bit depth pictures.
-        mount: what carries it; None where that is not stated.
+        depth_unit: m per step of its 16-bit depth pictures.
+        mount: what it is mounted on; None if not stated.
         pose: (4, 4) camera axes (OpenCV: x right, y down, z forward) in the mount's frame, m; None where not stated.
-        sensor: kind of depth camera, by whose noise its depth is judged; "" for an ordinary one.
+        sensor: kind of depth camera, which selects the noise model of its depth; "" if none applies.
     """
 
     name: str
@@ -88,10 +88,10 @@ class _Section(BaseModel):
 
 
 def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
-    """Give the cameras of `cameras.yaml` by name, and the keys in it that this version does not know.
+    """Read `cameras.yaml`: its cameras by name, and its keys that this version does not know.
 
     Raises:
-        UserError: no such file, or a camera that cannot be; names the key.
+        UserError: no such file, or an impossible camera; the error names the key.
     """
     if not is_file(file):
         raise UserError("no such file", file=file, expected="the calibration of the cameras in index.csv")

@@ -1,4 +1,4 @@
-"""Reads and writes `frames/` of a recording: the index, the cameras, and pictures, which are read when asked for."""
+"""Read and write `frames/` of a recording: the index, the cameras, and the pictures, which are loaded on demand."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ LARGEST = 64_000_000  # bytes of an index: half a million frames
 
 
 def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> Frames | None:
-    """Give the frames of a recording's folder, or None where it has no `frames/`.
+    """Read the frames in a recording's folder; None if it has no `frames/`.
 
-    A frame before the first or after the last sample (of its episode) is left out, with one warning for all: a camera
-    that runs longer than the robot's log is no error, one on another clock is.
+    Frames before the first or after the last sample of their episode are dropped with one warning, as a camera may run
+    longer than the robot's log. If no frame at all lies within the samples' times, the clocks differ: an error.
 
     Args:
         folder: of the recording.
         time, episode: (n,) of the samples.
 
     Raises:
-        UserError: a file that is missing, a row or a camera that cannot be, a picture of another size or kind than
-            its camera's, an index of which no frame lies within the samples' times.
+        UserError: a missing file, an invalid row or camera, a picture whose size or kind differs from its camera's, or
+            no frame within the samples' times.
     """
     place = folder / FOLDER
     try:
@@ -61,7 +61,7 @@ def read_frames(folder: Path, time: np.ndarray, episode: np.ndarray | None) -> F
 
 
 def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
-    """Line number and cells of each row."""
+    """Read line number and cells of each row."""
     if not is_file(file):
         raise UserError("no such file", file=file, expected=f"a table with the columns {', '.join(COLUMNS)}")
     reader = csv.reader(io.StringIO(read_text(file, LARGEST), newline=""), strict=True)
@@ -120,7 +120,7 @@ def _number(file: Path, line: int, text: str, column: str) -> float:
 
 
 def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: int) -> Path:
-    """Give a picture's file, once its head agrees with its camera."""
+    """Return a picture's file after checking that its PNG header agrees with its camera."""
     path = place / said
     if Path(said).is_absolute() or ".." in Path(said).parts:
         expected = "a name below frames/"
@@ -139,7 +139,7 @@ def _picture(place: Path, said: str, camera: RecordedCamera, kind: str, line: in
 def _within(
     file: Path, frames: Sequence[RecordedFrame], time: np.ndarray, episode: np.ndarray | None
 ) -> list[RecordedFrame]:
-    """Those within the samples' times, by episode and time; where the samples have no episodes, all are of one."""
+    """Keep the frames within the samples' times, sorted by episode and time; without `episode` all are one."""
     inside: list[RecordedFrame] = []
     numbers = [0] if episode is None else list(dict.fromkeys(episode.tolist()))
     if len(numbers) == 1:
@@ -158,7 +158,7 @@ def _within(
 
 
 def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
-    """Note that a camera takes one picture at a time."""
+    """Check that no camera has two frames at one time."""
     there: set[tuple[int, str, float]] = set()
     for frame in frames:
         key = frame.episode, frame.camera.name, frame.time
@@ -171,19 +171,19 @@ def _check_order(file: Path, frames: Sequence[RecordedFrame]) -> None:
 def write_frames(frames: Frames, folder: Path, episodes: bool = False) -> Path:
     """Write `frames/` into a recording's folder.
 
-    Colour comes back bit for bit, depth to half a step of its camera's `depth_unit`; what was read from a file is
-    copied as it is.
+    Reading them back gives identical colour, and depth to within half a step of the camera's `depth_unit`; pictures
+    that come from a file are copied unchanged.
 
     Args:
         frames: what to write.
-        folder: of the recording, which is there.
+        folder: the recording's folder, which must exist.
         episodes: whether the samples have an `episode` column.
 
     Returns:
         `folder/frames`.
 
     Raises:
-        UserError: a picture of another size than its camera's, or a camera's name that no file can have.
+        UserError: a picture whose size differs from its camera's, or a camera name that is no valid file name.
     """
     place = folder / FOLDER
     place.mkdir()

@@ -1,4 +1,4 @@
-"""Pictures of a recording: when each was taken, by which camera, and its pixels, which are read when asked for."""
+"""Pictures of a recording: when and by which camera each was taken, and its pixels, which are loaded on demand."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ class Frames:
         return self.frames[row]
 
     def some(self, rows: np.ndarray) -> Frames:
-        """Those at these indices, or where (n,) bool holds."""
+        """Select frames by indices or by a mask (n,) bool."""
         return Frames(self.cameras, tuple(self.frames[i] for i in np.arange(len(self))[rows]))
 
     def of(self, camera: str) -> Frames:
-        """Those of one camera."""
+        """Select the frames of one camera."""
         return self.some(np.array([frame.camera.name == camera for frame in self], bool))
 
     def of_kinds(self, kinds: Mapping[str, Sensor]) -> Frames:
@@ -84,7 +84,7 @@ class Frames:
 
     @property
     def deep(self) -> list[str]:
-        """Names of the cameras that have depth, in the order of `cameras`."""
+        """List the cameras that have depth, in the order of `cameras`."""
         there = {frame.camera.name for frame in self if frame.depth_source is not None}
         return [name for name in self.cameras if name in there]
 
@@ -100,6 +100,6 @@ class Frames:
 
     @property
     def names(self) -> list[str]:
-        """Names of the cameras that have a frame, in the order of `cameras`."""
+        """List the cameras that have a frame, in the order of `cameras`."""
         there = {frame.camera.name for frame in self}
         return [name for name in self.cameras if name in there]

@@ -1,4 +1,4 @@
-"""Where the robot stood when a picture was taken."""
+"""Interpolate the robot's joint angles to the times at which pictures were taken."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from scipy.interpolate import CubicSpline
 
 from vispeg.recordings.recording import Recording
 
-GAP = 3.5  # sample periods without a reading: what happened meanwhile is not known
+GAP = 3.5  # sample periods: in a longer gap without readings the angles are unknown
 
 
 def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = None) -> np.ndarray:
-    """Measured joint angles at any times, by a cubic spline through the readings of each episode.
+    """Interpolate measured joint angles to any times, by a cubic spline through the readings of each episode.
 
     Args:
         rec: the recording.
@@ -35,7 +35,7 @@ def joints_at(rec: Recording, time: np.ndarray, episode: np.ndarray | None = Non
 
 
 def _along(clock: np.ndarray, values: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
-    """(n,) the spline through (m,) readings at `time`; NaN outside and inside gaps."""
+    """Evaluate the spline through (m,) readings at `time` (n,); NaN outside their range and in gaps."""
     angles = CubicSpline(clock, values, extrapolate=False)(time)
     after = np.clip(np.searchsorted(clock, time), 1, len(clock) - 1)
     between = clock[after] - clock[after - 1]

@@ -1,4 +1,4 @@
-"""PNG files: what their first and last bytes promise, and their pixels."""
+"""Read and write PNG files; the header, and whether the file is complete, can be checked without decoding."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def head(file: Path) -> Head:
 
 
 def read_colour(file: Path) -> np.ndarray:
-    """(H, W, 3) uint8 RGB of an 8-bit PNG. Raises UserError: a damaged file."""
+    """Read an 8-bit PNG as RGB (H, W, 3) uint8. Raises UserError: a damaged file."""
     return np.ascontiguousarray(_pixels(file, colour=True)[..., ::-1])
 
 
 def read_steps(file: Path) -> np.ndarray:
-    """(H, W) uint16 of a 16-bit PNG. Raises UserError: a damaged file."""
+    """Read a 16-bit PNG (H, W) uint16. Raises UserError: a damaged file."""
     return _pixels(file, colour=False)
 
 
@@ -57,7 +57,7 @@ def write_colour(file: Path, rgb: np.ndarray) -> None:
 
 
 def write_steps(file: Path, depth: np.ndarray, unit: float) -> None:
-    """Write depth (H, W) in m as 16-bit steps of `unit` m; NaN, 0 and what 16 bits cannot hold are no reading."""
+    """Write depth (H, W) in m as 16-bit steps of `unit` m; NaN and values beyond 16 bits become 0, no reading."""
     steps = np.rint(np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0) / unit)
     _write(file, np.where((steps > 0) & (steps <= 65535), steps, 0).astype(np.uint16))
 
