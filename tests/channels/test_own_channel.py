@@ -24,6 +24,7 @@ from vispeg.recordings.recording import Signal, in_order
 from vispeg.recordings.windows import split
 from vispeg.recordings.write import write
 from vispeg.robots import model
+from vispeg.robots.objects import CUBE
 from vispeg.view.diagnose.study import Study
 from vispeg.worlds.world import World
 
@@ -31,23 +32,23 @@ PER_AMPERE, SIGMA = 8.0, 0.03  # N m/A at the joint; A
 HIDDEN = EffectInstance.of("coulomb_friction", "joint4", torque=1.5)
 
 
-class Current(SignalChannel):
-    """The current of each motor."""
-
-    name = "current"
-
-    def shows(self, kind):
-        """Look for what loads a motor."""
-        return kind.family in ("joint", "body") and kind.searchable and "torque" in kind.channels()
-
-    def predict(self, response, item, worlds):
-        """Give the torque of each motor in amperes."""
-        return response.tau_motor / PER_AMPERE
-
-
 @pytest.fixture(scope="module", autouse=True)
 def enrolled():
-    """The class enrols itself where it is defined; other modules' tests do not have it."""
+    """Define the class, which enrols itself, for these tests alone."""
+
+    class Current(SignalChannel):
+        """The current of each motor."""
+
+        name = "current"
+
+        def shows(self, kind):
+            """Look for what loads a motor."""
+            return kind.family in ("joint", "body") and kind.searchable and "torque" in kind.channels()
+
+        def predict(self, response, item, worlds):
+            """Give the torque of each motor in amperes."""
+            return response.tau_motor / PER_AMPERE
+
     yield
     del CHANNELS["current"]
 
@@ -75,6 +76,11 @@ def test_it_is_looked_in_beside_the_joints(sides):
     assert available(World("iiwa14"), *bare) == ("joints",)
     with pytest.raises(UserError, match="have this channel"):
         resolve(World("iiwa14"), *bare, asked=("current",))
+
+
+def test_a_free_object_has_its_tosses_alone(tmp_path):
+    (tmp_path / "cube.xml").write_text(CUBE)
+    assert available(World(str(tmp_path / "cube.xml"))) == ("tosses",)
 
 
 def test_diagnosis_names_what_was_hidden_by_the_signal_alone(sides, tmp_path):

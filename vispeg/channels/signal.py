@@ -16,6 +16,7 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.recordings.recording import Recording
+from vispeg.robots.objects import is_object
 from vispeg.sim.rollout import Response
 from vispeg.worlds.world import World
 
@@ -42,7 +43,8 @@ class SignalChannel(Channel):
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
         """Say whether all have the signal and a known controller."""
-        return all(self.name in rec.signals and rec.control.mode != "unknown" for rec in recordings)
+        known = all(self.name in rec.signals and rec.control.mode != "unknown" for rec in recordings)
+        return known and bool(recordings) and not is_object(world.robot)
 
     def part(self, world: World) -> World:
         """Give the model as an arm alone can show it."""
