@@ -1,4 +1,4 @@
-"""What values a recording may hold. Each check raises a UserError that names the row and the column."""
+"""Check the values of a recording. Each check raises a UserError that names the row and the column."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.checks.missing import MOST, longest
 from vispeg.recordings.tables.table import Table
 
-MAX_ANGLE = 4 * np.pi  # rad: no arm turns further; degrees do
-UNIT_TOLERANCE = 1e-2  # of a quaternion's norm: rounding to three digits passes, a wrong order of components does not
+MAX_ANGLE = 4 * np.pi  # rad: larger angles must be degrees, as no arm turns so far
+UNIT_TOLERANCE = 1e-2  # of a quaternion's norm: rounding to three digits passes, other columns in its place do not
 CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
 def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
-    """No infinite value in (n, k); NaN is a missing reading and passes."""
+    """Refuse infinite values in (n, k); NaN is a missing reading and passes."""
     place = _first(values, np.isinf)
     if place is not None:
         row, column = place
@@ -24,13 +24,13 @@ def check_finite(table: Table, values: np.ndarray, columns: list[str]) -> None:
 
 
 def _first(values: np.ndarray, wrong: Callable[[np.ndarray], np.ndarray]) -> tuple[int, int] | None:
-    """(row, column) of the first value in (n, k) that is wrong, a column at a time so that memory stays small."""
+    """Return (row, column) of the first wrong value in (n, k), testing one column at a time to save memory."""
     places = [(int(np.argmax(bad)), j) for j, column in enumerate(values.T) if (bad := wrong(column)).any()]
     return min(places, default=None)
 
 
 def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
-    """No more than `MOST` of a needed column is missing."""
+    """Refuse a needed column of which more than the share `MOST` is missing."""
     missing = np.array([np.mean(np.isnan(column)) for column in values.T])
     worst = int(np.argmax(missing))
     if missing[worst] > MOST:
@@ -45,7 +45,7 @@ def check_share(table: Table, values: np.ndarray, columns: list[str]) -> None:
 
 
 def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
-    """Angles (n, nj) are radians: beyond two turns they are taken for degrees."""
+    """Refuse angles (n, nj) beyond two turns in radians, which are probably degrees."""
     place = _first(values, lambda column: np.abs(column) > MAX_ANGLE)
     if place is not None:
         row, column = place
@@ -59,7 +59,7 @@ def check_angles(table: Table, values: np.ndarray, columns: list[str]) -> None:
 
 
 def check_unit(table: Table, quaternions: np.ndarray, name: str) -> None:
-    """Quaternions (n, 4) have norm 1; rows with a missing component are not looked at."""
+    """Refuse quaternions (n, 4) whose norm is not 1; rows with a missing component are not checked."""
     with np.errstate(over="ignore"):
         norm = np.linalg.norm(quaternions, axis=1)
     bad = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
@@ -73,7 +73,7 @@ def check_unit(table: Table, quaternions: np.ndarray, name: str) -> None:
 
 
 def check_episodes(table: Table, values: np.ndarray) -> np.ndarray:
-    """Episode numbers (n,) as int64: whole, none missing, the rows of one episode together."""
+    """Convert episode numbers (n,) to int64; they must be whole, complete, and contiguous for each episode."""
     bad = np.flatnonzero(~(np.abs(values) < 2**53) | (np.floor(values) != values))
     if len(bad):
         key = f"{table.row(bad[0])}, column episode"
@@ -90,7 +90,7 @@ def check_episodes(table: Table, values: np.ndarray) -> np.ndarray:
 
 
 def check_time(table: Table, time: np.ndarray, episode: np.ndarray | None, rate_hz: float) -> None:
-    """Time (n,) is finite, strictly increasing within an episode, and in seconds."""
+    """Refuse times (n,) that are not finite, not strictly increasing within an episode, or not in seconds."""
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
         raise UserError("is missing or infinite", file=table.file, key=f"{table.row(bad[0])}, column time")
@@ -113,7 +113,7 @@ def check_time(table: Table, time: np.ndarray, episode: np.ndarray | None, rate_
 
 
 def _check_clock(table: Table, ratio: float, rate_hz: float) -> None:
-    """`ratio`: median sample period over the stated one; near a power of 1000 the unit is wrong."""
+    """Check `ratio`, the median sample period over the stated one; near a power of 1000 the time's unit is wrong."""
     for factor, unit in CLOCKS.items():
         if 0.3 * factor < ratio < 3 * factor:
             raise UserError(f"looks like {unit}", file=table.file, key="column time", expected="seconds")

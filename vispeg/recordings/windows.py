@@ -1,4 +1,4 @@
-"""Which stretches of a long recording are worth simulating: those in which the joints show the most."""
+"""Choose the stretches of a long recording that are worth simulating: those with the most varied motion."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.differentiate import episodes, smooth
 from vispeg.recordings.recording import Chosen, Recording, Window
 
-SECONDS = 60.0  # of a recording that are used, where nobody says otherwise
-LENGTH = 6.0  # s of a window: long enough for the start state to be forgotten, short enough to choose
-LOOK_HZ, MOTION_HZ = 100.0, 10.0  # rate and bandwidth at which the motion is looked at
-STANDS = 0.02  # of the top speed: below it a joint counts as standing
-SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins a joint
-ENOUGH = 0.1  # s in a cell, beyond which more of it counts less and less
-TOP = 0.999  # quantile that stands for the top: one bad reading is none
-READABLE = 0.9  # share of a window's angles that must be there
+SECONDS = 60.0  # s of a recording that are used by default
+LENGTH = 6.0  # s, length of a window: long enough for errors of the start state to decay, short enough for a choice
+LOOK_HZ, MOTION_HZ = 100.0, 10.0  # sample rate and bandwidth at which the motion is examined
+STANDS = 0.02  # share of the top speed below which a joint counts as standing
+SPEEDS, ACCELERATIONS, LOADS = 8, 6, 6  # bins per joint
+ENOUGH = 0.1  # s in a cell beyond which further time has diminishing value
+TOP = 0.999  # quantile used as the maximum, so that a single bad reading does not define it
+READABLE = 0.9  # least share of a window's angles that must not be missing
 
 
 def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
@@ -27,16 +27,16 @@ def records(recordings: Sequence[Recording]) -> list[Mapping[str, object]]:
 
 
 def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
-    """Give a recording that lasts no longer than `seconds`: itself, or the windows of it that show the most.
+    """Reduce a recording to at most `seconds`: itself if it is short, else its windows with the most varied motion.
 
-    Each window counts how long each joint spends in cells of signed speed, of acceleration and of load while it moves,
-    and how often it turns back. Windows are taken one by one, each time the one that adds most to the sum over cells of
-    log(1 + t / 0.1 s), t the time spent in a cell: what is rare counts more than what is had already. Where a joint
-    that moves in the recording would stand in all of them, windows in which it moves come first.
+    For each window and joint, the time in cells (bins) of signed speed, acceleration and load while moving is counted,
+    and the number of reversals. Windows are chosen greedily to increase the sum over cells of log(1 + t / 0.1 s), with
+    t the time in a cell, so that rare motion counts more than motion already covered. Windows in which a joint moves
+    that would otherwise stand in all of them are chosen first.
 
     Args:
         rec: the recording.
-        seconds: at most used; 0 uses all.
+        seconds: longest total duration, s; 0 uses all.
 
     Returns:
         The recording with its windows as episodes, each in its own time, and `chosen` set; `rec` where it is short.
@@ -51,7 +51,7 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
     if not moves[picked].any(axis=0).all():
         picked = _greedy(cells, spans, count, moves)
     picked = sorted(picked, key=lambda k: spans[k][0])
-    parts = [spans[k] for k in picked]  # those that touch stay apart: side by side, equally long ones cost the least
+    parts = [spans[k] for k in picked]  # not merged: as a batch, equal lengths run fastest
     most, overall = tops[:, picked].max(axis=1), tops.max(axis=1)
     cover = np.min(np.where(overall > 0, most / np.maximum(overall, 1e-12), 1.0), axis=-1)
     windows = tuple(Window(float(rec.time[first]), float(rec.time[stop - 1])) for first, stop in parts)
@@ -70,14 +70,14 @@ def choose(rec: Recording, seconds: float = SECONDS) -> Recording:
 
 
 def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
-    """Cut a recording in two: what is fitted, and the end of it that is held out.
+    """Split a recording into a part to fit and a held-out end.
 
     Args:
         rec: the recording; with several episodes whole episodes are held out, else the last stretch of time.
-        share: of the time, or of the episodes, that is held out, between 0 and 1; at least one episode.
+        share: share of the time or of the episodes that is held out, between 0 and 1; at least one episode.
 
     Raises:
-        UserError: a share that leaves nothing on one side, or a recording with pictures.
+        UserError: a share that leaves one part empty, or a recording with pictures.
     """
     if rec.frames is not None:
         raise UserError("pictures are not cut", file=rec.path, key="--hold-out", expected="another recording to judge")
@@ -96,7 +96,7 @@ def split(rec: Recording, share: float) -> tuple[Recording, Recording]:
 
 
 def taken(rec: Recording, parts: Sequence[tuple[int, int]]) -> Recording:
-    """Give the recording with these spans of its rows (first, stop) alone, each an episode, each in its own time."""
+    """Cut the spans of rows (first, stop) from a recording; each becomes an episode with its own time."""
     rows = np.concatenate([np.arange(first, stop) for first, stop in parts])
     number = np.repeat(np.arange(len(parts)), [stop - first for first, stop in parts])
     return replace(rec.some(rows), episode=number)
@@ -147,19 +147,19 @@ def _cells(
         turns.append(int(turn[part].sum()))
         spans.append((int(rows[start]), int(rows[start + width])))
         tops.append([x[part].max(axis=0) for x in size])
-    if not spans:  # gaps everywhere: the beginning has to do
+    if not spans:  # gaps everywhere: the beginning is used
         spans = [(0, min(len(rec.time), width * every))]
         counts, turns, tops = [np.zeros(cell.shape[1])], [0], [[x.max(axis=0) for x in size]]
     return np.array(counts), np.array(turns), spans, np.swapaxes(np.array(tops), 0, 1)
 
 
 def _top(values: np.ndarray) -> np.ndarray:
-    """(nj,) size that all but one in a thousand stay below."""
+    """Return the magnitude (nj,) that all but one in a thousand values stay below."""
     return np.maximum(np.nanquantile(np.abs(values), TOP, axis=0), 1e-9)
 
 
 def _binned(values: np.ndarray, low: np.ndarray, high: np.ndarray, bins: int, counts: np.ndarray) -> np.ndarray:
-    """(n, nj * bins) 1 in the cell in which a joint's value lies, where `counts` holds."""
+    """Return (n, nj * bins) with 1 in the bin of each joint's value, where `counts` is True, else 0."""
     share = (np.nan_to_num(values) - low) / np.maximum(high - low, 1e-12)
     which = np.clip((share * bins).astype(int), 0, bins - 1)
     hit = (which[..., None] == np.arange(bins)) & (counts & np.isfinite(values))[..., None]
@@ -167,7 +167,7 @@ def _binned(values: np.ndarray, low: np.ndarray, high: np.ndarray, bins: int, co
 
 
 def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """(n, nj) 1 where a joint moves on in the other direction than it last moved in."""
+    """Return (n, nj) with 1 where a joint begins to move opposite to its last motion, else 0."""
     out = np.zeros(dq.shape, np.uint8)
     for j in range(dq.shape[1]):
         rows = np.flatnonzero(moving[:, j])
@@ -176,9 +176,9 @@ def _turns(dq: np.ndarray, moving: np.ndarray) -> np.ndarray:
 
 
 def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int, moves: np.ndarray | None = None) -> list[int]:
-    """Windows (of `cells` (w, k)) that do not overlap, each the one that adds most to the sum of logarithms.
+    """Choose windows (rows of `cells` (w, k)) greedily without overlap, each the one that adds most to the sum of logs.
 
-    With `moves` (w, nj) first those in which most joints move that stand in the ones before.
+    With `moves` (w, nj), windows with the most joints that stand in all windows chosen before come first.
     """
     have, free, picked = np.zeros(cells.shape[1]), np.ones(len(cells), bool), []
     moved = np.zeros(0 if moves is None else moves.shape[1], bool)
@@ -186,7 +186,7 @@ def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int, moves: 
     while len(picked) < count and free.any():
         gain = np.log1p((have + cells) / ENOUGH).sum(axis=1)
         if moves is not None:
-            gain += (1.0 + gain.max()) * (moves & ~moved).sum(axis=1)  # more than any window is worth by itself
+            gain += (1.0 + gain.max()) * (moves & ~moved).sum(axis=1)  # more than the gain of any window
         best = int(np.argmax(np.where(free, gain, -1.0)))
         if moves is not None:
             moved |= moves[best]
@@ -197,7 +197,7 @@ def _greedy(cells: np.ndarray, spans: list[tuple[int, int]], count: int, moves: 
 
 
 def _all_turns(turns: np.ndarray, spans: list[tuple[int, int]]) -> int:
-    """Reversals of the whole: windows overlap by half, so that every other one covers it once."""
+    """Count the reversals of the whole recording: windows overlap by half, so every other window covers it once."""
     total, end = 0, -1
     for count, (first, stop) in zip(turns, spans, strict=True):
         if first >= end:

@@ -1,4 +1,4 @@
-"""Writes a recording folder that `load` reads back bit for bit."""
+"""Write a recording folder that `load` reads back bit for bit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def write(
         The folder.
 
     Raises:
-        UserError: the folder exists already, cannot be written, or an array does not have one row a sample.
+        UserError: the folder exists already or cannot be written, or an array does not have one row per sample.
     """
     target = Path(folder).expanduser()
     with new_folder(folder, overwrite, holds="recording", inputs=(recording.robot, *inputs)) as part:
@@ -108,7 +108,7 @@ def _header(rec: Recording, folder: Path) -> Mapping[str, object]:
         "base": {"tilt_rad": [float(angle) for angle in rec.base_tilt]},
         "torque_sensor": rec.torque_sensor,
     }
-    if rec.tool is not None or rec.control.mode != "unknown":  # where nothing is known, nothing is stated
+    if rec.tool is not None or rec.control.mode != "unknown":  # else the tool is not known either
         head["tool"] = _plain(rec.tool) if rec.tool is not None else "none"
     if rec.noise:
         head["noise"] = _plain(rec.noise)
@@ -158,7 +158,7 @@ def _control(control: Control) -> Mapping[str, object]:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy scalars and arrays, tuples and mappings as what YAML writes; every container a new one (no aliases)."""
+    """Convert NumPy values, tuples and mappings to plain types for YAML; containers are copied, so none is aliased."""
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, dict) or hasattr(value, "items"):

@@ -12,18 +12,18 @@ from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal, columns
 
-ARMS = 4096  # simulated at once for what follows from their posture alone: MuJoCo's state of one takes kilobytes
+ARMS = 4096  # postures evaluated in one batch: MuJoCo's state of each takes kilobytes
 
 
 def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
-    """Give the robot's compiled model with the solver settings of rollouts; kept for the robots used last.
+    """Return the robot's compiled model with the solver settings of rollouts, cached for recently used robots.
 
-    `parts` names effects: those that build something are built in.
+    `parts` names effects; those that add elements to the model are built in.
     """
     return _compiled(robot, tuple(sorted({name for name in parts if effect(name).overrides("build")})))
 
 
-@lru_cache(maxsize=64)  # robots compare by identity
+@lru_cache(maxsize=64)  # robots are hashed by identity
 def _compiled(robot: RobotModel, built: tuple[str, ...]) -> mujoco.MjModel:
     spec = robot.spec()
     for name in built:
@@ -37,28 +37,28 @@ def _compiled(robot: RobotModel, built: tuple[str, ...]) -> mujoco.MjModel:
 
 
 def idle(model: mujoco.MjModel) -> int:
-    """Give the flags that leave out what cannot change this model's motion: a sixth of a step of an arm alone."""
+    """Return the disable flags for features that cannot change this model's motion; saves a sixth of an arm's step."""
     flags, disable = 0, mujoco.mjtDisableBit
     if not np.any(model.geom_contype[:, None] & model.geom_conaffinity) and model.npair == 0:
         flags |= int(disable.mjDSBL_CONTACT)
-    if model.ntree < 2:  # one tree is one island
+    if model.ntree < 2:  # one kinematic tree is one island
         flags |= int(disable.mjDSBL_ISLAND)
     return flags
 
 
 def nominal_of(robot: RobotModel, nsim: int, nthread: int = 1) -> Nominal:
-    """Nominal quantities of `nsim` arms at a time."""
+    """Make the evaluator of nominal quantities for `nsim` postures at a time."""
     return Nominal(compiled(robot), robot.joints, robot.flange, nsim, nthread)
 
 
 def of_postures(robot: RobotModel, q: np.ndarray, get: Callable[[Nominal, np.ndarray], np.ndarray]) -> np.ndarray:
-    """`get(nominal, q)` of the postures q (n, nj), some of them at a time: rows by themselves, in little memory."""
+    """Evaluate `get(nominal, q)` for postures q (n, nj) in blocks, to save memory; rows are independent."""
     parts = [q[start : start + ARMS] for start in range(0, max(1, len(q)), ARMS)]
     return np.concatenate([get(nominal_of(robot, len(part)), part) for part in parts])
 
 
 def flange_pose(robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Nominal flange pose (..., 7) x y z qw qx qy qz in the base for joint angles (..., nj)."""
+    """Compute the nominal flange pose (..., 7) x y z qw qx qy qz in the base for joint angles (..., nj)."""
     flat = np.nan_to_num(q.reshape(-1, q.shape[-1]))
     pose = of_postures(robot, flat, lambda nominal, some: np.concatenate(nominal.operational(some)[2:4], axis=1))
     return pose.reshape(*q.shape[:-1], 7)

@@ -1,4 +1,4 @@
-"""The recorded controller, for all rows at once: from what the encoders read to what it asks the drives for."""
+"""The recorded controller, for all rows of a batch: from encoder readings to commanded torques."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Controller:
     """Joint impedance, operational space control, recorded torques, or goals of servos, as RECORDING.md states them.
 
     Args:
-        robot: the nominal robot, which is all that the controller knows.
+        robot: the nominal robot: the controller knows no effects.
         rows: segments of the rollout.
-        nominal: its quantities, one row a simulation.
+        nominal: evaluator of the nominal quantities, one row per simulation.
         reference: measured angles by tick, (nsim, nj) rad.
-        along: take nominal gravity to first order about the measured motion (position control only).
+        along: linearise nominal gravity about the measured motion (position control only).
     """
 
     def __init__(self, robot: RobotModel, rows: Rows, nominal: Nominal, reference: ByTick, along: bool):
@@ -54,7 +54,7 @@ class Controller:
             self.gravity1 = rows.by_tick(lambda s: once(s, robot, gravity_slope))
 
     def command(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Commanded torque (nsim, nj) N m at tick k for measured q (rad) and dq (rad/s); of servos their goals, rad."""
+        """Return the commanded torque (nsim, nj) N m at tick k for measured q (rad), dq (rad/s); servos: goals, rad."""
         if self.mode == "servo":
             return self.q_cmd[k]
         if self.mode == "position":

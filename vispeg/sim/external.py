@@ -1,10 +1,10 @@
-"""The wrench between flange and tool from the torques in an arm's joints, where no sensor sits at the wrist.
+"""Estimate the wrench between flange and tool from joint torques, for arms without a wrist sensor.
 
-What the arm's own links need for the measured motion is taken off what the joints' sensors read; the rest holds the
-tool: `J' W = tau - (M ddq + c + g)`, seven equations for six numbers, solved by weighted least squares. What joints and
-their sensors are off by (friction behind the sensor, hysteresis) is in W through the same matrix, so that how well W is
-known depends on direction and posture. Source: De Luca and Mattone 2005, Sensorless robot collision detection and
-hybrid force/motion control, ICRA; its observer is not needed where accelerations are known afterwards.
+The torque that the arm's links need for the measured motion is subtracted from the measured torque; the rest holds the
+tool: `J' W = tau - (M ddq + c + g)`, for a 7-joint arm seven equations for six unknowns, solved by weighted least
+squares. Torque errors (friction after the sensor, hysteresis) enter W through the same matrix, so that the accuracy of
+W depends on direction and posture. Source: De Luca and Mattone 2005, Sensorless robot collision detection and hybrid
+force/motion control, ICRA; its observer is not needed offline, where accelerations are known.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import ARMS, compiled, nominal_of
 from vispeg.sim.nominal import dense
 
-MOTION_HZ = 8.0  # bandwidth of the motion whose acceleration is believed
-WRENCH_HZ = 20.0  # ... and of the wrench: faster, a torque sensor's noise exceeds what a contact does
-STILL, AIR = 0.45, 1.0  # s at an episode's start: at rest, and in free air
-LINEAR = 0.01  # of what a joint's torque varies by: how far a torque sensor is trusted to be linear
-BLOCK = 0.04  # s over which noise is averaged to see what does not average out
+MOTION_HZ = 8.0  # bandwidth of the motion from which accelerations are computed
+WRENCH_HZ = 20.0  # bandwidth of the wrench: above it, torque noise exceeds the contact's signal
+STILL, AIR = 0.45, 1.0  # s at an episode's start during which the arm is at rest, and in free air
+LINEAR = 0.01  # assumed nonlinearity of a torque sensor, as a share of the range of the joint's torque
+BLOCK = 0.04  # s over which noise is averaged, to reveal errors that do not average out
 MOSTLY, QUANTILE = 0.9, 2.71  # share of blocks that are off by no more, and what of chi squared noise alone reaches
 PRIOR = np.repeat([100.0, 10.0], 3)  # N, N m: no wrench is greater; what bounds a direction that torques do not see
-BLIND = 0.2  # of that: beyond it a direction is not seen
+BLIND = 0.2  # share of the prior: a direction with a larger posterior uncertainty counts as unobserved
 
 
 @dataclass(frozen=True)
 class External:
-    """Wrenches that flange puts on tool, flange axes and origin, as joint torques tell them.
+    """Wrenches of the flange on the tool, in flange axes about its origin, estimated from joint torques.
 
     Attributes:
         wrench: (n, 6) N, N m, below `WRENCH_HZ`.
-        gain: (n, 6, nj): of the wrench by each joint's torque.
-        white: (nj,) N m, noise of a sample.
-        steady: (nj,) N m, how far a joint's torque is off for longer: friction that the sensor sees, hysteresis.
-        blind: (n, 6, 6) directions (columns) that are not seen, each as long as the wrench along it is unsure; 0 else.
+        gain: (n, 6, nj) derivative of the wrench with respect to joint torques.
+        white: (nj,) N m, 1-sigma white noise of a sample.
+        steady: (nj,) N m, 1-sigma slowly varying torque error: friction that the sensor sees, hysteresis.
+        blind: (n, 6, 6) unobserved directions (columns), each scaled to the wrench's 1-sigma along it; 0 elsewhere.
     """
 
     wrench: np.ndarray
@@ -53,9 +53,9 @@ class External:
 
     @property
     def noise(self) -> tuple[float, float]:
-        """1-sigma of a force (N) and a torque (N m), in the mean over directions and samples.
+        """Return the 1-sigma of force (N) and torque (N m), averaged over directions and samples.
 
-        It is that of white noise that leaves as much over a block: what the low-pass takes off, it makes last longer.
+        It is that of white noise with the same variance of block means: the low-pass lowers it but adds correlation.
         """
         variance = np.mean((self.gain * self.white) ** 2 @ np.ones(len(self.white)), axis=0)
         return float(np.sqrt(variance[:3].mean())), float(np.sqrt(variance[3:].mean()))
@@ -70,11 +70,11 @@ class External:
 
 
 def external(rec: Recording, arm: RobotModel) -> External:
-    """Give the wrench on the tool of a recorded arm.
+    """Estimate the wrench on the tool of a recorded arm.
 
     Args:
-        rec: with `tau`; nothing is touched in the first second of an episode.
-        arm: nominal, with its declared tool, which is left out of what the arm itself needs.
+        rec: recording with `tau`, without contact in the first second of an episode.
+        arm: nominal arm with its declared tool, which is excluded from the torques that the links need.
     """
     assert rec.tau is not None
     q, dq, ddq = (np.nan_to_num(v) for v in smooth(rec.time, rec.q, MOTION_HZ))
@@ -88,7 +88,7 @@ def external(rec: Recording, arm: RobotModel) -> External:
 
 
 def needed(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """Torques (n, nj) N m that the arm's own links need for a motion (n, nj) in rad, rad/s, rad/s^2; tool left out."""
+    """Compute the torques (n, nj) N m of the links, without tool, for a motion (n, nj) in rad, rad/s, rad/s^2."""
     model = copy(compiled(arm))
     for body in range(model.nbody):
         above = body
@@ -111,7 +111,7 @@ def needed(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> n
 
 
 def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:
-    """(n, 6, nj) m/rad and rad/rad in the flange's own axes: joint torques of a wrench W there are J' W."""
+    """Compute the Jacobian J (n, 6, nj), m/rad and rad/rad, in flange axes; a wrench W needs joint torques J' W."""
     from scipy.spatial.transform import Rotation
 
     out = np.empty((len(q), 6, q.shape[1]))
@@ -124,12 +124,12 @@ def flange_jacobian(arm: RobotModel, q: np.ndarray) -> np.ndarray:
 
 
 def solved(jac: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`External.gain` and `External.blind` of Jacobians (n, 6, nj) and joint torques good to `sigma` (nj,) N m.
+    """Compute `External.gain` and `External.blind` from Jacobians (n, 6, nj) and 1-sigma torque errors (nj,) N m.
 
-    The most likely wrench under a broad normal law of `PRIOR`: along what is seen the least-squares answer, along what
-    is not nothing, as unsure as that law.
+    The wrench is the posterior mode under a normal prior of width `PRIOR`: the least-squares solution along observed
+    directions, and 0 with the prior's width along unobserved ones.
     """
-    scaled = jac * PRIOR[:, None] / sigma  # unit torques by wrenches of PRIOR
+    scaled = jac * PRIOR[:, None] / sigma  # torques in sigmas per wrench in PRIOR
     inner = np.einsum("nij,nkj->nik", scaled, scaled) + np.eye(6)
     gain = PRIOR[:, None] * np.linalg.solve(inner, scaled / sigma)
     value, vector = np.linalg.eigh(inner)
@@ -139,7 +139,7 @@ def solved(jac: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _white(rec: Recording) -> np.ndarray:
-    """Noise (nj,) N m of a torque reading, as stated or as heard at rest."""
+    """Return the 1-sigma noise (nj,) N m of a torque reading: as stated, else estimated at rest."""
     assert rec.tau is not None
     if "tau" in rec.noise:
         return np.full(rec.q.shape[1], float(rec.noise["tau"]))
@@ -148,15 +148,16 @@ def _white(rec: Recording) -> np.ndarray:
 
 
 def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """How far joint torques are off for longer than a block (nj,) N m.
+    """Estimate the 1-sigma error (nj,) N m of joint torques that persists for longer than a block.
 
-    That a torque sensor is not linear; what the first moves in free air leave (mostly, as friction shows while a joint
-    moves); both scaled up where the one combination of torques that no wrench at the flange makes is off by more.
+    It combines the sensor's nonlinearity and the torque residual of the first motion in free air (a high quantile, as
+    friction appears only while a joint moves). Both are scaled up if the residual is larger in the null space of J',
+    the combination of torques that no wrench at the flange can cause.
     """
     assert rec.tau is not None
     linear = LINEAR * (np.nanquantile(rec.tau, 0.99, axis=0) - np.nanquantile(rec.tau, 0.01, axis=0))
     off, across, weights = [], [], []
-    blind = np.linalg.svd(np.swapaxes(jac, 1, 2))[0][:, :, 6:]  # (n, nj, nj - 6) of which no wrench makes a torque
+    blind = np.linalg.svd(np.swapaxes(jac, 1, 2))[0][:, :, 6:]  # (n, nj, nj - 6), torques that no wrench causes
     size = max(1, round(BLOCK * rec.rate_hz))
     for rows in episodes(rec.time):
         clock = rec.time[rows] - rec.time[rows[0]]
@@ -179,6 +180,6 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
 
 
 def _blocks(values: np.ndarray, size: int) -> np.ndarray:
-    """Means (m, k) over blocks of `size` of (n, k)."""
+    """Average (n, k) over blocks of `size` rows, (m, k)."""
     m = max(1, len(values) // size)
     return values[: m * size].reshape(m, min(size, len(values)), values.shape[1]).mean(axis=1)

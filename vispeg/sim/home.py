@@ -1,4 +1,4 @@
-"""A posture to start from: the flange at a pose, the joints away from limits, table and singularities."""
+"""Find a start posture: the flange at a given pose, the joints away from limits, table and singularities."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import compiled, nominal_of
 from vispeg.sim.reach import reach
 
-TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # starts, steps from each; m and rad together
-TURN = np.pi  # rad: a joint of more than one turn either way is looked at within one
-CLEAR = 0.10  # m: joints that a posture moves are at least so high over the table's top, z = 0
-ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, share of a half range: more of either is no better
+TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # random starts, steps from each, pose error accepted (m and rad together)
+TURN = np.pi  # rad: joints with a wider range are searched within +-TURN of its middle, unlimited ones of 0
+CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
+ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, margin to a limit over half the range: caps of the score
 ASIDE = 0.05  # m
 ROUND = 1e-3  # rad
 POSE = 6  # degrees of freedom of a pose
 
 
 def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> np.ndarray:
-    """Give the declared home posture (nj,) rad, or one that is solved for the flange at `pos` (3,) m, `quat` (4,) wxyz.
+    """Return the declared home posture (nj,) rad, else solve one for the flange at `pos` (3,) m, `quat` (4,) wxyz.
 
     Raises:
         UserError: no posture within the joint limits holds the flange there.
@@ -31,7 +31,7 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     return np.array(robot.home or _solved(robot, pos, quat))
 
 
-@lru_cache(maxsize=64)  # robots compare by identity
+@lru_cache(maxsize=64)  # robots are hashed by identity
 def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
     """Solve from many starts and return the best by `_worth`; deterministic for a given arm and pose."""
     if len(robot.joints) < POSE:
@@ -55,7 +55,7 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
 
 
 def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest angle (nj,) rad of each joint, one turn where its file states none or more."""
+    """Return the least and greatest angle (nj,) rad of each joint, at most +-`TURN` around the middle of its range."""
     limited = np.isfinite(robot.range).all(axis=1, keepdims=True)
     low, high = np.where(limited, robot.range, (-TURN, TURN)).T
     mid, half = 0.5 * (low + high), np.minimum(0.5 * (high - low), TURN)
@@ -63,11 +63,12 @@ def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
-    """How good postures (n, nj) are, (n,), 0 for one that is not to be had.
+    """Score postures (n, nj); returns (n,), 0 for an inadmissible one.
 
-    The product of: the smallest singular value of the Jacobian (n, 6, nj) up to `ENOUGH`; the smallest share of its
-    half range that is left to a joint, up to `ROOM`; how high the links stand, m; how close they stay to the upright
-    plane through the base's axis and the flange at `pos` (3,): an elbow to the side may meet what stands there.
+    The score is the product of: the smallest singular value of the Jacobian (n, 6, nj), capped at `ENOUGH`; the least
+    distance of a joint to its limit as a share of half its range, capped at `ROOM`; the height of the links, m; and
+    their closeness to the vertical plane through the base's axis and the flange at `pos` (3,), as an elbow to the side
+    may collide with objects there.
     """
     low, high = bounds(robot)
     margin = np.minimum(q - low, high - q) / (0.5 * (high - low))
@@ -75,13 +76,13 @@ def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     links = _links(robot, q)
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
     height = links[:, :, 2]
-    sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # where the first joint stands, no posture changes
+    sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # not links that no posture moves
     height = np.where(sunk.any(axis=1), 0.0, height.mean(axis=1))
     return free * height * np.exp(-aside / ASIDE)
 
 
 def _links(robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Origins (n, nj, 3) m of the links that the joints turn."""
+    """Compute the origins (n, nj, 3) m of the links that the joints move."""
     model = compiled(robot)
     data = mujoco.MjData(model)
     places = [model.joint(j).qposadr[0] for j in robot.joints]

@@ -1,4 +1,4 @@
-"""The nominal model's gravity, inertia and flange kinematics for many arms at once: what controllers know."""
+"""Evaluate the nominal model's gravity, inertia and flange kinematics in batches, as controllers need them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from mujoco import batch as mjb
 
 DISABLE = mujoco.mjtDisableBit
-UNUSED = int(  # none of it enters gravity, inertia or kinematics
+UNUSED = int(  # features that do not enter gravity, inertia or kinematics
     DISABLE.mjDSBL_CONSTRAINT
     | DISABLE.mjDSBL_CONTACT
     | DISABLE.mjDSBL_SPRING
@@ -77,7 +77,7 @@ class Nominal:
 
 
 def columns(ids: Sequence[int] | np.ndarray) -> slice | np.ndarray:
-    """Ids as an index of array columns: a slice where they follow each other, which reads and writes without copies."""
+    """Return ids as an index of array columns: a slice if they are consecutive, which avoids copies."""
     where = np.asarray(ids, int)
     if len(where) and np.array_equal(where, np.arange(where[0], where[0] + len(where))):
         return slice(int(where[0]), int(where[0]) + len(where))

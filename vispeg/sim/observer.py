@@ -8,14 +8,14 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.segments.along import inertia, once
 from vispeg.sim.segments.rows import ByTick, Rows
 
-OBSERVER = 8.0  # rad/s: how softly an open-loop rollout is held to the measured motion
+OBSERVER = 8.0  # rad/s, natural frequency at which an open-loop rollout is held to the measured motion
 
 
 def observer_spring(robot: RobotModel, inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness N m/rad and damping N m s/rad that the observer adds at each joint of apparent `inertia` (..., nj).
+    """Return stiffness N m/rad and damping N m s/rad of the observer at joints of apparent `inertia` (..., nj).
 
-    A light wrist held by its inertia alone would be thrown a radian off by half a newton metre; what a drive can be
-    wrong by goes with its torque limit, so half of that a radian is added, and the damping that goes with it.
+    With a stiffness in proportion to inertia alone, half a newton metre would deflect a light wrist by a radian. Torque
+    errors of a drive scale with its torque limit, so half of that limit per radian is added, with matching damping.
     """
     limit = np.where(np.isfinite(robot.torque_limit), robot.torque_limit, 100.0)
     stiffness = np.minimum(0.5 * limit, (40.0**2) * inertia)
@@ -23,7 +23,7 @@ def observer_spring(robot: RobotModel, inertia: np.ndarray) -> tuple[np.ndarray,
 
 
 class Observer:
-    """`M (w^2 e + 2 w de) + K e + D de`, e the measured less the simulated angle, M the inertia along the motion.
+    """Observer torque `M (w^2 e + 2 w de) + K e + D de`: e is measured minus simulated angle, M the inertia on the way.
 
     Args:
         robot: the nominal robot.
@@ -38,7 +38,7 @@ class Observer:
         self.spring = observer_spring(robot, apparent)
 
     def torque(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Give the holding torque (nsim, nj) N m at tick k for what the encoders read."""
+        """Return the holding torque (nsim, nj) N m at tick k for encoder readings q (rad) and dq (rad/s)."""
         e, de = self.reference[0][k] - q, self.reference[1][k] - dq
         return np.einsum("nij,nj->ni", self.mass[k], OBSERVER**2 * e + 2 * OBSERVER * de) + (
             self.spring[0] * e + self.spring[1] * de

@@ -1,4 +1,4 @@
-"""Reads a table of samples, whichever format it has: one file, or a folder of files that belong together."""
+"""Read a table of samples in any supported format: one file, or a folder of files that belong together."""
 
 from __future__ import annotations
 
@@ -32,15 +32,13 @@ def is_text(file: Path) -> bool:
 
 
 def parts(source: Path) -> list[Path]:
-    """Give the files of a table that is a folder, in order: a LeRobot data set's, or all tables in it; empty for
-    others.
-    """
+    """List the files of a table that is a folder, in order: a LeRobot data set's, or all tables in it; else empty."""
     if not source.is_dir():
         return []
     if (source / LEROBOT).is_file():
         return sorted((source / "data").rglob("*.parquet"))
     files = [path for path in source.iterdir() if path.name.lower().endswith((*TABLES, *STORES)) and path.is_file()]
-    data = [path for path in files if path.suffix.lower() != ".json"] or files  # beside them settings may lie
+    data = [path for path in files if path.suffix.lower() != ".json"] or files  # JSON files beside tables are settings
     return sorted(data, key=lambda path: [int(t) if t.isdigit() else t for t in re.split(r"(\d+)", path.name)])
 
 
@@ -48,8 +46,8 @@ def read_table(file: Path, reading: Reading = EVERYTHING) -> Table:
     """Read a table.
 
     Args:
-        file: a text table, Parquet, a file of arrays (`stores`), or a folder. Of a folder's files those with the same
-            columns are episodes (a LeRobot data set counts its own); others are signals of one run (`position.csv`,
+        file: a text table, Parquet, a file of arrays (`stores`), or a folder. A folder's files with the same columns
+            are episodes (a LeRobot data set numbers its own); others are signals of one run (`position.csv`,
             `effort.csv`), joined on their times.
         reading: what is kept.
 
@@ -64,7 +62,7 @@ def read_table(file: Path, reading: Reading = EVERYTHING) -> Table:
         table = _folder(file, files, reading) if files else _file(file, reading)
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or error}", file=file) from error
-    pyarrow.default_memory_pool().release_unused()  # half as much again as the columns, kept for a next time
+    pyarrow.default_memory_pool().release_unused()  # the pool keeps half as much memory as the columns for reuse
     if table.rows == 0:
         raise UserError("holds no samples", file=file)
     return table
@@ -98,7 +96,7 @@ def _folder(folder: Path, files: Sequence[Path], reading: Reading) -> Table:
 
 
 def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
-    """Tables with the same columns one after the other, counted where they do not count themselves."""
+    """Concatenate tables with the same columns, and number the episodes unless the tables have a number themselves."""
     names = [name for name in tables[0].names if all(name in table.columns for table in tables)]
     out = {name: np.concatenate([table.columns[name] for table in tables]) for name in names}
     if not any(EPISODES in re.findall(r"[a-z]+", name.lower()) for name in names):
@@ -107,10 +105,10 @@ def _episodes(tables: Sequence[Table]) -> dict[str, np.ndarray]:
 
 
 def _joined(folder: Path, tables: Sequence[Table]) -> dict[str, np.ndarray]:
-    """Tables of one run on the times of the first that says position or angle, or of the longest.
+    """Join the tables of one run on the times of the first one named position or angle, else of the longest.
 
-    Measured values in between are on the line between their neighbours, commands hold until the next; a column has its
-    file's name before its own.
+    Measured values are interpolated linearly, commands are held until the next. Column names get the file's name as a
+    prefix.
     """
     clocks = []
     for table in tables:

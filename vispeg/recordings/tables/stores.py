@@ -1,7 +1,7 @@
-"""Reads files that hold arrays by name or path as tables: HDF5, MATLAB, NumPy, JSON and JSON lines.
+"""Read files of named arrays as tables: HDF5, MATLAB, NumPy, JSON and JSON lines.
 
-An array (n,) is a column of its name, an array (n, k) the columns `name[0]` to `name[k-1]`; n is the length that most
-numbers share. Groups called `demo_3`, `episode_0` or `traj_1` are episodes, one after the other.
+An array (n,) becomes a column of its name, an array (n, k) the columns `name[0]` to `name[k-1]`; n is the length of the
+arrays that hold the most numbers. Groups called `demo_3`, `episode_0` or `traj_1` are episodes and are concatenated.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from vispeg.formats.guard import opened, read_text
 from vispeg.formats.json_data import parse_json, read_json
 from vispeg.recordings.tables.table import MAX_BYTES, Reading, Table, check_rows, checked_names
 
-WIDEST = 64  # columns of one array; wider ones are pictures or point clouds
+WIDEST = 64  # most columns of one array; wider ones are pictures or point clouds
 EPISODE = re.compile(r"(demo|episode|traj|trajectory|run|trial)_?(\d+)", re.IGNORECASE)
-EPISODES = "episode"  # the column that counts them
+EPISODES = "episode"  # the column with the episode's number
 MOST_TEXT = 256_000_000  # bytes of JSON
 
 
 def read_store(file: Path, reading: Reading) -> Table:
-    """Give the table that a file of arrays makes. Raises UserError: damaged, or without arrays of samples."""
+    """Read a file of arrays as a table. Raises UserError: damaged, or without arrays of samples."""
     arrays = READERS[file.suffix.lower()](file)
     if file.suffix.lower() == ".npy" and reading.dialect.names:
         arrays = {"": arrays[""]} if "" in arrays else arrays
@@ -46,7 +46,7 @@ def read_store(file: Path, reading: Reading) -> Table:
 
 
 def columns_from(arrays: Mapping[str, np.ndarray], file: Path) -> dict[str, np.ndarray]:
-    """Columns (n,) of arrays by path, episodes one after the other. Raises UserError: no array of samples."""
+    """Make columns (n,) from arrays by path, with episodes concatenated. Raises UserError: no array of samples."""
     groups: dict[int, dict[str, np.ndarray]] = {}
     for path, array in arrays.items():
         number, parts = -1, []
@@ -73,7 +73,7 @@ def columns_from(arrays: Mapping[str, np.ndarray], file: Path) -> dict[str, np.n
 
 
 def _columns(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns of the arrays that share the length which most numbers have."""
+    """Make columns from the arrays that have the most common length, weighted by their count of numbers."""
     flat = {name: np.squeeze(a) if a.ndim > 2 or 1 in a.shape[1:] else a for name, a in arrays.items()}
     flat = {name: a[0] if a.ndim == 2 and a.shape[0] == 1 else a for name, a in flat.items()}
     flat = {name: a for name, a in flat.items() if a.ndim in (1, 2) and a.dtype.kind in "fiub" and a.size}
@@ -85,7 +85,7 @@ def _columns(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     n = max(votes, key=lambda length: (votes[length], length))
     out: dict[str, np.ndarray] = {}
     for name, a in flat.items():
-        a = a.T if a.ndim == 2 and a.shape[0] != n and a.shape[1] == n else a  # MATLAB: a column a sample
+        a = a.T if a.ndim == 2 and a.shape[0] != n and a.shape[1] == n else a  # MATLAB: samples may be columns
         if a.shape[0] != n or (a.ndim == 2 and a.shape[1] > WIDEST):
             continue
         if a.ndim == 1:
@@ -154,7 +154,7 @@ def _jsonl(file: Path) -> dict[str, np.ndarray]:
 
 
 def _rows(rows: list[Any]) -> dict[str, np.ndarray]:
-    """Arrays of rows that are mappings each; what a row lacks is missing."""
+    """Make arrays from rows that are mappings; a key that a row lacks is a missing value."""
     flat = [_plain(row) for row in rows if isinstance(row, dict)]
     names = list(dict.fromkeys(name for row in flat for name in row))
     out = {}
@@ -169,7 +169,7 @@ def _rows(rows: list[Any]) -> dict[str, np.ndarray]:
 
 
 def _plain(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Values by path."""
+    """Flatten nested mappings to path -> value."""
     out: dict[str, Any] = {}
     for key, value in data.items():
         out |= _plain(value, f"{above}{key}/") if isinstance(value, dict) else {f"{above}{key}": value}
@@ -177,7 +177,7 @@ def _plain(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _flat(data: Any) -> dict[str, np.ndarray]:
-    """Numeric arrays by path of nested mappings; a list of mappings is one of rows."""
+    """Collect numeric arrays of nested mappings by path; a list of mappings is a list of rows."""
     out: dict[str, np.ndarray] = {}
     for path, value in _plain(data if isinstance(data, dict) else {}).items():
         if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):

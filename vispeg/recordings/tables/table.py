@@ -1,7 +1,7 @@
 """Read a table of numbers from CSV or Parquet; errors name row and column of a cell that is not a number.
 
-A table is read block by block, and only the columns that somebody wants are kept, so that half an hour at 1 kHz needs
-little more memory than its numbers.
+A table is read block by block and only requested columns are kept, so that half an hour at 1 kHz needs little more
+memory than its numbers.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ MAX_COLUMNS = 5_000
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text table is written: what stands between cells, and what in a number.
+    """How a text table is written: its cell separator and decimal mark.
 
     Attributes:
         separator: between cells; " " is any run of blanks.
-        decimal: sign in a number.
-        names: of the columns of a table without a header line, where they are told; else they are numbered from 1.
+        decimal: decimal mark in numbers.
+        names: column names for a table without a header line; without any, columns are numbered from 1.
     """
 
     separator: str = ","
@@ -43,9 +43,9 @@ class Table:
         columns: name -> values, of the columns that were kept.
         names: all columns in the order of the file.
         rows: number of samples.
-        first_row: what a message calls the first sample: 2 in a CSV (line 1 is the header), 0 in Parquet.
+        first_row: number of the first sample in messages: 2 in a CSV (line 1 is the header), 0 in Parquet.
         text: name -> (row, cell) of the first cell that is not a number; such a column is not in `columns`.
-        comments: lines before the header that are none of it.
+        comments: number of lines before the header.
     """
 
     file: Path
@@ -57,11 +57,11 @@ class Table:
     comments: tuple[str, ...] = ()
 
     def row(self, index: int | np.integer) -> str:
-        """How a message names the sample at `index`."""
+        """Name the sample at `index` as in messages."""
         return f"row {self.first_row + int(index)}"
 
     def number(self, name: str) -> np.ndarray:
-        """Give a column, (n,). Raises UserError if it is absent or holds something that is not a number."""
+        """Return a column (n,). Raises UserError if it is absent or has a cell that is not a number."""
         if name in self.text:
             row, cell = self.text[name]
             point = cell.strip().replace(",", ".")
@@ -80,11 +80,11 @@ class Reading:
 
     Attributes:
         keep: column names in the file -> those to keep; the others are not even converted. None keeps all.
-        glance: column names in the file -> those that `look` sees although they are not kept.
-        look: is shown every block as it is read, and raises UserError for values that cannot be.
-        progress: called with how much has been read, 0 to 1.
-        most_rows: reading stops after that many rows at least; None reads all.
-        dialect: of a text table.
+        glance: column names in the file -> those that are passed to `look` although they are not kept.
+        look: called with every block as it is read; raises UserError for impossible values.
+        progress: called with the share that has been read, 0 to 1.
+        most_rows: reading stops once at least this many rows are read; None reads all.
+        dialect: cell separator and decimal mark of a text table.
     """
 
     keep: Callable[[list[str]], Collection[str]] | None = None
@@ -95,11 +95,11 @@ class Reading:
     dialect: Dialect = Dialect()
 
     def retained(self, names: list[str]) -> list[str]:
-        """Those of `names` that are kept, in the file's order."""
+        """Return those of `names` that are kept, in the file's order."""
         return _in_order(names, self.keep(names)) if self.keep is not None else names
 
     def wanted(self, names: list[str]) -> list[str]:
-        """Those of `names` that are kept or looked at, in the file's order."""
+        """Return those of `names` that are kept or passed to `look`, in the file's order."""
         return _in_order(names, [*self.retained(names), *self.glance(names)])
 
     def enough(self, rows: int) -> bool:
@@ -113,7 +113,7 @@ def _in_order(names: list[str], some: Collection[str]) -> list[str]:
 
 
 def checked_names(names: list[str], file: Path) -> list[str]:
-    """Give a header's names; raises UserError where there are too many, or one comes twice."""
+    """Return a header's names. Raises UserError: too many, or a duplicate."""
     if len(names) > MAX_COLUMNS:
         raise UserError("has too many columns", file=file, expected=f"at most {MAX_COLUMNS}", got=len(names))
     earlier: set[str] = set()
@@ -125,13 +125,13 @@ def checked_names(names: list[str], file: Path) -> list[str]:
 
 
 def check_rows(rows: int, file: Path) -> None:
-    """Raise UserError beyond the number of rows that is read."""
+    """Raise UserError if a table has more rows than are supported."""
     if rows > MAX_ROWS:
         raise UserError("has too many rows", file=file, expected=f"at most {MAX_ROWS}; split it")
 
 
 def as_float(cell: str) -> float | None:
-    """Give a cell's number, NaN for an empty one, None for what is no number."""
+    """Parse a cell: its number, NaN if it is empty, None if it is not a number."""
     cell = cell.strip()
     if not cell:
         return np.nan
@@ -142,14 +142,14 @@ def as_float(cell: str) -> float | None:
 
 
 class Columns:
-    """Columns (n,) that grow block by block: in place, so that no block is kept beside its column."""
+    """Columns (n,) that grow block by block, in place, so that memory holds no block twice."""
 
     def __init__(self, names: list[str], rows: int = 1 << 20):
         self._values = {name: np.empty(rows) for name in names}
         self.rows = 0
 
     def add(self, block: dict[str, np.ndarray], rows: int) -> None:
-        """Take the next rows of every column."""
+        """Append the next rows of every column."""
         end = self.rows + rows
         for name, values in self._values.items():
             if end > len(values):
@@ -158,5 +158,5 @@ class Columns:
         self.rows = end
 
     def done(self) -> dict[str, np.ndarray]:
-        """Give the columns, once all is read."""
+        """Return the columns after the last block."""
         return {name: values[: self.rows] for name, values in self._values.items()}

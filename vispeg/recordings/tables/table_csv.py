@@ -38,12 +38,12 @@ COMMENT, MOST_COMMENTS = "#%", 1000
 
 @dataclass(frozen=True)
 class Head:
-    """What stands before the samples of a text table.
+    """The lines before the samples of a text table.
 
     Attributes:
-        names: of the columns.
-        lines: before the first sample.
-        comments: those of them that are not the header.
+        names: column names.
+        lines: number of lines before the first sample.
+        comments: number of those that are not the header.
     """
 
     names: list[str]
@@ -52,7 +52,7 @@ class Head:
 
 
 def read_csv(file: Path, reading: Reading) -> Table:
-    """Give the table. Raises UserError for what is no text table, and for cells that are missing or too many."""
+    """Read a text table. Raises UserError: not a text table, or a row with too few or too many cells."""
     with opened(file) as stream:
         head = _head(stream, file, reading.dialect)
     wanted = reading.wanted(head.names)
@@ -61,7 +61,7 @@ def read_csv(file: Path, reading: Reading) -> Table:
 
 
 def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
-    """Read up to the first sample. Raises UserError: no header or sample that these signs separate."""
+    """Read up to the first sample. Raises UserError: no header or sample with this dialect."""
     before: list[str] = []
     while True:
         line = _line(stream, file, len(before))
@@ -92,13 +92,13 @@ def _head(stream: BinaryIO, file: Path, dialect: Dialect) -> Head:
 
 
 def uncommented(line: str, dialect: Dialect) -> list[str]:
-    """Give the cells of a comment, without its sign; `%time` of rostopic is a name and stays."""
+    """Return the cells of a comment line without its comment sign; rostopic's `%time` is a name and is kept."""
     text = line.lstrip()
     return split_cells(text if text[0] == "%" and text[1:2].isalpha() else text[1:].lstrip(), dialect)
 
 
 def split_cells(line: str, dialect: Dialect) -> list[str]:
-    """Give the cells of a line; none where it cannot be cut."""
+    """Split a line into cells; empty if it cannot be split."""
     line = line.rstrip("\r\n")
     if dialect.separator == " ":
         return line.split()
@@ -110,9 +110,9 @@ def split_cells(line: str, dialect: Dialect) -> list[str]:
 
 @contextmanager
 def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
-    """Give the bytes of a file, unpacked where it is gzipped, without a byte order mark; `raw` says how far it is.
+    """Open a file as bytes, decompressed if gzipped, without a byte order mark; `raw` tells the position in the file.
 
-    With `blanks` every run of blanks and tabs becomes one blank, and none stays at the ends of a line.
+    With `blanks`, every run of blanks and tabs becomes one blank, and those at the ends of a line are removed.
     """
     refuse_special(file)
     with file.open("rb") as raw:
@@ -125,18 +125,18 @@ def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
 
 
 class _Limited(io.RawIOBase):
-    """A stream without its byte order mark and without blank lines at its end, that ends a file grown too large."""
+    """A stream without byte order mark and trailing blank lines, which refuses a file that unpacks too large."""
 
     def __init__(self, stream: Any, raw: BinaryIO, file: Path, blanks: bool = False):
         self._stream, self.raw, self._file, self._blanks = stream, raw, file, blanks
         self._held, self._ready, self._count = b"", b"", 0
 
     def readable(self) -> bool:
-        """Say that it is."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Read on; blank bytes are held back until something follows them."""
+        """Read the next bytes; blank bytes are held back until something follows them."""
         while not self._ready:
             data = self._stream.read(1 << 18)
             if not data:
@@ -158,7 +158,7 @@ class _Limited(io.RawIOBase):
 
 
 def _one(run: re.Match[bytes]) -> bytes:
-    """Give a line's end for blanks around one, else one blank."""
+    """Replace a run of blanks by a line end if it contains one, else by one blank."""
     return b"\n" * run[0].count(b"\n") or b" "
 
 
@@ -171,7 +171,7 @@ def _line(stream: BinaryIO, file: Path, number: int) -> str:
 
 
 def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> None:
-    """Give the header decides between semicolons, tabs and commas: the wrong one makes one column of all."""
+    """Refuse a wrong separator, judged by the header: with a wrong one, all of it would be one column."""
     separator = dialect.separator
     other = max((sign for sign in (",", ";", "\t") if sign != separator), key=head.count)
     if head.count(other) <= head.count(separator):
@@ -183,7 +183,7 @@ def _refuse_dialect(head: str, second: str, dialect: Dialect, file: Path) -> Non
 
 
 def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) -> Table | None:
-    """Give the wanted columns where each of their cells is a number or empty; None where a closer look is needed."""
+    """Read the wanted columns if each of their cells is a number or empty; None if they must be read cell by cell."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
