@@ -10,7 +10,7 @@ from vispeg.diagnosis.evidence.readings import gridded
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-ANEW = "partial effects fitted anew"  # the step by which they are
+ANEW = "partial effects fitted anew"  # label of the step that refits them
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class Beginning:
 
     Attributes:
         world: the model, its partial effects last.
-        n_given: how many of its effects stay as they are.
-        read: what the readings show by themselves.
+        n_given: number of its effects that stay fixed.
+        read: effects read directly from the data.
     """
 
     world: World
@@ -29,13 +29,13 @@ class Beginning:
 
     @property
     def first(self) -> World:
-        """World from which the search starts."""
+        """World at the start of the search."""
         firm, open_ = self.world.effects[: self.n_given], self.world.effects[self.n_given :]
         return replace(self.world, effects=(*firm, *self.read, *open_))
 
     @property
     def n_fixed(self) -> int:
-        """How many effects of that are not fitted."""
+        """Number of effects in that world that are not fitted."""
         return self.n_given + len(self.read)
 
     @property

@@ -1,7 +1,7 @@
 """What changed between two states of one robot: empty and loaded, before and after a repair.
 
-What explains both states is the arm: it is sought in the baseline's recordings alone, and stays as it is. What explains
-the difference is the change: it is sought in the other recordings, beside the arm.
+The effects of the arm are found in the baseline's recordings alone, and stay fixed. The effects of the change are
+found in the other recordings, added to those of the arm.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # of the baseline's record
+TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # fields kept of the baseline's record
 
 
 def diagnose_change(
@@ -38,10 +38,10 @@ def diagnose_change(
 
     Args:
         world: the user's model.
-        baseline: of the robot as it was, two or more: the last one is judged on, never fitted.
+        baseline: of the robot as it was, two or more: the last one is held out.
         fitted, held_out: of the robot as it is.
         seed, nthread, say, plan_next, progress: as in `diagnose`.
-        likely: is told what torques call for beyond the baseline.
+        likely: called with the effects that torques suggest beyond the baseline.
 
     Raises:
         UserError: fewer than two recordings of the baseline; as `diagnose`.

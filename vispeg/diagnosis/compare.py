@@ -1,4 +1,4 @@
-"""`compare`: a model against recordings, nothing fitted: how far off, at which joint, and in which regime."""
+"""`compare`: errors of a model against recordings without a fit: how large, at which joint, in which regime."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Comparison:
 
 
 def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None) -> Comparison:
-    """Drives the model as the robot was driven and says how far it is off.
+    """Drive the model like the robot and return its errors.
 
     Args:
         world: the model; nothing of it is fitted, so every recording is held out.
@@ -77,7 +77,7 @@ def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, 
 
 
 def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) -> list[Lost]:
-    """Name of each item whose rollout left every bound, and the time at which it did, s from the item's start."""
+    """Return the name of each item whose rollout diverged, and the time of divergence in s from the item's start."""
     out: list[Lost] = []
     for item, y in zip(evidence.items, predicted, strict=True):
         if not np.isfinite(y).all():
@@ -86,17 +86,17 @@ def diverged(evidence: Evidence, world: World, predicted: Sequence[np.ndarray]) 
     return out
 
 
-Pairs = Sequence[tuple[Item, np.ndarray]]  # what is predicted (1, m, nch) of each item that did not diverge
+Pairs = Sequence[tuple[Item, np.ndarray]]  # each item that did not diverge, with its prediction (1, m, nch)
 
 
 def _error(pairs: Pairs) -> float | None:
-    """RMS error of all joints; None where every rollout diverged."""
+    """Return the RMS error of all joints; None if every rollout diverged."""
     joints = [_rms(pairs, j) for j in range(pairs[0][0].nj)] if pairs else []
     return float(np.sqrt(np.mean(np.square(joints)))) if joints else None
 
 
 def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
-    """Per joint: RMS error and noise, their ratio, and RMS torque error where torque was measured."""
+    """Return for each joint RMS error, noise and their ratio, and the RMS torque error if torque was measured."""
     out: list[JointError] = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
         error, floor = _rms(pairs, j) if pairs else None, float(evidence.floors[j])

@@ -1,8 +1,8 @@
 """Whether a robot has changed since its model was identified: the named effects, refitted to each recording.
 
-A value and its interval of then are compared with those of now: z = (now - then) / sqrt(s_now^2 + s_then^2), with s the
-95 % interval's width over 3.92, by Holm's procedure over all values and recordings. What a recording leaves over its
-noise widens its intervals by its root (the mean squared whitened residual, where that is above 1).
+Each value is tested by z = (now - then) / sqrt(s_now^2 + s_then^2), where s is the width of the 95 % interval over
+3.92, with Holm's procedure over all values and recordings. If the mean squared whitened residual of a recording is
+above 1, its intervals are widened by the root of it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 WIDTH = 2 * float(norm.ppf(0.975))  # standard deviations in a 95 % interval
-LAPS = 4  # least-squares steps from the model's own values: a robot that has not changed takes one
+LAPS = 4  # most least-squares steps from the model's values: an unchanged robot takes one
 
 
 class Ends(TypedDict):
@@ -44,7 +44,7 @@ class Now(Ends):
 
 
 class Drift(TypedDict):
-    """One value of a named effect: as it was identified, in each recording, and since which recording it is outside."""
+    """One value of a named effect: at identification, in each recording, and the first recording of its change."""
 
     effect: str
     where: str
@@ -56,7 +56,7 @@ class Drift(TypedDict):
 
 
 def named(world: World) -> list[int]:
-    """Find the effects of an arm's model that were identified: those with an interval."""
+    """Return the indices of the identified effects of an arm's model: those with an interval."""
     return [
         i for i, e in enumerate(world.effects) if effect(e.effect).smooth and any(_known(v) for v in e.params.values())
     ]
@@ -123,12 +123,12 @@ def _sd(v: Value) -> float:
 
 
 def _p(then: Value, now: Value) -> float:
-    """Two-sided."""
+    """Return the two-sided p-value."""
     return float(2 * norm.sf(abs(now.value - then.value) / np.hypot(_sd(then), _sd(now))))
 
 
 def _widened(world: World, free: Sequence[int], factor: float) -> World:
-    """Give the world with the intervals of some effects `factor` times as wide about their values."""
+    """Return the world with the intervals of some effects scaled by `factor` around their values."""
     effects = list(world.effects)
     for i in free:
         params = {

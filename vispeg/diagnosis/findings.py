@@ -1,4 +1,4 @@
-"""What a search finds, in plain types: a candidate, how much better it is, a trial of it, its rivals, the verdict."""
+"""Plain types for the findings of a search: a candidate, its gain, a trial of it, its competitors, the verdict."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Score:
     Attributes:
         placed: the effect with start values for a fit.
         gain: drop of the squared whitened residual, to first order.
-        beside: the other members of a group that is tried at once.
+        beside: the other members of a group that is added together.
         out: accepted effects that this candidate would replace.
     """
 
@@ -76,9 +76,7 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted candidate: what was tried, how it did on held-out recordings, why it was refused, and whether what it
-    adds may be absent.
-    """
+    """A fitted candidate: its world, held-out result and reason of refusal, and whether its effects may be absent."""
 
     score: Score
     fit: Fit
@@ -89,13 +87,13 @@ class Trial:
 
     @property
     def bare(self) -> Trial:
-        """The same for the record: without the arrays of its fit."""
+        """Return the trial without the arrays of its fit, for the record."""
         return replace(self, fit=self.fit.bare)
 
 
 @dataclass(frozen=True)
 class Rivals:
-    """For one accepted effect: the trials that held-out data cannot tell from it, and all that were tried."""
+    """Competitors of one accepted effect that held-out data cannot distinguish from it, and all that were tried."""
 
     label: str
     equals: tuple[Trial, ...]
@@ -104,9 +102,9 @@ class Rivals:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict with its reason in one sentence, and what an unexplained remainder depends on."""
+    """A verdict with its reason in one sentence, and the inputs that an unexplained residual depends on."""
 
     verdict: str
     reason: str
     unexplained: dict | None = None
-    partial: bool = False  # the effects that were accepted are true as far as they go: a remainder is left
+    partial: bool = False  # the accepted effects are valid, but part of the error remains

@@ -43,7 +43,7 @@ NO_TOSS_HAS = {"two forces": "at rest its own weight alone presses on it"}
 
 @dataclass(frozen=True)
 class Tried:
-    """A fitted candidate with its held-out gain, and why it was refused; empty where it was not."""
+    """A fitted candidate with its held-out gain, and the reason of refusal, "" if accepted."""
 
     world: World
     placed: EffectInstance
@@ -54,7 +54,7 @@ class Tried:
 
 @dataclass
 class Tossed:
-    """Where the search stands: its world and loss, what came in with what was tried beside it, and what did not."""
+    """State of the search: world and loss, accepted effects with the candidates of their steps, refused candidates."""
 
     world: World
     loss: np.ndarray
@@ -74,7 +74,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
     def __init__(self, evidence: Restarts, judge: Judge, say: Callable[[str], None], progress: Progress | None = None):
         self.evidence, self.judge, self.say = evidence, judge, say
         self.progress = Progress() if progress is None else progress
-        self.silent: dict[str, str] = {}  # effect -> why no window can show it
+        self.silent: dict[str, str] = {}  # effect -> reason why no window can show it
 
     def candidates(self, world: World) -> list[tuple[str, str]]:
         """Effects that could act on the object and are not in the world yet."""
@@ -85,15 +85,15 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return [(n, place) for n in names for place in effect(n).targets(self.evidence.model)]
 
     def start(self, world: World, n_fixed: int | None = None) -> Tossed:
-        """Give the world as it is given."""
+        """Return the initial state: the world as given."""
         return Tossed(world, self.judge.losses([world])[0])
 
     def announce(self, state: Tossed) -> None:
-        """Says the model and its held-out error."""
+        """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise")
 
     def offers(self, state: Tossed, n_fixed: int) -> list[Tried]:
-        """Give the best sizes of the screening, fitted and judged; those that pass come first."""
+        """Return the best sizes from screening, fitted and judged; accepted ones first."""
         starts = self.screened(state.world)
         fits = self.fits([state.world.add(p) for p in starts[: RULES.tosses_fitted]], n_fixed)
         level = stats.norm.isf(RULES.tosses_level / max(len(starts), 1))
@@ -101,12 +101,12 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return sorted(out, key=lambda t: (bool(t.rejected), float(t.loss.sum())))
 
     def take(self, state: Tossed, trial: Tried, trials: list[Tried], n_fixed: int) -> None:
-        """Give the fit of a trial, which stands for the state from now on."""
+        """Return the state after a trial is accepted."""
         state.steps.append((trial, trials))
         state.world, state.loss = trial.world, trial.loss
 
     def screened(self, world: World) -> list[EffectInstance]:
-        """Each candidate at the size that lowers the fitted error most, best first; what lowers nothing is left out."""
+        """Return each candidate that lowers the fitted error, at its best size, best first."""
         places = self.candidates(world)
         rows = [(n, w, {p: v}) for n, w in places for p in effect(n).magnitudes for v in sizes(effect(n).params[p])]
         placed = [EffectInstance.of(n, w, **v) for n, w, v in rows]
@@ -124,7 +124,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return [p for _, p in sorted(best.values(), key=lambda b: -b[0])]
 
     def fits(self, worlds: Sequence[World], n_fixed: int) -> list[World]:
-        """Joint fits of all effects that were added; where each ended is remembered."""
+        """Fit all added effects jointly; results are cached."""
         return [
             kept(self.progress, "fit", w, partial(line_searches, self.evidence, w, range(n_fixed, len(w.effects))))
             for w in worlds
@@ -140,7 +140,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
         return Tried(fit, placed, after, gain, why)
 
     def rivals(self, world: World, n_fixed: int) -> dict[str, list[EffectInstance]]:
-        """For each added effect, those that do as well in its place on the held-out tosses."""
+        """Return for each added effect those that do as well in its place on the held-out tosses."""
         out, best = {}, self.judge.losses([world])[0]
         for e in world.effects[n_fixed:]:
             without = world.without(e.effect, e.where)
@@ -157,8 +157,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
 
 
 def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
-    """Give the values of each parameter that held-out tosses do not show beside a world, of each effect that it has
-    not.
+    """Return for each effect that a world lacks the parameter values that held-out tosses do not show.
 
     Of the sizes that the search tries, on each side of none: up to the first that passes its tests of the held-out
     error with the probability `POWER`; nearer by as much as that passes easily, its trace growing as its distance, but
@@ -188,9 +187,9 @@ def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
 
 
 def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """Give the values about none that do not show, of the values that were tried and the multiple of each that would.
+    """Return the range around null that does not show, from the tried values and each one's required multiple.
 
-    None where no value shows; up to the end of the range on a side where none does.
+    None if no value shows; on a side without a detectable value the range extends to the bound.
     """
     log = param.scale == "log"
     ends = [param.low, param.high]
@@ -207,9 +206,7 @@ def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, 
 
 
 def kept(progress: Progress, question: str, world: World, work_out: Callable[[], World]) -> World:
-    """Give a world's effects with the values and intervals that a question gives them: known, or worked out and
-    kept.
-    """
+    """Return a world with the values and intervals stored for a question, or computed and stored now."""
 
     def plain() -> list:
         effects = work_out().effects
@@ -235,9 +232,9 @@ def diagnose_object(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Names what the contact of an object's model lacks; errors are on the held-out tosses.
+    """Find the contact effects that an object's model lacks; errors are on the held-out tosses.
 
-    `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
+    `progress` stores results, so that a killed diagnosis with the same arguments can resume.
 
     Raises:
         UserError: recordings of another object, without free flight or without contact.
@@ -287,7 +284,7 @@ def diagnose_object(
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
-    """Friction coefficient, time constant (s), damping ratio and restitution of the object's contacts in a world."""
+    """Return friction coefficient, time constant (s), damping ratio and restitution of the object's contacts."""
     from mujoco.batch import Batch
 
     from vispeg.sim.placement import activate

@@ -1,4 +1,4 @@
-"""Comparison and diagnosis of any evidence: what a channel has that brings no search of its own."""
+"""Comparison and diagnosis for any evidence, used by channels without a search of their own."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from vispeg.worlds.world import World
 
 
 def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
-    """Say how far a world is off in an evidence, joint by joint.
+    """Return the errors of a world in an evidence, joint by joint.
 
     Args:
-        evidence: of recordings none of which is fitted.
+        evidence: of held-out recordings.
         world: the part of a model that the evidence shows.
         label: of the model.
     """
@@ -64,14 +64,14 @@ def diagnose_plain(
     say: Callable[[str], None] = lambda text: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects that a world lacks by the plain search; every error in the record is on what judges.
+    """Find the effects that a world lacks by the plain search; every error in the record is on the held-out evidence.
 
     Args:
-        both: what is fitted, and what judges.
+        both: fitted and held-out evidence.
         world: the part of a model that the evidence shows.
-        recordings: the same, as they were read.
-        say: is told what is being done.
-        progress: keeps what is worked out.
+        recordings: fitted and held-out recordings.
+        say: called with progress messages.
+        progress: stores results.
     """
     evidence, judged = both
     search, n_fixed = PlainSearch(evidence, judged, say, progress), len(world.effects)

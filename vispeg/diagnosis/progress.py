@@ -1,7 +1,7 @@
 """Intermediate results of a diagnosis on disk, so that a killed one can be resumed.
 
-A diagnosis is deterministic, so it is simply run again; the answers to its dear questions (the score test, where each
-optimizer ended) are read instead of computed. Every float comes back bit for bit, hence the same result.
+A diagnosis is deterministic, so it is simply run again; the answers to its expensive questions (the score test, the
+end of each optimizer) are read instead of computed. Every float comes back bit for bit, hence the same result.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Progress:
     """Answers by question.
 
     Args:
-        file: where they are kept, written anew after each answer; None keeps nothing.
-        key: whatever a diagnosis depends on; a file with another key is not used, and is replaced.
+        file: stores the answers, rewritten after each one; None stores nothing.
+        key: everything that a diagnosis depends on; a file with another key is not used, and is replaced.
     """
 
     def __init__(self, file: Path | None = None, key: Any = None):
@@ -37,7 +37,7 @@ class Progress:
         self.resumed = len(self.answers)
 
     def recall(self, question: Any, work_out: Callable[[], Any]) -> Any:
-        """Give the answer (plain JSON data) to a question (JSON data): known, or worked out and kept."""
+        """Return the answer (plain JSON data) to a question (JSON data), stored or computed and stored."""
         at = _hash(question if self.of is None else [self.of, question])
         if at not in self.answers:
             self.answers[at] = work_out()
@@ -56,7 +56,7 @@ class Progress:
             write_text_atomic(self.file, text, overwrite=True)
 
     def remove(self) -> None:
-        """Note that the diagnosis is done: nothing is left behind."""
+        """Delete the file after the diagnosis is done."""
         if self.file is not None:
             remove_unfinished(self.file)
 

@@ -44,7 +44,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
-STEPS = 3  # of the last fit
+STEPS = 3  # most Gauss-Newton steps of the last fit
 BATCH = 16  # worlds whose torques are filtered at once
 
 

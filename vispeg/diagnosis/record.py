@@ -22,7 +22,7 @@ from vispeg.worlds.world import World
 
 
 def screening(state: State) -> list[Score]:
-    """Give the ranking of the first step's candidates and of the last screening."""
+    """Return the ranking of the first step's candidates and of the last screening."""
     first = state.steps[0][1] if state.steps else []
     return [t.score for t in first] + state.screening[:20]
 
@@ -37,9 +37,9 @@ def with_origin(
     partial: bool,
     unsure: Collection[str] = (),
 ) -> World:
-    """Give the world whose effects after the first `n_fixed` say what they were fitted and judged on.
+    """Return the world with effects after the first `n_fixed` marked with the recordings of fit and judgement.
 
-    `unsure` has the labels of those whose names are not certain. An encoder's step is never partial: no fit moves it.
+    `unsure` has the labels of tentative effects. An encoder's step is never partial: no fit moves it.
     """
     origin = {
         "fitted_on": [r.name for r in fitted],
@@ -87,9 +87,9 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
 def ladder(
     evidence: Evidence, judged: Evidence, state: State, nominal: World, read: tuple[str, World] | None = None
 ) -> list[Rung]:
-    """Error of each model on the way, fitted and held out, from the `nominal` one.
+    """Return the error of each model on the way, fitted and held out, from the `nominal` one.
 
-    `read` is the model with what the readings show by themselves, and that label, where they show something.
+    `read` is the model with effects read directly from the data, and that step's label, if there are any.
     """
     models = [("nominal", nominal)]
     models += [] if read is None else [read]
@@ -97,7 +97,7 @@ def ladder(
     models += [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
     if len(models) > 1 and state.world.label != models[-1][1].label:
         models.append(("after backward deletion", state.world))
-    elif len(models) > 1:  # its values may have been fitted again since: the last rung is the model that is written
+    elif len(models) > 1:  # its values may have been refitted since: the last rung is the model that is written
         models[-1] = (models[-1][0], state.world)
     worlds = [world for _, world in models]
     unit = f"{judged.unit} RMS"
@@ -144,7 +144,7 @@ def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
 
 
 def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]:
-    """Joints read in steps wider than the noise, of which the world does not say so, and what would tell more."""
+    """Return messages on joints with encoder steps wider than the noise that the world lacks."""
     steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
     sigma = judged.items[0].recording.noise.get("q", 0.0)
     said = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
@@ -158,7 +158,7 @@ def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]
 
 
 def correlations(state: State) -> Correlations | None:
-    """How the estimates of the final fit depend on each other."""
+    """Return the correlations between the estimates of the final fit."""
     if state.fit is None:
         return None
     labels = [f"{state.world.effects[a.index].label}.{a.name}" for a in state.fit.space.axes]
@@ -166,7 +166,7 @@ def correlations(state: State) -> Correlations | None:
 
 
 def moved(state: State) -> list[Moved]:
-    """Parameters of earlier effects that changed by over a tenth of a typical size when a later one was added."""
+    """Return parameters of earlier effects that a later effect changed by over a tenth of a typical size."""
     out: list[Moved] = []
     worlds = [best.fit.world for best, _ in state.steps]
     for before, after in zip(worlds, worlds[1:], strict=False):
@@ -186,7 +186,7 @@ def moved(state: State) -> list[Moved]:
 
 
 def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
-    """Floor and held-out error before and after of each channel; of torques also what `least` (residuals) leaves."""
+    """Return floor and held-out error before and after of each channel; of torques also those of `least`."""
     out, names = [], evidence.items[0].robot.joints
     for j, (kind, unit) in enumerate((c.kind, c.unit) for c in evidence.items[0].channels for _ in names):
         column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]

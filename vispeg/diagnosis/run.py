@@ -1,4 +1,4 @@
-"""`diagnose`: from recordings to a verdict, a model with what was missing, and the evidence for both."""
+"""`diagnose`: from recordings to a verdict, a model with the missing effects, and the evidence for both."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What `vispeg diagnose` found: the record, the model, and the arrays behind the pictures."""
+    """Result of `vispeg diagnose`: the record, the model, and the arrays behind the pictures."""
 
     record: DiagnosisRecord
     world: World
@@ -71,10 +71,11 @@ def diagnose(
     plan_next: bool = True,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the effects that `world` lacks; every error in the record is on `held_out`, or see `evidence.roles`.
+    """Find the effects that `world` lacks; errors are on `held_out`, unless `evidence.roles` changes it.
 
-    `likely` is told within seconds what torques call for, before the search confirms or corrects it (`proposal`).
-    `progress` keeps what is worked out, so that a diagnosis with the same arguments can go on after it was killed.
+    `likely` is called within seconds with the effects that torques suggest, before the search confirms or corrects
+    them (`proposal`).
+    `progress` stores results, so that a killed diagnosis with the same arguments can resume.
 
     Raises:
         UserError: recordings that cannot be compared with the world, or in which nothing moves.
@@ -152,7 +153,7 @@ def diagnose(
         if unjudged is not None:
             upcoming = repeated(unjudged.alone)
         else:
-            named = [r for r in rivals if r.equals and r.label not in unsure]  # what is tentative comes after them
+            named = [r for r in rivals if r.equals and r.label not in unsure]  # tentative ones come after them
             recorded = {r.motion for r in (*fitted, *held_out)}
             upcoming, more = next_experiment(search, state, named or rivals, verdict.verdict, seed, recorded)
     record: DiagnosisRecord = {
@@ -194,7 +195,7 @@ def diagnose(
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:
-    """Mean squared whitened residual; 1 at the noise floor."""
+    """Return the mean squared whitened residual; 1 at the noise floor."""
     total = sum(float(np.sum((r / i.sigma) ** 2)) for i, r in zip(judged.items, residuals, strict=True))
     return total / max(judged.count, 1)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.identify.channels import Item
 
-BESIDE = {"torque": "_tau", "moment": "_tau"}  # columns that stand beside the principal ones -> the end of their keys
+BESIDE = {"torque": "_tau", "moment": "_tau"}  # columns next to the principal ones -> suffix of their keys
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Trace:
 
     @property
     def left(self) -> np.ndarray:
-        """(n, k) measured less what the last model predicts."""
+        """Measured minus the last model's prediction, (n, k)."""
         return self.measured - (self.before if self.after is None else self.after)
 
 
@@ -58,7 +58,7 @@ def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequ
         start = 0
         for c in item.channels:
             columns = slice(start, start + c.measured.shape[1])
-            worlds = [np.where(c.valid, world[:, columns], np.nan) for world in y]  # a plot's error is the record's
+            worlds = [np.where(c.valid, world[:, columns], np.nan) for world in y]  # a plot shows the record's errors
             kept = start == 0 and c.unit != "rad" and item.posture.shape == c.measured.shape
             out.append(
                 Trace(
@@ -79,9 +79,9 @@ def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequ
 
 
 def arrays(drawn: Sequence[Trace], columns: Sequence[str], regimes: Sequence[str] = ()) -> dict[str, np.ndarray]:
-    """Give traces as what evidence.npz holds: `R/KEY` of each stretch R, and the names of columns and regimes.
+    """Return traces as arrays of evidence.npz: `R/KEY` of each stretch R, and the names of columns and regimes.
 
-    A servo's load, which is in no unit of its own, is left out.
+    A servo's load, which has no unit, is left out.
     """
     out: dict[str, np.ndarray] = {"joints": np.array(columns), "unit": np.array(drawn[0].unit)}
     out |= {"phases": np.array(regimes)} if len(regimes) else {}

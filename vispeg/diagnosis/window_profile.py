@@ -1,4 +1,4 @@
-"""The profile of a parameter from windows of one length, with an interval by bootstrap over tosses."""
+"""Profile of a parameter from windows of one length, with an interval by bootstrap over tosses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import DRAWS, cost, lowest
 from vispeg.worlds.world import World
 
-SPAN, POINTS = 6.0, 13  # factor that a profile reaches to either side, and its points
+SPAN, POINTS = 6.0, 13  # factor of the profile's range to either side; number of its points
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Profile:
 
 
 def sizes(param: Param) -> list[float]:
-    """Values of a parameter over its range, its null left out: both ways on a log scale where it is a scale.
+    """Return trial values of a parameter over its range without null, in both directions if it is a scale.
 
-    Each is about half as far from null as the next one: to first order a size lowers the error that any effect of half
-    of it or more makes, so one of them lowers that of whatever shows.
+    Each is about half as far from null as the next. To first order a size lowers the error of any effect at least
+    half as large, so one of them detects any visible effect.
     """
     if param.null > 0:
         away = np.log(12) / 2.0 ** np.arange(6)
@@ -53,7 +53,7 @@ def sizes(param: Param) -> list[float]:
 
 
 def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str, rng: np.random.Generator) -> Profile:
-    """Give the profile of one parameter of an effect that is in `world`, about its value there."""
+    """Return the profile of one parameter of an effect in `world`, around its value there."""
     param = effect(placed.effect).params[name]
     centre = placed.params[name].value
     if param.null > 0:

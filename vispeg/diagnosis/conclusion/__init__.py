@@ -1,1 +1,1 @@
-"""What is said of a search: verdict, rivals, intervals, the next motion to record."""
+"""Conclusions of a search: verdict, competing models, intervals, minimum detectable sizes, the next motion."""

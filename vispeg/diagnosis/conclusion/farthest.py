@@ -1,4 +1,4 @@
-"""How far a model is from the recordings in the kind of channel that it describes worst."""
+"""Error of a model in the kind of channel that it describes worst."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from vispeg.identify.evidence import Evidence
 
 
 def farthest(judged: Evidence, residual: np.ndarray, floor: float = 1.0) -> float:
-    """Mean squared whitened residual of one kind of channel over its floor, the greatest of all kinds.
+    """Return the largest mean squared whitened residual of a kind of channel over its floor.
 
-    A mean over all readings would call a model near whose angles are far, if it is told half of loads that say little:
-    their noise is wide.
+    A mean over all readings would hide wrong angles if half of the readings were loads, whose noise is large.
 
     Args:
         judged: held-out evidence.
         residual: whitened, on it.
-        floor: what the right model leaves as a mean over all readings, in noise variances; what is above 1 is of
-            coarse or noisy encoders, hence of the principal channel.
+        floor: mean square over all readings that the correct model leaves, in noise variances; the part above 1 is
+            due to coarse or noisy encoders, hence to the principal channel.
     """
     total: dict[str, float] = {}
     count: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Intervals of fitted values that count the error of the model's form beside the noise."""
+"""Intervals of fitted values that include the error of the model's form in addition to noise."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from vispeg.worlds.world import World
 
 
 def widened(world: World, n_fixed: int, before: float, after: float) -> World:
-    """Fitted intervals widened by what the model's form leaves: no fit is truer than the share of error it removes.
+    """Return the world with intervals widened by the error of the model's form.
 
-    The amplitude of the held-out excess that remains over the one there was is taken as a relative standard error of
-    each value's distance from null. It acts on a logarithmic scale, so that an effect whose statistical interval leaves
-    out null is not said to be perhaps absent because something else is missing too.
+    The relative standard error of each value's distance from null is the ratio of the held-out excess amplitudes over
+    noise, after to before. It acts on a log scale, so that an interval that excludes null still does so after widening.
     """
     relative_error = 1.96 * float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
     effects = list(world.effects)

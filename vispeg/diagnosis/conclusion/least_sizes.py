@@ -1,8 +1,8 @@
-"""The least size of an effect at which a search would find it: by what it does to readings, to first order.
+"""Minimum size of an effect for a search to find it, from its first-order effect on the readings.
 
-An effect of `c` times a trial's size lowers the squared residual of a block of readings by c^2 d^2 + 2 c d e, where d
-is the length of its trace there, beside what the model's effects may take of it, and e an error along that trace. From
-which c on that passes the tests of the search is worked out with errors as large as the residual has along the trace.
+An effect of `c` times a trial size lowers the squared residual of a block by c^2 d^2 + 2 c d e. Here d is the norm of
+its whitened trace, projected off the effects of the model, and e the error along that trace. The least c that passes
+the tests of the search is computed with errors as large as the residual along the trace.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from scipy import stats
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.rules import RULES
 
-DRAWS = 200  # of the errors of all blocks: one in ten of them says what `power` leaves
-REACH = (1e-4, 1e4)  # of a trial's size, between which the least one is sought
+DRAWS = 200  # of the errors of all blocks; a tenth of them may fail the test, by `power`
+REACH = (1e-4, 1e4)  # multiples of the trial size among which the least is sought
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What one parameter at a trial's size does to the blocks of some readings.
+    """Trace of one parameter at its trial size in the blocks of some readings.
 
     Attributes:
-        square: (nblock,) squared length of the whitened trace, beside what the effects of the model take of it.
-        alone: the same of all blocks, beside what the other parameters of its own effect take, too.
-        error: standard deviation along the trace of what is left, 1 or more: of white noise 1.
+        square: (nblock,) squared norm of the whitened trace, projected off the effects of the model.
+        alone: the same over all blocks, also projected off the other parameters of its own effect.
+        error: standard deviation of the residual along the trace, at least 1, which is that of white noise.
     """
 
     square: np.ndarray
@@ -36,7 +36,7 @@ class Trace:
 
     @classmethod
     def of(cls, column: np.ndarray, others: np.ndarray, residual: np.ndarray, blocks: np.ndarray) -> Trace:
-        """Of a whitened trace (n,), beside `others` (n, k) of its own effect, and what is left (n,) at present."""
+        """Build from a whitened trace (n,), `others` (n, k) of its own effect, and the present residual (n,)."""
         square = np.bincount(blocks, column**2)
         along = np.bincount(blocks, column * residual)
         rest = column - others @ np.linalg.lstsq(others, column, rcond=1e-6)[0] if others.shape[1] else column
@@ -46,12 +46,13 @@ class Trace:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a search asks for before it accepts an effect.
+    """Acceptance criteria of a search.
 
     Attributes:
-        held_out: drop of the squared residual of the held-out recordings; of the fitted ones any drop is enough.
-        level: standard errors of the gain over the blocks of both.
-        loss: held-out squared residual without the effect; of a gain that is `large` beside it less is asked.
+        held_out: required drop of the held-out squared residual; any drop suffices on the fitted recordings.
+        level: required standard errors of the gain over the blocks of both.
+        loss: held-out squared residual without the effect; a gain that is `large` relative to it needs less
+            significance.
     """
 
     held_out: float
@@ -60,8 +61,8 @@ class Needs:
 
 
 def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
-    """Of a trial's size the least multiple that passes with the probability `power`; infinite where none does."""
-    # half an interval that leaves out none, and how its middle may lie
+    """Return the least multiple of the trial size that passes with probability `power`; infinite if none does."""
+    # half an interval that excludes null, plus the scatter of its middle
     ends = 1.96 + float(stats.norm.ppf(RULES.power))
     totals = ((fitted, 0.0), (held_out, needs.held_out))
     least = max(np.sqrt(_surely(t, drop) / max(t.square.sum(), 1e-300)) for t, drop in totals)
@@ -70,14 +71,14 @@ def least_coefficient(fitted: Trace, held_out: Trace, needs: Needs) -> float:
 
 
 def least_alone(trace: Trace, drop: float, level: float) -> float:
-    """Give the same where the readings that judge decide alone: by the drop of their squares and ranks over blocks."""
+    """Return the same if only the held-out readings decide: by the drop of their squares, and its ranks over blocks."""
     least = max(float(np.sqrt(_surely(trace, drop) / max(trace.square.sum(), 1e-300))), REACH[0])
     errors = _errors(trace, np.random.default_rng(0))
     return _least_that(lambda times: _passes(_gains(trace, times, errors), level), least)
 
 
 def _least_that(passes: Callable[[float], bool], least: float) -> float:
-    """Give the least multiple from `least` on that passes, by halving; infinite where none in reach does."""
+    """Return the least multiple from `least` on that passes, by bisection; infinite if none in reach does."""
     if least > REACH[1]:
         return float("inf")
     if passes(least):
@@ -90,12 +91,11 @@ def _least_that(passes: Callable[[float], bool], least: float) -> float:
 
 
 def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, float] | None]:
-    """Give the values of each of an effect's parameters that do not show, by how far from none it does: as far as it
-    may go.
+    """Return the range of each parameter that does not show, given its minimum detectable distance from null.
 
     Args:
         name: of the effect.
-        least: by parameter the distance from its null; of a scale its factor; infinite where no size shows.
+        least: by parameter the distance from its null (for a scale its factor); infinite if no size shows.
     """
     hidden: dict[str, tuple[float, float] | None] = {}
     for key, size in least.items():
@@ -109,22 +109,22 @@ def between(name: str, least: Mapping[str, float]) -> dict[str, tuple[float, flo
 
 
 def distance(placed: EffectInstance, key: str, times: float) -> float:
-    """So many times as far from none as a trial's parameter; of a scale the trial's own factor where that shows."""
+    """Return `times` a trial parameter's distance from null; for a scale the trial's own factor, if that shows."""
     param, value = effect(placed.effect).params[key], placed.params[key].value
-    if param.scale == "log":  # no line leads from null to such a value
+    if param.scale == "log":  # no straight line leads from null to such a value
         return max(value / param.null, param.null / value) if times <= 1.0 else float("inf")
     return float(times * abs(value - param.null))
 
 
 def _surely(trace: Trace, drop: float) -> float:
-    """Squared trace that lowers the squared residual by so much with the probability `power`."""
+    """Return the squared trace that lowers the squared residual by `drop` with probability `power`."""
     error = float(stats.norm.ppf(RULES.power)) * trace.error
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 
 def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bool]:
-    """Whether Wilcoxon's signed ranks over blocks pass at a multiple, of all blocks and of the held-out ones alone."""
-    draw = np.random.default_rng(0)  # the same errors for every size, so that a greater one shows no less
+    """Return a test whether Wilcoxon's signed ranks pass at a multiple, over all blocks and over the held-out ones."""
+    draw = np.random.default_rng(0)  # the same errors for every size, so that detectability grows with size
     held_errors, errors = _errors(held_out, draw), _errors(fitted, draw)
 
     def passes(times: float) -> bool:
@@ -139,17 +139,17 @@ def _ranks(fitted: Trace, held_out: Trace, needs: Needs) -> Callable[[float], bo
 
 
 def _errors(trace: Trace, draw: np.random.Generator) -> np.ndarray:
-    """(draws, nblock) errors of the blocks' residuals along the trace, times its length there."""
+    """Return errors (draws, nblock) of the blocks' residuals along the trace, times its norm there."""
     return trace.error * np.sqrt(trace.square) * draw.normal(size=(DRAWS, len(trace.square)))
 
 
 def _gains(trace: Trace, times: float, errors: np.ndarray) -> np.ndarray:
-    """(draws, nblock) drops of the blocks' squared residuals."""
+    """Return the drops (draws, nblock) of the blocks' squared residuals."""
     return times**2 * trace.square + 2.0 * times * errors
 
 
 def _passes(gains: np.ndarray, level: float) -> bool:
-    """Whether the signed ranks of gains (draws, nblock) are above a level with the probability `power`."""
+    """Return whether the signed ranks of gains (draws, nblock) exceed a level with probability `power`."""
     n = gains.shape[1]
     if not n:
         return False

@@ -1,11 +1,11 @@
-"""The next motion to record, where something is left to find out.
+"""The next motion to record, if something is left to find out.
 
-Where several effects explain the recordings equally well: the motion on which the leading explanations would differ
-most (T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
-between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below `next_sigma`
-no motion is proposed: what rounding makes of two predictions that are alike is no experiment. Where no known effect
-explains what remains: a motion that shows the regimes apart. What was recorded already is asked for last. A model that
-is adequate, or identified without a rival, asks for nothing.
+If several effects explain the recordings equally well: the motion for which the leading explanations differ most
+(T-optimal design). Over a menu of motions, maximise `sqrt(sum ((y_A - y_B) / sigma)^2)`, the distance in sigma
+between the predictions of the two best explanations (Atkinson and Fedorov, Biometrika 62(1), 1975). Below
+`next_sigma` no motion is proposed, since rounding alone may cause such a difference. If no known effect explains the
+rest: a motion that separates the regimes. Motions already recorded come last. If the model is adequate, or identified
+without a competing model, nothing is proposed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vispeg.sim.rollout import simulate
 from vispeg.sim.segments.segment import Segment
 from vispeg.worlds.world import World
 
-SHOWS = {  # what a motion is for where no known effect explains what remains, in the order in which they are asked for
+SHOWS = {  # purposes of the motions if no known effect explains the rest, in order of preference
     "triangle": "shows speed, reversal and load regimes apart, each joint alone",
     "sweep": "shows each joint over its whole reach, the others still",
     "chirp": "shows speed and frequency apart, up to what the joints' limits allow",
@@ -42,9 +42,9 @@ SECONDS = 6.0
 def next_experiment(
     search: Searching, state: State, rivals: Sequence[Rivals], verdict: str, seed: int, recorded: Collection[str] = ()
 ) -> tuple[NextMotion | None, dict[str, np.ndarray]]:
-    """Give the record's `next_experiment` and the arrays of its picture; None where nothing is left to find out.
+    """Return the record's `next_experiment` and the arrays of its picture; None if nothing is left to find out.
 
-    `recorded` names the motions that were recorded, where that is known.
+    `recorded` names the motions already recorded, if known.
     """
     pair = _explanations(state, rivals)
     if pair is None and verdict != "unexplained":
@@ -71,7 +71,7 @@ def next_experiment(
 
 
 def repeated(name: str) -> NextMotion:
-    """Give the advice where one recording alone shows what a model lacks."""
+    """Return the advice if only one recording shows what a model lacks."""
     why = f"only {name} shows what the model lacks: record a second motion like it, a little faster or slower"
     return {"motion": "", "why": why}
 
@@ -94,7 +94,7 @@ class _Stage:
         }
 
     def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
-        """For each motion the distance of the two predictions in sigma, and both, (n, nj) in rad."""
+        """Return for each motion the distance of two worlds' predictions in sigma, and both predictions (n, nj) rad."""
         menu = [
             Segment(
                 self.control, 1.0 / self.control.rate_hz, {"q_cmd": m.q_cmd, "dq_cmd": m.dq_cmd},
@@ -111,7 +111,7 @@ class _Stage:
         return out
 
     def record(self, name: str, why: str) -> NextMotion:
-        """Give what `next_experiment` says of a motion that is written beside it."""
+        """Return the `next_experiment` of a motion that is written beside the record."""
         return {
             "motion": name,
             "why": why,
@@ -122,18 +122,18 @@ class _Stage:
         }
 
     def arrays(self, name: str) -> dict[str, np.ndarray]:
-        """Give the motion that the robot is to be commanded."""
+        """Return the commanded motion as arrays."""
         m = self.menu[name]
         return {"next/time": m.time, "next/q_cmd": m.q_cmd, "next/dq_cmd": m.dq_cmd}
 
 
 class _TorqueStage(_Stage):
-    """The same where torques are compared: what each motion needs, taken as made, whatever controller makes it."""
+    """The menu for torque comparison: the torque that each motion needs, taken as executed under any controller."""
 
     beside = "; with the controller's mode and gains stated, rollouts can show delays, gear play and encoders too"
 
     def apart(self, a: World, b: World) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
-        """For each motion the distance of the two predicted torques in sigma, and both, (n, nj) in N m."""
+        """Return for each motion the distance of two worlds' torques in sigma, and both torques (n, nj) N m."""
         out, like = {}, self.item.recording
         for name, m in self.menu.items():
             rec = replace(
@@ -150,9 +150,7 @@ class _TorqueStage(_Stage):
 
 
 def _explanations(state: State, rivals: Sequence[Rivals]) -> tuple[World, World, tuple[str, str]] | None:
-    """Give the two worlds to tell apart: the final one and the best of those that these recordings cannot tell from
-    it.
-    """
+    """Return the two worlds to distinguish: the final one, and the best one that these recordings cannot exclude."""
     pairs = [(t, r.label) for r in rivals for t in r.equals]
     if not pairs:
         return None

@@ -1,4 +1,4 @@
-"""Which other effects explain the held-out data as well as a chosen one."""
+"""Competing effects that explain the held-out data as well as a chosen one."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from vispeg.diagnosis.selection.together import prior
 from vispeg.identify.fit import Fit
 from vispeg.worlds.places import ALL
 
-AT_ONCE = 2**30  # bytes of derivatives that fits side by side may hold
+AT_ONCE = 2**30  # bytes of derivatives that concurrent fits may hold
 
 
 def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Rivals of what was accepted, after those of them that are better on held-out data have taken its place."""
+    """Return the competitors of accepted effects, after better ones have replaced the accepted effect."""
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     for _ in range(RULES.exchanges):
         better = [(t, r) for r in rivals for t in r.equals if _better(search, state, t, r.label)]
@@ -35,20 +35,20 @@ def settled(search: Searching, state: State, n_fixed: int, say: Callable[[str], 
         say(f"{trial.score.label} comes in the place of {out.label}")
         swapped = replace(trial, score=replace(trial.score, out=(out,)))
         search.take(state, swapped, [swapped], n_fixed)
-        search.go_on(state, n_fixed)  # beside it, something else may pass
+        search.go_on(state, n_fixed)  # after the replacement, another effect may pass
         rivals = find_rivals(search, state, n_fixed, say)
     return rivals
 
 
 def _better(search: Searching, state: State, rival: Trial, label: str) -> bool:
-    """Whether a rival belongs in the place of the effect `label`."""
+    """Return whether a competitor should replace the effect `label`."""
     (accepted,) = [e for e in state.world.effects if e.label == label]
     least = 0.0 if prior(rival.score.placed, accepted) < 1.0 else RULES.exchange
     return search.judge.gain(state.loss, rival.loss).relative >= least
 
 
 def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Rivals of every accepted effect, all the others kept and refitted."""
+    """Find the competitors of every accepted effect, with all others kept and refitted."""
     chosen = state.world.effects[n_fixed:]
     if len(chosen) > search.few:
         return _proposed(search, state, n_fixed, say)
@@ -68,10 +68,9 @@ def find_rivals(search: Searching, state: State, n_fixed: int, say: Callable[[st
 
 
 def _tried(search: Searching, state: State, placed: EffectInstance, count: int) -> tuple[Trial, list[Trial]] | None:
-    """Give the step whose candidates were tried in the place of an effect, one of `count`; None where it must be asked
-    anew.
+    """Return the step whose candidates were tried in place of an effect, one of `count`; None if it must be repeated.
 
-    Where a model's form leaves errors that last, what looks alike must be asked for by name.
+    If the model's form leaves correlated errors, similar effects must be tried explicitly.
     """
     if count == len(state.steps) == 1:
         return state.steps[0]
@@ -79,9 +78,9 @@ def _tried(search: Searching, state: State, placed: EffectInstance, count: int) 
 
 
 def _goal(search: Searching, state: State) -> float | None:
-    """Mean squared residual that a rival's fit must come near to, or else it gives up: near what the chosen one leaves.
+    """Return the mean squared residual that a competitor's fit must approach to continue: near the chosen one's.
 
-    None where a model's form leaves errors that last, so that a rival may be as good and leave more.
+    None if the model's form leaves correlated errors, because a competitor may then be equivalent and leave more.
     """
     if state.fit is None or search.evidence.alike > 0:
         return None
@@ -91,15 +90,15 @@ def _goal(search: Searching, state: State) -> float | None:
 
 
 def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str], None]) -> list[Rivals]:
-    """Rivals that linear algebra proposes in the place of each of many effects, fitted and judged side by side.
+    """Return the competitors that the linear model proposes for each of many effects, fitted and judged in one batch.
 
-    Where linear algebra does not judge (`_beyond`) the library is screened as well.
+    Where the linear model cannot judge (`_beyond`), the library is screened as well.
     """
     say("asking what may stand in the place of each effect")
     asked = {e.label: e.rivals for e in search.exchanges(state) if e.rivals}
     beyond = _beyond(search, state)
     placed = [e for e in state.world.effects[n_fixed:] if e.label in asked or e.where in beyond]
-    # bytes of derivatives, an effect:
+    # bytes of derivatives per effect:
     size = (
         8
         * state.residual.size
@@ -123,10 +122,11 @@ def _proposed(search: Searching, state: State, n_fixed: int, say: Callable[[str]
 
 
 def _beyond(search: Searching, state: State) -> set[str]:
-    """Places where more than noise is left and linear algebra cannot judge an exchange; none at the noise floor.
+    """Return places with more than noise left, where the linear model cannot judge an exchange; none at the floor.
 
-    What all joints share, such as a delay, moves the arm by far more than noise: at first order a lag looks alike. In
-    the joint that misses most, something may stand in for what has no signature, as friction that grows with load.
+    An effect shared by all joints, such as a delay, moves the arm by far more than noise, so a lag looks the same to
+    first order. In the joint with the largest error, an effect may imitate one without a signature, e.g.
+    load-dependent friction.
     """
     if search.judge.mean(state.loss) - search.judge.floor(state.world) <= RULES.at_floor - 1.0:
         return set()
@@ -135,7 +135,7 @@ def _beyond(search: Searching, state: State) -> set[str]:
 
 
 def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_fixed: int) -> list[State]:
-    """Give the state without each of these effects, the others fitted anew with the derivatives that they had."""
+    """Return the state without each of these effects, the others refitted with their previous derivatives."""
     worlds = [state.world.without(e.effect, e.where) for e in gone]
     fits: list[Fit | None] = [None] * len(gone)
     if gone and len(worlds[0].effects) > n_fixed and state.fit is not None:
@@ -151,7 +151,7 @@ def _without(search: Searching, state: State, gone: Sequence[EffectInstance], n_
 
 
 def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
-    """Whether a rival contains the chosen effect as a special case and is not better for it."""
+    """Return whether a competitor contains the chosen effect as a special case without being better."""
     name, where = _parts(label)
     kind = effect(trial.score.placed.effect)
     nested = name in kind.contains and trial.score.placed.where == where
@@ -159,9 +159,9 @@ def merely_richer(judge: Judge, trial: Trial, state: State, label: str) -> bool:
 
 
 def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
-    """Whether the chosen effect grows from a rival at its place, and decisively so: gear play from a rotor's inertia.
+    """Return whether the chosen effect extends a competitor at its place decisively, e.g. backlash a rotor's inertia.
 
-    What a rival leaves may be little of all that there was, and yet most of it is mended by what it lacks.
+    The competitor may leave little of the original error, and yet the extension must remove most of that.
     """
     name, where = _parts(label)
     grows = trial.score.placed.effect in effect(name).grows_from and trial.score.placed.where == where
@@ -170,7 +170,7 @@ def grown_from(judge: Judge, trial: Trial, state: State, label: str) -> bool:
 
 
 def _parts(label: str) -> tuple[str, str]:
-    """Effect and place of `effect(place)`."""
+    """Split `effect(place)` into effect and place."""
     name, _, where = label.rstrip(")").partition("(")
     return name, where
 

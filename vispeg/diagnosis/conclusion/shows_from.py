@@ -1,4 +1,4 @@
-"""From which size on an effect that was not found would have been: what `adequate` cannot rule out."""
+"""Minimum detectable size of effects that were not found: smaller ones are compatible with `adequate`."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
-STEP = 1.15  # by which a size grows until its gain is worth its parameters
+STEP = 1.15  # factor by which a size grows until its gain is worth its parameters
 
 
 @dataclass(frozen=True)
 class Tried:
-    """One magnitude of an effect at a size, the others absent.
+    """One magnitude of an effect at a trial size, the others at null.
 
     Attributes:
         placed: the effect.
         name: the magnitude.
-        least: multiple of the size below which a search does not take it, whatever its trace.
+        least: multiple of the size below which a search rejects it, whatever its trace.
     """
 
     placed: EffectInstance
@@ -52,11 +52,11 @@ class Tried:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """(effect, where, magnitude); of one there may be several trials."""
+        """(effect, where, magnitude); several trials may share it."""
         return self.placed.effect, self.placed.where, self.name
 
     def at(self, times: float) -> EffectInstance:
-        """Give the effect at a multiple of the size; a logarithmic one as it is, for no line leads from null to it."""
+        """Return the effect at a multiple of the size; logarithmic magnitudes stay, as no line leads to null."""
         param = effect(self.placed.effect).params[self.name]
         if param.scale == "log":
             return self.placed
@@ -64,12 +64,12 @@ class Tried:
         return self.placed.with_values(**{self.name: float(np.clip(value, param.low, param.high))})
 
     def distance(self, times: float) -> float:
-        """Give how far from none it is at a multiple of the size; infinite where nothing shows so far."""
+        """Return the distance from null at a multiple of the size; infinite if the multiple is."""
         return distance(self.placed, self.name, times)
 
 
 class Searched(Protocol):
-    """A search, as far as it is asked what it could have found."""
+    """Parts of a search needed to compute what it could have found."""
 
     evidence: Any
     judge: Judge
@@ -77,28 +77,29 @@ class Searched(Protocol):
 
     @property
     def least_share(self) -> float:
-        """Share of what the effects so far removed that a later one must remove."""
+        """Share of what the accepted effects removed that a further one must remove."""
         ...
 
     def tested(self, state: State) -> int:
-        """How many places share the level of the test."""
+        """Return the number of places that share the level of the test."""
         ...
 
 
 def joints_show_from(search: Search, state: State) -> list[ShowsFrom]:
-    """Give the values of every magnitude that recordings of joints do not show beside a state; remembered.
+    """Return the values of every magnitude that joint recordings do not show when added to a state; cached.
 
-    By the signatures of the screen, taken at the values that the data suggest; an effect that they rule out has no row.
+    They follow from the signatures of the screen, taken at values estimated from the data; an effect that the data
+    rule out has no row.
     """
     count = float(search.judge.size.sum())
     over = float(state.loss.sum()) / count - search.judge.floor(state.world)
-    chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # of the mean square of so many readings' noise
+    chance = float(stats.norm.ppf(RULES.power)) * np.sqrt(2.0 / count)  # scatter of a mean square of noise
     worth = RULES.at_floor - 1.0 + chance if over <= RULES.at_floor - 1.0 else 0.0
     return shows_from(search, state, lambda: of_joints(search, state), worth)
 
 
 def of_joints(search: Search, state: State) -> Iterator[tuple[list[Tried], np.ndarray]]:
-    """Yield what is tried of recordings of joints: of every candidate its signature."""
+    """Yield for every candidate in joint recordings its magnitudes and their signatures."""
     items = search.evidence.items
     places = candidates(search.evidence, state.world, list(items[0].robot.joints))
     asked = probes(places, items[0], joint_data(search.missing(state.world), items))
@@ -112,17 +113,17 @@ def shows_from(
     tried: Callable[[], Iterable[tuple[Sequence[Tried], np.ndarray]]],
     worth: float = 0.0,
 ) -> list[ShowsFrom]:
-    """For each effect that is tried beside a state, the values of its magnitudes that these recordings do not show.
+    """Return for each tried effect the values of its magnitudes that these recordings do not show.
 
-    To first order beside the state: in the fitted recordings by the trace of each, in the held-out ones by that of the
-    size that the former promise. Of several trials of one magnitude the one that shows last counts.
+    Computed to first order, added to the state: on the fitted recordings from the trace, on the held-out ones from
+        that of the size that the fit would yield. Of several trials of one magnitude the least detectable counts.
 
     Args:
-        search: what could have found them.
-        state: beside which.
-        tried: one effect after another its magnitudes, with the traces (n, k), whitened, of all that a fit of the
-            effect moves, theirs first; none of them is kept, for they are as long as the recordings.
-        worth: drop of the mean squared held-out residual below which a search does not begin.
+        search: search that could have found them.
+        state: state to which the effects are added.
+        tried: for each effect its magnitudes and the whitened traces (n, k) of all its fitted parameters, magnitudes
+            first; not kept, because they are as long as the recordings.
+        worth: drop of the mean squared held-out residual below which a search does not start.
     """
 
     def work_out() -> list:
@@ -131,7 +132,7 @@ def shows_from(
             rows.setdefault((name, where), {})[parameter] = size if np.isfinite(size) else None
         return [[*key, sizes] for key, sizes in rows.items()]
 
-    which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask alike
+    which = hashlib.sha256(state.residual.tobytes()).hexdigest()  # depth and light ask the same question
     rows = search.progress.recall(["shows from", which, model_text(state.world)], work_out)
     return [
         {"effect": name, "where": where, "between": between(name, {k: v or np.inf for k, v in sizes.items()})}
@@ -142,7 +143,7 @@ def shows_from(
 def _least(
     search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]], worth: float
 ) -> dict[tuple[str, str, str], float]:
-    """Give the least distance from none at which each magnitude is found; infinite where it is at none."""
+    """Return the least distance from null at which each magnitude is found; infinite if never."""
     level = float(stats.norm.isf(RULES.discoveries / max(search.tested(state), 1)))
     every = []
     for seen in _seen(search, state, tried):
@@ -151,7 +152,7 @@ def _least(
         every.append((seen, needs, promised, seen.tried.distance(promised)))
     sizes = {seen.tried.key: 0.0 for seen, *_ in every}
     sizes |= {seen.tried.key: np.inf for seen, _, _, size in every if not np.isfinite(size)}
-    # of a magnitude that one of its trials shows at no size the others need not be asked
+    # skip magnitudes with a trial that shows at no size
     shown = [(seen, needs, promised) for seen, needs, promised, _ in every if np.isfinite(sizes[seen.tried.key])]
     for (seen, needs, _), held_out in zip(shown, _held_out(search, state, shown), strict=True):
         t = seen.tried
@@ -164,12 +165,12 @@ def _least(
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a trial does to the fitted recordings.
+    """Effect of a trial on the fitted recordings.
 
     Attributes:
         tried: the trial.
         trace: of it.
-        taken: (naxis,) what the parameters of the model take of it, by the fitted recordings, as of any fit.
+        taken: (naxis,) coefficients of its projection onto the model's parameters, from the fitted recordings.
         worth_it: whether the gain at a multiple is worth the effect's parameters (`selection.bic`).
     """
 
@@ -180,7 +181,7 @@ class _Seen:
 
 
 def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried], np.ndarray]]) -> Iterator[_Seen]:
-    """Yield what each trial does to the fitted recordings."""
+    """Yield the effect of each trial on the fitted recordings."""
     residual, blocks = state.residual, search.evidence.blocks(RULES.block)
     basis, upper = np.linalg.qr(np.zeros((len(residual), 0)) if state.fit is None else state.fit.jacobian)
     worth = _Worth(search.evidence, residual)
@@ -195,7 +196,7 @@ def _seen(search: Searched, state: State, tried: Iterable[tuple[Sequence[Tried],
 
 
 def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs, float]]) -> Iterator[Trace]:
-    """Yield the trace of each trial in the held-out recordings, at the size that the fitted ones promise."""
+    """Yield the trace of each trial on the held-out recordings, at the size that the fit would yield."""
     if not shown:
         return
     judge, fit = search.judge, state.fit
@@ -210,7 +211,7 @@ def _held_out(search: Searched, state: State, shown: Sequence[tuple[_Seen, Needs
 
 
 def needed(search: Searched, state: State, placed: EffectInstance, worth: float, level: float) -> Needs:
-    """Give what a search asks for before it accepts an effect beside a state (`selection.accept.refusal`)."""
+    """Return the acceptance criteria for an effect added to a state (`selection.accept.refusal`)."""
     count, loss = float(search.judge.size.sum()), float(state.loss.sum())
     share = search.evidence.least_gain
     drop = max(share / (1.0 - share) * loss, worth * count)
@@ -223,10 +224,10 @@ def needed(search: Searched, state: State, placed: EffectInstance, worth: float,
 
 
 class _Worth:
-    """Whether gains in some fitted recordings are worth an effect's parameters, by BIC (`selection.bic`).
+    """BIC test of whether a gain in fitted recordings is worth an effect's parameters (`selection.bic`).
 
-    The residual that a trial would have left there is linear in its multiple, so that what BIC asks of it, its square
-    and its correlations, is worked out once.
+    The residual that a trial would have left there is linear in its multiple, so its square and correlations, which
+    BIC needs, are computed once.
     """
 
     def __init__(self, evidence: Any, residual: np.ndarray):
@@ -235,7 +236,7 @@ class _Worth:
         self.correlations = correlations(self.spectra, self.spectra)
 
     def test(self, column: np.ndarray, more: int) -> Callable[[float], bool]:
-        """Give the test of a multiple of a trace (n,) that takes so many parameters."""
+        """Return the test of a multiple of a trace (n,), for an effect with `more` parameters."""
         changed = spectra(self.evidence, column)
         mixed, own = correlations(self.spectra, changed), correlations(changed, changed)
         square = max(float(self.residual @ self.residual), 1e-300)

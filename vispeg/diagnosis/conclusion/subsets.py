@@ -1,4 +1,4 @@
-"""What each choice of the added effects leaves of the error, for a reader who switches effects on and off."""
+"""Errors for each subset of the added effects, for a reader who switches effects on and off."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-EVERY = 4  # effects up to which each of their subsets is worked out; beyond it they come and go one by one
-POINTS = 700  # of a residual's picture
+EVERY = 4  # most effects of which all subsets are computed; more are switched one by one
+POINTS = 700  # points in a residual's picture
 
 
 def choices(count: int) -> np.ndarray:
-    """Which of `count` effects are on, (m, count) bool: none first, all last.
+    """Return which of `count` effects are on in each choice, (m, count) bool: none first, all last.
 
-    Every subset of up to EVERY effects; of more, the ladder in the order in which they were added, and all but one.
+    Up to EVERY effects give every subset; more give the order in which they were added, and all but one.
     """
     if count <= EVERY:
         rows = [row[::-1] for row in product((False, True), repeat=count)]
@@ -33,11 +33,11 @@ def choices(count: int) -> np.ndarray:
 def subsets(
     judged: Evidence, world: World, n_fixed: int, alternatives: Sequence[tuple[str, World]] = ()
 ) -> dict[str, np.ndarray]:
-    """Arrays of `evidence.npz` under `choice/`: no value is fitted anew, each effect keeps the one it has in `world`.
+    """Return the arrays of `evidence.npz` under `choice/`; effects keep their values in `world` without a refit.
 
     Args:
         judged: held-out evidence.
-        world: the model with everything that was added behind its first `n_fixed` effects.
+        world: the model; effects after the first `n_fixed` were added.
         alternatives: label and world of each rival that explains the held-out data as well.
 
     Returns:
@@ -65,7 +65,7 @@ def subsets(
 
 
 def _residual(judged: Evidence, predicted: Sequence[np.ndarray], i: int) -> np.ndarray:
-    """Give the whitened residual of world i, as `Evidence.residuals` has it, without a second rollout."""
+    """Return the whitened residual of world i, as in `Evidence.residuals`, without another rollout."""
     return np.concatenate([judged.whiten(item, y[i]).ravel() for item, y in zip(judged.items, predicted, strict=True)])
 
 
@@ -74,7 +74,7 @@ def _chosen(effects: Sequence, row: np.ndarray) -> list:
 
 
 def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarray:
-    """(m, nj) RMS of the principal channel, over valid readings."""
+    """Return the RMS of the principal channel over valid readings, (m, nj)."""
     total, count = 0.0, 0
     for item, y in zip(judged.items, predicted, strict=True):
         valid = item.valid[:, : item.nj]
@@ -84,7 +84,7 @@ def _joint_errors(judged: Evidence, predicted: Sequence[np.ndarray]) -> np.ndarr
 
 
 def _drawn(item: Item, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Time (p,) and residual (m, p, nj): of every stretch of the recording its lowest and its highest value."""
+    """Return time (p,) and residual (m, p, nj), thinned to the minimum and maximum of each stretch."""
     valid = item.valid[:, : item.nj]
     residual = np.where(valid, item.measured[:, : item.nj] - predicted[:, :, : item.nj], np.nan)
     n = len(item.segment.time)

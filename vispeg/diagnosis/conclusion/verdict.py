@@ -1,4 +1,4 @@
-"""From a search to a verdict: adequate, identified, ambiguous or unexplained."""
+"""Derive the verdict of a search: adequate, identified, ambiguous or unexplained."""
 
 from __future__ import annotations
 
@@ -33,15 +33,16 @@ def decide(
         before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.
         n_added: effects added.
         rivals: of the added effects.
-        depends: what the final residual depends on.
+        depends: inputs that the final residual depends on.
         floor: of the final model, in noise variances; above 1 where encoders are coarse or the loop feeds noise back.
-        mark: what least squares of all base parameters, friction and bias leaves on the same recordings; None: unknown.
-        unjudged: roles of the recordings where one alone shows what is missing, and nothing can be judged.
-        farthest: of the kinds of channels the one that the final model describes worst, over its floor; by default the
-            mean over all.
-        n_read: of the effects added those that the readings show by themselves, whatever the error does.
-        errors: held-out RMS error of the two models over the noise floor, as the ladder has them: what the reason says.
-            By default the roots of `before` and `after`.
+        mark: mean square left by least squares of all base parameters, friction and bias on the same recordings;
+            None: unknown.
+        unjudged: roles of the recordings if only one shows what is missing, so that nothing can be judged.
+        farthest: mean square over its floor of the kind of channel that the final model describes worst; by default
+            the mean over all.
+        n_read: number of added effects read directly from the readings, whatever the error.
+        errors: held-out RMS error of the two models over the noise floor, as in the ladder, for the reason; by
+            default the roots of `before` and `after`.
     """
     first, last = errors or (np.sqrt(before), np.sqrt(after))
     if unjudged is not None:
@@ -90,14 +91,12 @@ def decide(
 
 
 def confounded(names: Sequence[str]) -> str:
-    """Give the reason for `ambiguous`: the effects (labels) that others explain as well."""
+    """Return the reason for `ambiguous`: the labels of effects that others explain as well."""
     return f"these recordings cannot tell {', '.join(sorted(set(names)))} from other effects"
 
 
 def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection[str]) -> Verdict:
-    """Give the verdict whose reason counts as the page does: effects with rivals, less those that are tentative
-    anyhow.
-    """
+    """Return the verdict with a reason that omits tentative effects from those with competitors, as the page does."""
     names = [r.label for r in rivals if r.equals]
     if verdict.verdict != "ambiguous" or verdict.reason != confounded(names):
         return verdict
@@ -107,7 +106,7 @@ def settled_names(verdict: Verdict, rivals: Sequence[Rivals], unsure: Collection
 
 
 def unexplained(before: float, after: float, n_added: int) -> bool:
-    """Whether more remains than an adequate or an identified model may leave.
+    """Return whether the error exceeds what an adequate or identified model may leave.
 
     Args:
         before, after: held-out mean squared residual of the user's model and of the final one; 1 is the floor.
@@ -118,9 +117,7 @@ def unexplained(before: float, after: float, n_added: int) -> bool:
 
 
 def _of_readings(floor: float) -> str:
-    """Give what coarse or noisy readings leave of the right model, in noise floors, where that is more than the
-    noise.
-    """
+    """Return a clause on the error that coarse or noisy readings leave even of the correct model, if above noise."""
     if floor <= 1.05:
         return ""
     return f"; coarse or noisy readings leave {floors(floor)} × the noise floor even of the right model"

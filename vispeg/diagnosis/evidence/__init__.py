@@ -1,1 +1,1 @@
-"""What the recordings say before anything is fitted: where the model fails, and what each effect would explain."""
+"""Evidence before any fit: where the model fails, and how much each effect would explain."""

@@ -1,9 +1,9 @@
 """What linear least squares leaves: all inertial parameters of all links, with friction and bias in every joint.
 
 Torque along a measured motion is linear in a link's mass, mass times centre, and inertia about the link's frame, so the
-best rigid arm with Coulomb and viscous friction is one linear fit. Its error on recordings that were not fitted is a
-mark for a diagnosis: a remainder no greater is none that a rigid arm with plain friction could mend. Its parameters are
-no model: most are not determined one by one, and nothing keeps masses positive. Source: Gautier and Khalil, IEEE
+best rigid arm with Coulomb and viscous friction is one linear fit. Its held-out error is a benchmark for a diagnosis:
+a rigid arm with plain friction cannot do better. Its parameters are not a model, since most are not identifiable one
+by one, and masses may be negative. Source: Gautier and Khalil, IEEE
 Transactions on Robotics and Automation 6(3), 1990, on base parameters.
 """
 
@@ -20,13 +20,14 @@ from vispeg.sim.nominal import dense
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
-RANK = 1e-4  # of the greatest singular value of the scaled columns: below, a direction is not determined
+RANK = 1e-4  # of the greatest singular value of the scaled columns; below it a direction is not determined
 QUARTER = np.array([[np.cos(np.pi / 8), *(np.sin(np.pi / 8) * e)] for e in np.eye(3)])  # 45 degrees about x, y, z
 
 
 def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: World) -> list[np.ndarray]:
-    """Residuals (m, nj) in N m of each held-out item, invalid rows 0, with all base parameters fitted in addition to
-    `world`.
+    """Return the held-out residuals (m, nj) N m after a fit of all base parameters in addition to `world`.
+
+    Rows of invalid samples are 0.
     """
     x, y = _system(fitted, world)
     scale = np.maximum(np.linalg.norm(x, axis=0), 1e-12)
@@ -52,7 +53,7 @@ def _residuals(evidence: TorqueEvidence, world: World) -> list[np.ndarray]:
 
 
 def columns(item: Item) -> np.ndarray:
-    """Give the derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
+    """Return the derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
     seg, nj = item.segment, item.nj
     ddq = seg.cache["ddq"]
     rigid = _rigid(item, ddq)  # (m, nj, 10 nlink)
@@ -62,7 +63,7 @@ def columns(item: Item) -> np.ndarray:
 
 
 def _rigid(item: Item, ddq: np.ndarray) -> np.ndarray:
-    """(m, nj, 10 nlink): each link alone in ten states of mass that span its inertial parameters."""
+    """Return (m, nj, 10 nlink): torques of each link alone in ten mass states that span its inertial parameters."""
     model, seg = compiled(item.robot), item.segment
     rows, out = len(seg.time), []
     batch = mjb.Batch(model, rows, nthread=1)

@@ -1,12 +1,11 @@
-"""Whether a fitted effect is the same at all times and positions: one that is not stands in for something else.
+"""Whether a fitted effect is constant over time and position; if not, it imitates another one.
 
-Effects are constant: friction that falls while a gear warms up, or that is there at one angle alone, is none of them,
-and a constant one fits part of it. So the magnitudes of each joint's effect are let differ between quarters of the
-recordings, and between quarters of the joint's range, in the linear model of the fit, all other parameters free. Where
-that removes a visible share of what the joint leaves unexplained in its own channels, and the values are far apart, the
-effect is no name. What it removes in other joints does not count: under torque control an arm's error in one moves all.
-
-Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
+Library effects are constant. Friction that falls as a gear warms up, or that exists at one angle only, is not in the
+library, and a constant one fits a part of it. So the magnitudes of each joint's effect may differ between quarters of
+the recordings, and between quarters of the joint's range, in the linear model of the fit, with all other parameters
+free. If that removes a visible share of the error left in the joint's own channels, and the values differ much, the
+effect is not named. Improvement in other joints does not count, because under torque control an error in one joint
+moves all. Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.identify.channels import Item
 from vispeg.identify.fit import Fit
 
-RIDGE = 1e-9  # of each column's own norm: directions that the evidence cannot determine stay
+RIDGE = 1e-9  # of each column's squared norm; keeps undetermined directions fixed
 
 
 @dataclass(frozen=True)
@@ -42,14 +41,14 @@ class Change:
     share: float
 
     def said(self) -> str:
-        """Return the sentence for the reader."""
+        """Return the message for the reader."""
         what = "as the recordings go on" if self.over == "time" else "over the joint's range"
         values = ", ".join(f"{p:.2g}" for p in self.parts)
         return f"{self.label} is not constant {what} ({values} of its value): it stands in for something that changes"
 
 
 def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, float]) -> list[Change]:
-    """Joints' effects after the first `n_fixed` of a fit that are not constant.
+    """Return the joint effects after the first `n_fixed` of a fit that are not constant.
 
     `excess` is the squared residual over the noise that is left in each joint.
     """
@@ -78,7 +77,7 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
 
 
 def _magnitudes(fit: Fit, index: int) -> list[int]:
-    """Axes of an effect's magnitudes, of those that vanish on a straight line; none where these do not tell it."""
+    """Return the axes of an effect's linear magnitudes; none if those do not determine its presence."""
     kind = effect(fit.world.effects[index].effect)
     if any(kind.params[name].scale != "linear" for name in kind.telling):  # a servo, whose gain may be null
         return []
@@ -88,7 +87,7 @@ def _magnitudes(fit: Fit, index: int) -> list[int]:
 
 
 def _times(items: Sequence[Item]) -> np.ndarray:
-    """Part of its recording in which each sample lies, items end to end."""
+    """Return the quarter of its recording of each sample, items end to end."""
     out = []
     for item in items:
         start = item.recording.time[item.segment.rows[0]]
@@ -100,24 +99,24 @@ def _times(items: Sequence[Item]) -> np.ndarray:
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
-    """Part of the distribution of `values` in which each lies."""
+    """Return the quartile of each of `values`."""
     return np.digitize(values, np.quantile(values, np.arange(1, RULES.parts) / RULES.parts))
 
 
 def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:
-    """One value a sample, for each entry of the residual."""
+    """Expand one value per sample to the entries of the residual."""
     widths = [i.measured.shape[1] for i in items]
     return np.repeat(values, np.repeat(widths, [len(i.measured) for i in items]))
 
 
 def _channels(items: Sequence[Item]) -> np.ndarray:
-    """Joint of each entry of the residual."""
+    """Return the joint of each entry of the residual."""
     nj = len(items[0].robot.joints)
     return np.concatenate([np.tile(np.arange(i.measured.shape[1]) % nj, len(i.measured)) for i in items])
 
 
 def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Inner products (nparts, p, p) of derivatives, and (nparts, p) with the residual, over each part of `where`."""
+    """Return inner products over each part of `where`: J'J (nparts, p, p) and J'r (nparts, p)."""
     rows = [part == s if where is None else where & (part == s) for s in range(RULES.parts)]
     return (
         np.stack([fit.jacobian[r].T @ fit.jacobian[r] for r in rows]),
@@ -128,9 +127,9 @@ def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tup
 def _apart(
     everywhere: tuple[np.ndarray, np.ndarray], here: tuple[np.ndarray, np.ndarray], free: list[int]
 ) -> tuple[float, np.ndarray]:
-    """Drop of the squared residual `here` where the coordinates `free` differ between parts, and how the first moves.
+    """Return the drop of the squared residual `here` if `free` coordinates differ by part, and the first one in each.
 
-    Beside a fit in which they are one, all other coordinates are fitted in both, to the residual `everywhere`.
+    It is relative to a fit with common values. In both fits all other coordinates minimise the residual `everywhere`.
     """
     gram, slope = everywhere
     p, k = gram.shape[1], len(free)
@@ -150,13 +149,13 @@ def _apart(
 
 
 def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
-    """Rise of |r|^2 where the coordinates move by x (nparts, p) in each part."""
+    """Return the rise of |r|^2 if the coordinates change by x (nparts, p) in each part."""
     gram, slope = moments
     return float(np.einsum("si,sij,sj->", x, gram, x) + 2.0 * np.sum(slope * x))
 
 
 def _solved(matrix: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Give the x at which |r + J x|^2 is least, of J'J and J'r."""
+    """Return the minimiser x of |r + J x|^2, given J'J and J'r."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-18))
     inner = matrix / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
     return -np.linalg.solve(inner, slope / scale) / scale

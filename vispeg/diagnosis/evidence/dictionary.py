@@ -1,8 +1,7 @@
-"""Linear model of a fit and of all candidates: predicts the residual of any choice of effects without a rollout.
+"""Linear model of a fit and all candidates: predicts the residual of any set of effects without a rollout.
 
-All that it needs is one matrix of inner products, of the derivatives to the fitted parameters, the signatures of the
-candidates and the residual. Exact where torques are compared and an effect is straight; elsewhere it proposes, and
-rollouts decide.
+It needs only one Gram matrix of the derivatives to the fitted parameters, the candidates' signatures and the
+residual. It is exact for torques and effects that are linear; otherwise it proposes, and rollouts decide.
 """
 
 from __future__ import annotations
@@ -17,20 +16,20 @@ from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.fit import Fit
 
-ROWS = 20_000  # of the residual that are multiplied at once
-RIDGE = 1e-9  # of each column's own norm: directions that the evidence cannot determine stay
-NOTHING = 1e-3  # of a unit column, that must be left beside the chosen ones
+ROWS = 20_000  # rows of the residual multiplied at a time
+RIDGE = 1e-9  # of each column's squared norm; keeps undetermined directions fixed
+NOTHING = 1e-3  # least part of a unit column that is independent of the chosen ones
 
 
 class Entry:
-    """One effect at one place: its columns of the matrix, their bounds, and what it is.
+    """One effect at one place, with its columns of the matrix and their bounds.
 
     Args:
-        placed: the effect; of a candidate its probe.
+        placed: the effect; for a candidate its probe.
         columns: indices into the matrix.
         bounds: (2, k) of the coefficients.
-        signature: of a candidate; None for an effect of the fit, whose coefficients count from null.
-        index: of an effect of the fit in its world.
+        signature: of a candidate; None for an effect of the fit, whose coefficients are relative to null.
+        index: index in its world of an effect of the fit.
     """
 
     def __init__(
@@ -48,13 +47,13 @@ class Entry:
 
 
 class Dictionary:
-    """Entries of a fit's effects and of the candidates, and the losses of choices among them.
+    """Entries of a fit's effects and of the candidates, and the losses of sets of them.
 
     Args:
-        residual: (n,) whitened, of the world beside which the signatures were taken.
+        residual: (n,) whitened, of the world to which the signatures are relative.
         signatures: of the candidates.
-        fit: of that world; None where nothing is fitted.
-        folds: rows of the residual that are left out in turn; by default none.
+        fit: of that world; None if nothing is fitted.
+        folds: rows of the residual left out in turn for cross-validation; by default none.
     """
 
     def __init__(
@@ -92,7 +91,7 @@ class Dictionary:
         self.parts = [part / np.outer(unit, unit) for part in parts] if len(folds) > 1 else []
 
     def loss(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
-        """Squared residual of the best coefficients, inside their bounds, of the entries `chosen`; those in order."""
+        """Return the squared residual of entries `chosen` at their best coefficients within bounds, and those."""
         if not len(chosen):
             return self.total, np.zeros(0)
         i = np.concatenate([self.entries[k].columns for k in chosen])
@@ -106,7 +105,7 @@ class Dictionary:
         return float(error), x / self.scale[i]
 
     def at(self, chosen: Sequence[int], coefficients: np.ndarray) -> float:
-        """Squared residual of the entries `chosen` at coefficients that another evidence gave."""
+        """Return the squared residual of the entries `chosen` with given coefficients, e.g. from other recordings."""
         if not len(chosen):
             return self.total
         i = np.concatenate([self.entries[k].columns for k in chosen])
@@ -151,7 +150,7 @@ class Dictionary:
         return out
 
     def placed(self, chosen: Sequence[int]) -> list[EffectInstance]:
-        """Give the chosen candidates with the values at which a fit should start."""
+        """Return the chosen candidates with start values for a fit."""
         coefficients, out, at = self.loss(chosen)[1], [], 0
         for k in chosen:
             entry = self.entries[k]
@@ -163,7 +162,7 @@ class Dictionary:
 
 
 def null_of(fit: Fit) -> np.ndarray:
-    """Coordinates at which each effect of a fit vanishes; shapes stay as they are."""
+    """Return the coordinates at which each effect of a fit is null; shapes stay as they are."""
     out = fit.u.copy()
     for i, axis in enumerate(fit.space.axes):
         if not axis.param.shape and axis.name in effect(fit.world.effects[axis.index].effect).magnitudes:
@@ -172,7 +171,7 @@ def null_of(fit: Fit) -> np.ndarray:
 
 
 def _gram(blocks: Sequence[np.ndarray], rows: slice) -> np.ndarray:
-    """Inner products of all columns over some rows."""
+    """Return the inner products of all columns over some rows."""
     width = sum(b.shape[1] for b in blocks)
     out = np.zeros((width, width))
     for start in range(rows.start, rows.stop, ROWS):

@@ -17,7 +17,7 @@ from vispeg.sim.nominal import Nominal
 from vispeg.sim.observer import OBSERVER, observer_spring
 
 CUTOFF_HZ = 15.0
-SERVO = 25.0  # rad/s: what a servo's unknown loop is taken for, only to turn angles into torques
+SERVO = 25.0  # rad/s, assumed bandwidth of a servo's unknown loop, only to convert angles to torques
 SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
 
 
@@ -57,9 +57,10 @@ class MissingTorque:
 
 
 def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingTorque:
-    """Missing torque from the difference d = measured - simulated angle: `M d'' + Kd d' + Kp d`, low-passed.
+    """Return the missing torque from the difference d = measured - simulated angle: `M d'' + Kd d' + Kp d`, low-passed.
 
-    Kp and Kd are the loop that both were in (the recorded controller, or the observer), M the nominal inertia along the
+    Kp and Kd are the gains of the common loop (the recorded controller, or the observer), M the nominal inertia along
+    the
     motion: the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
     """
     seg, nj, m = item.segment, item.nj, len(item.segment.time)
@@ -100,14 +101,14 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
 
 
 def _means(control: Control) -> tuple[float, float]:
-    """Mean gains of an operational-space loop: close enough to turn a difference of angles into torques."""
+    """Return the mean gains of an operational-space loop, accurate enough to convert an angle difference to torques."""
     if control.kp is None or control.kd is None:
         return OBSERVER**2, 2 * OBSERVER
     return float(np.mean(control.kp)), float(np.mean(control.kd))
 
 
 def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Commanded joint torque (m, nj) from what was recorded; gravity alone where it cannot be known."""
+    """Return the commanded joint torque (m, nj) from what was recorded; gravity alone if it is unknown."""
     seg, c = item.segment, item.segment.control
     at = np.clip(np.round(seg.time / seg.tick).astype(int), 0, seg.ticks - 1)
     if np.any(np.abs(seg.time - at * seg.tick) > 0.05 * seg.tick):  # the commands are of other instants
@@ -131,7 +132,7 @@ def _filled(values: np.ndarray) -> np.ndarray:
 
 
 def joint_data(missing: Sequence[MissingTorque], items: list[Item]) -> list[JointData]:
-    """One JointData a joint over all items."""
+    """Return one JointData per joint over all items."""
     nj = missing[0].q.shape[1]
 
     def column(get, j):
@@ -153,12 +154,12 @@ def joint_data(missing: Sequence[MissingTorque], items: list[Item]) -> list[Join
 
 
 def joint_z(missing: Sequence[MissingTorque]) -> np.ndarray:
-    """(nj,) RMS missing torque over its noise."""
+    """Return the RMS missing torque over its noise, (nj,)."""
     return np.sqrt(np.mean([np.mean((k.excess / k.sigma) ** 2, axis=0) for k in missing], axis=0))
 
 
 def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
-    """Regime name -> (m, nj) bool."""
+    """Return for each regime its samples, (m, nj) bool."""
     speed, load = np.abs(k.dq), np.abs(k.tau)
     peak = np.maximum(speed.max(axis=0), 1e-6)
     reversal = speed < SLOW * peak
@@ -171,7 +172,7 @@ def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
 
 
 def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[Failure]:
-    """Shares of the excess over noise by joint and regime, largest first; shares sum to 1 over all cells."""
+    """Return the shares of the excess over noise by joint and regime, largest first; they sum to 1 over all cells."""
     cells: dict[tuple[str, str], float] = {}
     for k in missing:
         chi = np.maximum((k.excess / k.sigma) ** 2 - 1.0, 0.0)
@@ -185,7 +186,7 @@ def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], mo
 
 @dataclass(frozen=True)
 class Cells:
-    """Where every sample of some missing torques lies in one of the `maps`: edges (k+1,), number (n, nj), -1 in none.
+    """Cell of every sample of missing torque in one of the `maps`: edges (k+1,), number (n, nj), -1 for none.
 
     Samples of all items are end to end.
     """
@@ -195,7 +196,7 @@ class Cells:
 
 
 def cells(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, Cells]:
-    """Axis -> cells over speed and load (each as a share of the joint's peak), position, phase and time."""
+    """Return for each axis the cells: speed and load (as shares of the joint's peak), position, phase and time."""
     out = {}
     for axis, get in (
         ("speed", lambda k: k.dq / np.maximum(np.abs(k.dq).max(axis=0), 1e-9)),
@@ -208,13 +209,13 @@ def cells(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, Cells]:
         low, high = (0.0, 1.0) if axis == "phase" else (x.min(), x.max() + 1e-9)
         edges = np.linspace(low, high, bins + 1)
         number = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
-        number[~np.isfinite(x)] = -1  # a phase is known between turning points only
+        number[~np.isfinite(x)] = -1  # a phase is defined between turning points only
         out[axis] = Cells(edges, number)
     return out
 
 
 def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Axis -> (edges (k+1,), whitened RMS missing torque (nj, k), NaN where there is none) over the `cells`."""
+    """Return for each axis edges (k+1,) and the whitened RMS missing torque (nj, k) of the `cells`, NaN if empty."""
     z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
     out = {}
     for axis, cell in cells(missing, bins).items():
@@ -229,7 +230,7 @@ def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np
 
 
 def worst(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, np.ndarray]:
-    """Axis -> (nj, k) number of the sample that misses most in each cell of the `maps`, -1 where there is none."""
+    """Return for each axis the sample with the largest missing torque in each cell, (nj, k), -1 if empty."""
     z = np.abs(np.concatenate([k.excess / k.sigma for k in missing]))
     out = {}
     for axis, cell in cells(missing, bins).items():
@@ -247,9 +248,7 @@ def peaks(
     joints: tuple[str, ...],
     after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> list[Peak]:
-    """Give the worst cell of each of the `maps`, in multiples of the noise; with `after`, what is left in that very
-    cell.
-    """
+    """Return the worst cell of each of the `maps`, in multiples of the noise; with `after`, also its later value."""
     out = []
     for axis, (edges, grid) in before.items():
         if not np.isfinite(grid).any():

@@ -1,4 +1,4 @@
-"""Recordings without motion: nothing can be learnt or judged on them."""
+"""Refuse recordings without motion, as nothing can be learnt or judged on them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.recordings.recording import Recording
 
 
 def motionless(rec: Recording) -> bool:
-    """Whether neither a joint nor a command moved: a commanded robot that stays where it is does tell something."""
+    """Return whether neither a joint nor a command moved; a commanded robot that does not move is informative."""
     still = dict.fromkeys(("q", "q_cmd", "ee_cmd"), RULES.still_angle) | {"tau_cmd": RULES.still_torque}
     for name, least in still.items():
         values = getattr(rec, name)
@@ -27,7 +27,7 @@ def motionless(rec: Recording) -> bool:
 
 
 def refuse_motionless(fitted: Sequence[Recording], held_out: Sequence[Recording]) -> list[str]:
-    """Give a note on each recording without motion.
+    """Return a message for each recording without motion.
 
     Raises:
         UserError: none of the fitted ones, or none of the held-out ones, has any.

@@ -8,7 +8,7 @@ from vispeg.recordings.checks.excitation import LEAST_SPEED, MOVES
 
 
 def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """Phase of each joint in its cycle: 0 at a lower turning point, 0.5 at an upper one, 1 at the next lower one.
+    """Return each joint's phase in its cycle: 0 at a lower turning point, 0.5 at an upper one, 1 at the next lower.
 
     From one turning point to the next it grows evenly in time, so a constant-amplitude sine has its usual phase, and
     motion of any shape has one: just above 0 and 0.5 is just after a reversal, where dry friction, play and hysteresis
@@ -16,7 +16,8 @@ def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
 
     Args:
         time: (m,) s, increasing.
-        dq: (m, nj) rad/s, smoothed. The direction counts from 2 % of a joint's peak speed on, so noise turns nothing.
+        dq: (m, nj) rad/s, smoothed. Speeds below 2 % of a joint's peak do not count as a change of direction, so that
+            noise makes no turning point.
 
     Returns:
         (m, nj), NaN before a joint's first and after its last turning point: that stroke's length is not known.
@@ -34,6 +35,6 @@ def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
 
 
 def _crossing(time: np.ndarray, speed: np.ndarray, before: int, after: int) -> float:
-    """When the speed was 0 between two rows of opposite sign: where the line through them crosses."""
+    """Return the time of zero speed between two rows of opposite sign, by linear interpolation."""
     share = speed[before] / (speed[before] - speed[after])
     return float(time[before] + share * (time[after] - time[before]))

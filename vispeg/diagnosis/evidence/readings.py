@@ -1,7 +1,8 @@
-"""Encoder resolution from the readings alone: all of them are integer multiples of one step.
+"""Estimate encoder resolution from the readings alone: all of them are integer multiples of one step.
 
-No squared error shows a step of less than some ten times the noise: noise tips a rounded prediction over to the next
-step as often as the reading itself, which leaves as much as no rounding does. The grid is there to be seen.
+The squared error cannot show a step below about ten times the noise: noise tips a rounded prediction to the next step
+as often as the reading itself, so the error is as large as without rounding. The grid is visible in the readings
+themselves.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from vispeg.worlds.world import World
 
 
 def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstance, ...]:
-    """Effects by which encoders read in steps, of joints of which every recording in which they move shows the same.
+    """Return encoder resolutions of joints that have the same step in every recording in which they move.
 
-    The grid must go through the joint's zero, as the effect's does. One effect of all joints where one step fits them
-    all; none of a joint for which the world has one already.
+    The grid must go through the joint's zero, as the effect's does. It is a single effect of all joints if one step
+    fits them all; a joint with a resolution in the world is skipped.
     """
     joints = recordings[0].joints
     moved = {j: m for j in range(len(joints)) if (m := [r for r in recordings if moves(r.q[:, j])])}
@@ -56,12 +57,12 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
 
 
 def moves(values: np.ndarray) -> bool:
-    """Whether readings (n,) differ."""
+    """Return whether readings (n,) differ."""
     return len(np.unique(values[np.isfinite(values)])) >= RULES.grid_readings
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
-    """rad: the step that a joint is read in, in all of these recordings; 0 where there is none beyond the noise."""
+    """Return the step in rad of a joint's readings in all of these recordings; 0 if there is none above the noise."""
     if any(quantization(r.q[:, joint]) is None for r in recordings):
         return 0.0
     widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))
@@ -71,9 +72,7 @@ def common_step(recordings: Sequence[Recording], joint: int) -> float:
 
 
 def refined(values: np.ndarray, step: float) -> float:
-    """Give the step by least squares of values (n,) that are its multiples, the small ones first, whose counts are
-    sure.
-    """
+    """Refine the step by least squares over values (n,), starting with small ones, whose multiples are certain."""
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
         near = values[np.abs(values) <= share * np.abs(values).max()]
@@ -84,6 +83,6 @@ def refined(values: np.ndarray, step: float) -> float:
 
 
 def on_grid(values: np.ndarray, step: float) -> bool:
-    """Whether values (n,) are whole multiples of a step."""
+    """Return whether values (n,) are integer multiples of a step."""
     counts = values[np.isfinite(values)] / step
     return bool(np.abs(counts - np.round(counts)).max(initial=0.0) < RULES.grid_off)

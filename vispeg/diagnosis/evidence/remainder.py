@@ -1,4 +1,4 @@
-"""What a remaining residual depends on: flexible curves over one input at a time, judged on held-out recordings."""
+"""Dependence of the final residual on inputs: flexible curves over one input at a time, judged on held-out data."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BINS = 24
 
 @dataclass(frozen=True)
 class Dependence:
-    """Share of the held-out missing torque that a curve over `input` predicts, and the joint it is strongest in."""
+    """Share of the held-out missing torque that a curve over `input` predicts, and the joint with the strongest one."""
 
     input: str
     share: float
@@ -71,7 +71,7 @@ def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[Remain
 
 
 def _tone(missing: list[MissingTorque]) -> tuple[float, float, int]:
-    """Share of the missing torque within +-0.4 Hz of its strongest line above 0.4 Hz, the line, and its joint."""
+    """Return the share of missing torque within 0.4 Hz of its strongest line above 0.4 Hz, the line, and its joint."""
     best = (0.0, 0.0, 0)
     total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in missing)
     for j in range(missing[0].q.shape[1]):

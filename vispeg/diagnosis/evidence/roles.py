@@ -1,8 +1,8 @@
-"""Which recordings are held out: those requested, unless they do not show what the model lacks.
+"""Choice of held-out recordings: those requested, unless they do not show what the model lacks.
 
-A drive that saturates in two of three motions leaves no trace in the third, and no effect can be judged there: then one
-of the two judges in its place, and it is fitted. Where it saturates in one motion alone, but in either half of it, the
-second half judges what is fitted to the first.
+A drive that saturates in two of three motions leaves no trace in the third, where no effect of it can be judged. Then
+one of the two is held out instead, and the third is fitted. If it saturates in one motion only, but in both halves of
+it, the fit uses the first half and the second is held out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Roles:
-    """Fitted and held-out recordings, a note for the report, and the name of a recording that no other can judge."""
+    """Fitted and held-out recordings, a note, and the name of a recording that no other can judge."""
 
     fitted: list[Recording]
     held_out: list[Recording]
@@ -67,7 +67,7 @@ def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
 
 
 def halves(rec: Recording) -> tuple[Recording, Recording]:
-    """Give the first and the second half of a recording."""
+    """Return the first and the second half of a recording."""
     middle, out = len(rec.time) // 2, []
     for name, rows in (("first", slice(None, middle)), ("second", slice(middle, None))):
         out.append(replace(rec.some(rows), path=rec.path.with_name(f"{rec.name}, {name} half")))
@@ -75,7 +75,7 @@ def halves(rec: Recording) -> tuple[Recording, Recording]:
 
 
 def shown(evidence: Evidence, world: World) -> list[float]:
-    """Mean squared whitened residual of each recording under a world; 1 at the noise floor."""
+    """Return the mean squared whitened residual of each recording under a world; 1 at the noise floor."""
     residual, start = evidence.residuals([world])[0], 0
     total, count = np.zeros((2, len(evidence.recordings)))
     index = {id(r): k for k, r in enumerate(evidence.recordings)}

@@ -1,4 +1,4 @@
-"""Score test over the whole library: how much of the residual each effect, at each place, can explain."""
+"""Score test over the whole library: the part of the residual that each effect, at each place, can explain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.diagnosis.findings import Score
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-ROWS = 2**16  # rows of a least-squares problem that are factorised at a time
+ROWS = 2**16  # rows of a least-squares problem factorised at a time
 
 
 def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:
@@ -81,7 +81,7 @@ def screen(
 
 
 def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
-    """Score a group of effects that are tried at once, each with its magnitudes."""
+    """Score a group of effects that are added together, each with its magnitudes."""
     members = [m for m in members if np.linalg.norm(m.columns[:, : len(m.names)]) > 1e-6]
     if len(members) < 2:
         return None

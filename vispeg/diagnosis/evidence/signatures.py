@@ -1,4 +1,4 @@
-"""Signatures: what each effect, at each place, would add to the whitened residual, to first order."""
+"""Signatures: first-order change of the whitened residual when an effect is added at a place."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-WILD = 5e3  # whitened residual beyond which a rollout says nothing about its parameter
-STEP = 0.05  # of a moment's range, by which it is shifted
+WILD = 5e3  # whitened residual beyond which a rollout is not informative about its parameter
+STEP = 0.05  # of a moment's range: its shift
 
 
 @dataclass(frozen=True)
 class Signature:
-    """What one candidate adds.
+    """First-order effect of one candidate.
 
     Attributes:
-        probe: the effect, with the values at which the signature was taken.
+        probe: the effect, with the values at which the signature was computed.
         names: the magnitudes that scale the first columns: a coefficient of 1 is the probe's value, 0 its null.
-        moments: the shapes that scale the others: of a coefficient over the first one's, in steps of `STEP`.
+        moments: the shapes that scale the other columns: shift of a shape, in steps of `STEP`, is its coefficient
+            over the first one's.
         columns: (n, k) drop of the whitened residual for a coefficient of 1.
     """
 
@@ -42,12 +43,12 @@ class Signature:
 
     @property
     def bounds(self) -> np.ndarray:
-        """(2, k) least and greatest coefficients."""
+        """Least and greatest coefficients, (2, k)."""
         reach = [_reach(self.probe, name) for name in self.names]
         return np.array([*reach, *[(-np.inf, np.inf)] * len(self.moments)]).T
 
     def possible(self, coefficients: Sequence[float]) -> bool:
-        """Whether every value that these coefficients mean lies inside its bounds, and none at one that is not null."""
+        """Return whether the values of these coefficients lie in their bounds, and none at a bound that is not null."""
         kind, count = effect(self.probe.effect), len(self.names)
         low, high = self.bounds[:, :count]
         values = self.probe.params
@@ -61,11 +62,11 @@ class Signature:
         return all(inside)
 
     def placed(self, coefficients: Sequence[float]) -> EffectInstance:
-        """Give the effect with the values at which a fit should start."""
+        """Return the effect with start values for a fit."""
         kind, values = effect(self.probe.effect), {}
         for m, c in zip(self.names, coefficients, strict=False):
             p, reach = kind.params[m], self.probe.params[m].value - kind.params[m].null
-            if p.scale == "log" or kind.torqueless:  # no line leads from null to such a value: the guess stands
+            if p.scale == "log" or kind.torqueless:  # no straight line leads from null to such a value: keep the guess
                 values[m] = self.probe.params[m].value
                 continue
             c = c if abs(c) > 0.02 else 0.02
@@ -80,7 +81,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class Probe:
-    """An effect at the values at which its signature is taken, and what of it moves.
+    """An effect at the values of its signature, and the parameters that are varied.
 
     Attributes:
         placed: the effect.
@@ -94,7 +95,7 @@ class Probe:
 
     @property
     def variants(self) -> list[EffectInstance]:
-        """Each magnitude alone, then each moment shifted."""
+        """Return variants with each magnitude alone, then with each moment shifted."""
         kind = effect(self.placed.effect)
         null = {name: kind.params[name].null for name in self.names}
         alone = [self.placed.with_values(**{o: v for o, v in null.items() if o != name}) for name in self.names]
@@ -102,7 +103,7 @@ class Probe:
 
 
 def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[JointData]) -> list[Probe]:
-    """Give the probes of all these (effect, where); some have several."""
+    """Return the probes of all these (effect, where); some have several."""
     out = []
     for name, where in places:
         kind = effect(name)
@@ -121,7 +122,7 @@ def signatures(evidence: Evidence, world: World, residual: np.ndarray, probes: S
 def each_signature(
     evidence: Evidence, world: World, residual: np.ndarray, probes: Sequence[Probe]
 ) -> Iterator[Signature]:
-    """Yield the same one by one."""
+    """Yield the signatures one by one."""
     after = evidence.each_residual([world.add(v) for probe in probes for v in probe.variants])
     for probe in probes:
         columns = [_drop(residual, next(after)) for _ in probe.variants]
@@ -141,7 +142,7 @@ def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:
 
 
 def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
-    """Give an effect at a place with the values that the data suggest; none where they rule it out."""
+    """Return an effect at a place with values estimated from the data; nothing if the data rule it out."""
     kind, joints = effect(name), item.robot.joints
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]
@@ -156,10 +157,10 @@ def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) 
 
 
 def _most(data: JointData) -> dict[str, float]:
-    """Map each unit to the greatest value of a probe: no effect makes more torque than is missing.
+    """Map each unit to the largest value of a probe: no effect makes more torque than is missing.
 
-    Half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would stop a wrist; no signature is linear
-    so far from null.
+    Half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would stop a wrist; that far from null no
+    signature is linear.
     """
     missing = max(_usual(data.excess), 1e-3)
     moved = {"N m s/rad": data.dq, "kg m2": data.ddq, "N m/rad": data.q - np.median(data.q)}
@@ -171,7 +172,7 @@ def _usual(values: np.ndarray) -> float:
 
 
 def at_bound(placed: EffectInstance) -> bool:
-    """Whether a magnitude of a fitted effect stands at a bound that is not null: something else pushes it there."""
+    """Return whether a magnitude of a fitted effect is at a bound other than null, which another error pushes it to."""
     kind = effect(placed.effect)
     return any(_at_edge(kind.params[name], placed.params[name].value) for name in kind.magnitudes)
 
@@ -183,7 +184,7 @@ def _at_edge(p: Param, value: float) -> bool:
 
 
 def _reach(probe: EffectInstance, name: str) -> tuple[float, float]:
-    """Bounds of the coefficient that scales a magnitude's distance from null."""
+    """Return the bounds of the coefficient that scales a magnitude's distance from null."""
     p = effect(probe.effect).params[name]
     reach = probe.params[name].value - p.null
     low, high = sorted(((p.low - p.null) / reach, (p.high - p.null) / reach))

@@ -1,4 +1,4 @@
-"""Where a fit of effects that vanish far away begins: at what the data suggest, for their slope at null is zero."""
+"""Start values for effects whose slope vanishes at null (`distant`): guesses from the data."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from vispeg.worlds.world import World
 
 
 def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
-    """Give the world with those of the effects at `asked` that are distant and sit in a joint at their best guesses.
+    """Return the world with the distant joint effects among those at `asked` set to their best guesses.
 
-    The effects of one joint are tried in all combinations, joint by joint, beside the values that they have.
+    The guesses and present values of one joint's effects are tried in all combinations, joint by joint.
     """
     joints = evidence.items[0].robot.joints
     places = {i: world.effects[i].where for i in asked if effect(world.effects[i].effect).distant}
@@ -37,7 +37,7 @@ def begun(evidence: Evidence, world: World, asked: Sequence[int]) -> World:
 
 
 def _with(world: World, at: Sequence[int], placed: Sequence[EffectInstance]) -> World:
-    """Give the world with other effects at these indices."""
+    """Return the world with other effects at these indices."""
     effects = list(world.effects)
     for i, e in zip(at, placed, strict=True):
         effects[i] = e

@@ -1,1 +1,1 @@
-"""Naming what a camera, or the arm that carries it, does to its pictures."""
+"""Diagnosis of pictures: effects of a camera, or of the arm that carries it."""

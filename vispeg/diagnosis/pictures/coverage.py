@@ -1,4 +1,4 @@
-"""Which effects one recording's pictures could show, before anybody fits to them: the figures that a diagnosis has."""
+"""Effects that one recording's pictures could show, before any fit: the same sizes as in a diagnosis."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from vispeg.robots.scene import Scene
 from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
-EXACT = 0.0  # rad: the difference of two predictions hardly depends on where an arm's error put each frame
+EXACT = 0.0  # rad: the difference of two predictions hardly depends on joint errors
 
 
 def excitations(
     scene: Scene, rec: Recording, world: World, progress: Callable[[float], None] = lambda share: None
 ) -> list[Excitation]:
-    """By how much a typical size of each effect of camera, sensor and arm changes the pictures of a recording.
+    """Return the change of a recording's pictures due to a typical size of each effect of camera, sensor and arm.
 
-    Nothing where no camera sees anything of the cell.
+    Empty if no camera sees the cell.
 
     Args:
-        scene: the cell as it is believed.
+        scene: the nominal cell.
         rec: with frames.
         world: the model.
-        progress: called with the share that is done.
+        progress: called with the finished share.
 
     Raises:
         UserError: a camera whose pose is not stated, or with too few frames.
@@ -47,7 +47,7 @@ def excitations(
 
 
 def _of_sensor(scene: Scene, sights: Sequence[Sight], evidence: BorderEvidence, world: World) -> list[Excitation]:
-    """Return the change that depth and light effects make where borders were found."""
+    """Return the change of the pictures by depth and light effects, once borders are matched."""
     cameras = list({s.camera.name: s.camera for s in sights}.values())
     with Predictor(scene, cameras, finer=FINER) as predictor:
         shots = shots_by(predictor, sights, evidence, evidence.settled)

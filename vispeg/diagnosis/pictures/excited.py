@@ -1,4 +1,4 @@
-"""Which effects these views could show at all, and the motion that would show or separate the others."""
+"""Effects that these views could show, and the motion that would show or separate the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.worlds.world import World
 
 FASTER = "look-fast: fast motion up and down the image, both ways"
-# pairs that look alike in one kind of motion, and the motion in which they do not
+# pairs that look alike in one kind of motion, and the motion that separates them
 SEPARATE = {
     frozenset({"focal_error", "camera_offset"}): "tilts of 20 degrees or more and an approach from 0.4 to 0.15 m",
     frozenset({"principal_point_error", "camera_offset"}): "rolls of 90 degrees about the optical axis, with tilts",
@@ -24,25 +24,25 @@ SEPARATE = {
 MOVE = "look: tilts, rolls, approaches, both ways at two speeds"
 
 
-SHOWN = {  # what shows an effect where the motion of these views did not
+SHOWN = {  # motions that show an effect which these views do not show
     "rolling_shutter": FASTER,
     "motion_blur": FASTER,
     "camera_delay": FASTER,
     "near_limit": "an approach to 0.1 m and nearer",
 }
-ROOM = ("exposure", "white_balance")  # that a room's own light and colours may make as well
+ROOM = ("exposure", "white_balance")  # effects that an unknown room light or colour may imitate
 LIT = "a stated look: a model with `appearance` effects, colours and lights as they are"
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """By how much a typical size of an effect changes pictures, and from where on that can be told.
+    """Change of the pictures due to a typical size of an effect, and the smallest detectable change.
 
     Attributes:
         effect, where: of the effect.
-        channel: the readings that it changes most clearly: `border`, `depth` or `light`.
-        change, needed: px RMS of borders, or multiples of what is ordinary of a sensor's figure.
-        silent: its numbers of which a typical size changes too little.
+        channel: the readings with the clearest change: `border`, `depth` or `light`.
+        change, needed: px RMS of borders, or multiples of a sensor figure's `ordinary` size.
+        silent: its parameters of which a typical size changes too little.
     """
 
     effect: str
@@ -54,7 +54,7 @@ class Excitation:
 
     @property
     def excited(self) -> bool:
-        """Whether a typical size would show."""
+        """Whether a typical size is detectable."""
         return self.change >= self.needed
 
     @property
@@ -64,17 +64,17 @@ class Excitation:
 
     @property
     def motion(self) -> str:
-        """What shows it where these pictures do not."""
+        """Motion that shows the effect if these pictures do not."""
         return LIT if self.effect in ROOM else SHOWN.get(self.effect, MOVE)
 
     def as_dict(self) -> dict:
-        """For check.json."""
+        """Return the entry of check.json."""
         numbers = {"silent": list(self.silent), "excited": self.excited, "motion": self.motion}
         return {**asdict(self), "unit": self.unit, **numbers}
 
 
 def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
-    """Return the change of the held-out borders due to typical effects, all their parameters at once."""
+    """Return the change of the held-out borders due to typical effects, with all their parameters at once."""
     out = []
     for name, where in search.places(world):
         kind = effect(name)
@@ -86,10 +86,9 @@ def border_excitations(search: PictureSearch, world: World) -> list[Excitation]:
 
 
 def not_excited(excitations: Sequence[Excitation]) -> list[dict]:
-    """Give the effects of which a typical size would change these pictures by less than can be told, why, and what
-    shows it.
+    """Return the effects whose typical size changes these pictures too little to detect, the reason, and a motion.
 
-    An effect of which one number alone is silent is listed with that number.
+    An effect with a single undetectable parameter is listed with that parameter.
     """
     return [_row(e) for e in excitations if e.silent]
 
@@ -111,6 +110,6 @@ def _why(e: Excitation) -> str:
 
 
 def motion_between(effect_name: str, others: Sequence[str]) -> str:
-    """Give the motion that tells an effect from others."""
+    """Return the motion that distinguishes an effect from others."""
     words = [SEPARATE.get(frozenset({effect_name, other})) for other in others]
     return next((w for w in words if w), MOVE)

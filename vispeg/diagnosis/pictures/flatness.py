@@ -1,7 +1,7 @@
-"""Is the board in the cell flat? What heights of its corners explain in views that they were not fitted to.
+"""Flatness of the calibration board: the error that fitted corner heights explain in held-out views.
 
-A view's own pose of the board takes out what robot, mount and delay do, so that a board's shape is told from all of
-them. A lens that no effect describes shows as heights, too: the model is wrong either way.
+Each view has its own fitted board pose, which absorbs errors of robot, mount and delay, so only the board's shape
+remains. A lens error outside the library also appears as heights; the model is wrong in either case.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 SMALL = 1e-4  # m, rad: steps of derivatives
-ROUNDS = 3  # of a pose, and of robust weights
+ROUNDS = 3  # of the pose fit and of the robust weights
 
 
 def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[Sight], world: World) -> list[Left]:
@@ -37,11 +37,11 @@ def heights_left(geometry: Geometry, fitted: Sequence[Sight], judged: Sequence[S
 
 
 def unflat(away: np.ndarray, slopes: np.ndarray, held_away: np.ndarray, held_slopes: np.ndarray) -> Left:
-    """Share and px of what heights explain.
+    """Return the share and px that heights explain.
 
     Args:
         away, held_away: (n,) px, misplacements of corners to fit and to judge on, each view's pose taken out.
-        slopes, held_slopes: (n, corners) px a mm of height.
+        slopes, held_slopes: (n, corners) px per mm of height.
     """
     noise, rest = max(noise_of(away), 0.05), away
     for scale in (3 * noise, *[noise] * ROUNDS):
@@ -69,7 +69,10 @@ def _stacked(geometry: Geometry, sights: Sequence[Sight], world: World) -> tuple
 
 
 def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> tuple[np.ndarray, np.ndarray] | None:
-    """(n,) px and (n, corners) px a mm of all views with `flat_corners` or more, as `unflat` takes them; or None."""
+    """Return misplacements (n,) px and slopes (n, corners) px per mm of all views, or None; see `unflat`.
+
+    Views with fewer than `flat_corners` corners are skipped.
+    """
     parts = [part for look in looks if len(look.view.ids) >= RULES.flat_corners for part in _of_view(eye, board, look)]
     if not parts:
         return None
@@ -78,7 +81,7 @@ def heights_of_views(eye: Eye, board: Board, looks: Sequence[Look]) -> tuple[np.
 
 
 def _of_view(eye: Eye, board: Board, look: Look) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """(n,) px and (n, corners) px a mm of one view, what another pose of the board could do taken out of both."""
+    """Yield misplacements (n,) px and slopes (n, corners) px per mm of one view, projected off the board's pose."""
     pose, ids = pose_of_board(eye, board, look), look.view.ids
 
     def seen(points: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Do two halves of the views say the same? Where they differ by more than their uncertainty, the model is wrong.
+"""Compare fits to two halves of the views: a difference beyond its uncertainty means that the model is wrong.
 
 mrcal's cross-validation (Kogan, mrcal documentation, "a tour of mrcal: cross-validation"): the difference of two fits'
 projections, against what each fit says of its own.
@@ -17,7 +17,7 @@ from vispeg.identify.fit import Fit
 from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.worlds.world import World
 
-Borders = tuple[BorderEvidence, BorderEvidence]  # to fit, and to judge on
+Borders = tuple[BorderEvidence, BorderEvidence]  # fitted and held-out evidence
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Halves:
 
 
 def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixed: int) -> Halves | None:
-    """Give the world's effects fitted to every other view and to the rest; None where nothing was fitted."""
+    """Fit the world's effects to every other view and to the rest; None if no effect was fitted."""
     if len(world.effects) <= n_fixed:
         return None
     evidence, judged = borders
@@ -52,7 +52,7 @@ def compare_halves(search: PictureSearch, borders: Borders, world: World, n_fixe
 
 
 def uncertainty(judged: BorderEvidence, fit: Fit) -> float:
-    """RMS standard error in px of a fit's projections over views."""
+    """Return the RMS standard error in px of a fit's projections over views."""
     covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
     here, columns = judged.misplaced(fit.space.at(fit.u)), []
     for step, axis in zip(fit.space.steps(fit.u), np.eye(len(fit.u)), strict=True):

@@ -1,8 +1,8 @@
-"""Which parts of an effect are there: a depth's scale, its offset and its lean are faults by themselves.
+"""Find which parts of an effect are present: scale, offset and tilt of a depth error are separate faults.
 
-All parts are free at once in one fit. A set of parts may be all that there is where the fit cannot tell the others from
-none (Wald, Transactions of the American Mathematical Society 54(3), 1943). Of the smallest such sets one is the answer;
-several compete: at one distance an offset is a scale.
+All parts are free at once in one fit. A set of parts suffices if the fit cannot distinguish the others from null
+(Wald, Transactions of the American Mathematical Society 54(3), 1943). Among the smallest such sets the likeliest is
+chosen; the others compete with it: at one distance an offset looks like a scale.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Parts = tuple[tuple[str, ...], ...]
 
 
 def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, tuple[str, ...]]:
-    """Give the state with every found effect in as few of its parts as the pictures ask for.
+    """Return the state with every found effect reduced to the fewest parts that the pictures need.
 
-    An effect that is a part of a wider one, as `depth_scale` is of `depth_bias`, gives way to it where another part is
-    what there is.
+    An effect that is a part of a wider one, as `depth_scale` is of `depth_bias`, is replaced by it if another part is
+    present instead.
 
     Args:
         search: of a sensor's effects.
-        state: where it ended, its intervals confirmed.
+        state: final state of the search, with confirmed intervals.
         n_fixed: number of effects that are not fitted.
 
     Returns:
-        The state, and a sentence for every effect of which sets of parts compete.
+        The state, and a message for every effect with competing sets of parts.
     """
     said = []
     for here in range(n_fixed, len(state.world.effects)):
@@ -60,7 +60,7 @@ def in_parts(search: PictureSearch, state: State, n_fixed: int) -> tuple[State, 
             sets = ", ".join(" and ".join(names[0].split("_")[0] for names in some) for some in (chosen, *others))
             said.append(f"{placed.label}: these distances cannot tell which it is of {sets}")
         if kind.part_of and any(some == ((kind.part_of[1],),) for some in (chosen, *others)):
-            continue  # the part that has a name of its own
+            continue  # the part with a name of its own
         absent = [name for part in wide.parts if part not in chosen for name in part]
         if not absent:
             state = full
@@ -77,7 +77,7 @@ def _put(world: World, index: int, placed: EffectInstance) -> World:
 def _fitted(
     search: PictureSearch, state: State, world: World, n_fixed: int, held: Sequence[tuple[str, str]] = ()
 ) -> State:
-    """Give the state of another world, fitted with some parameters of effects held, its intervals confirmed."""
+    """Return the state of another world, fitted with some effect parameters held, and with confirmed intervals."""
     search = copy(search)
     assert isinstance(search.evidence, SensorEvidence) and isinstance(search.judged, SensorEvidence)
     search.evidence, search.judged = search.evidence.holding(held), search.judged.holding(held)
@@ -88,7 +88,7 @@ def _fitted(
 
 
 def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
-    """Give the sets of fewest parts beside which a fit cannot tell the others from none, the likeliest first.
+    """Return the smallest sets of parts such that a fit cannot distinguish the others from null, the likeliest first.
 
     Args:
         fit: with all parts free.
@@ -101,7 +101,7 @@ def smallest(fit: Fit, index: int, parts: Parts) -> list[Parts]:
     off = fit.u - np.array([fit.space.forward(a.param.null, a) for a in axes])
 
     def absent(kept: Parts) -> float:
-        """How unlikely a fit of the others is that are none: 1 less the level at which that is refused."""
+        """Return the confidence at which a fit rejects that the other parts are null."""
         rows = [where[n] for part in parts if part not in kept for n in part if n in where]
         if not rows:
             return 0.0

@@ -1,7 +1,8 @@
 """A camera error seen in an image: the shift of every pixel at a working distance, with its uncertainty.
 
-Focal length and distance, principal point and rotation hardly differ one by one; together they move a picture in one
-way only. So that is what is stated (mrcal's "projection difference" and "projection uncertainty"; Kogan, mrcal
+Focal length and distance, or principal point and rotation, are hardly identifiable one by one, but their combined
+shift of the picture is. So the shift is reported (mrcal's "projection difference" and "projection uncertainty";
+Kogan, mrcal
 documentation, "differencing" and "uncertainty"). The robot is the datum: no implied transform is taken out.
 """
 
@@ -31,8 +32,8 @@ class Projection:
 
     Attributes:
         camera, distance: name, m along the optical axis.
-        pixels: (rows, columns, 2) px where the points were believed.
-        shift: (rows, columns, 2) px to where they are.
+        pixels: (rows, columns, 2) px of the points by the given model.
+        shift: (rows, columns, 2) px from there to their fitted positions.
         sigma: (rows, columns) px, worst standard error of any direction.
     """
 
@@ -48,7 +49,7 @@ class Projection:
         return float(np.sqrt(np.nanmean(np.sum(self.shift**2, -1))))
 
     def as_dict(self) -> dict:
-        """For a record: RMS, greatest and at the centre, px."""
+        """Return the record's entry: RMS, greatest and central shift, px."""
         length = np.linalg.norm(self.shift, axis=-1)
         middle = tuple(n // 2 for n in length.shape)
         return {
@@ -62,7 +63,7 @@ class Projection:
 
 
 def projections(geometry: Geometry, before: World, after: World, fit: Fit | None) -> list[Projection]:
-    """Give the shift of every camera's picture from one world to another, near and far."""
+    """Return the shift of every camera's picture from one world to another, near and far."""
     out = []
     for camera in geometry.cameras:
         for distance in DISTANCES:
@@ -103,7 +104,7 @@ def _pixels(camera: Camera) -> np.ndarray:
 
 
 def _seen(geometry: Geometry, camera: Camera, before: World, after: World, distance: float) -> np.ndarray:
-    """(rows, columns, 2) px by which points at a distance in the camera of `before` move in that of `after`."""
+    """Return the shift (rows, columns, 2) px of points at a distance from the camera of `before` to that of `after`."""
     geometry.place(before)
     was = geometry.eyes[camera.name]
     pixels = _pixels(camera)
@@ -115,7 +116,7 @@ def _seen(geometry: Geometry, camera: Camera, before: World, after: World, dista
 
 
 def _sigma(geometry: Geometry, camera: Camera, before: World, fit: Fit, distance: float) -> np.ndarray:
-    """(rows, columns) px: root of the larger eigenvalue of the projected covariance."""
+    """Return (rows, columns) px: root of the larger eigenvalue of the projected covariance."""
     covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
     here = _seen(geometry, camera, before, fit.space.at(fit.u), distance)
     jac = []

@@ -1,6 +1,6 @@
-"""The residual of the final world and what it depends on: fitted on some views, judged on the others.
+"""Residual of the final world and its dependence on inputs: fitted on some views, judged on the others.
 
-A moved part, a bent picture or a drift is no effect of the library: it shows here, in px.
+A moved part, a distorted picture or a drift is not in the library, so it appears here, in px.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
 CELLS = (6, 5)  # of the image, across and down
-SMALL, FAR = 1e-4, 0.02  # m: step of a derivative, and how far a fixture may have been moved
-PENALTY = 3.0  # ridge in points: a cell with few points says nothing
+SMALL, FAR = 1e-4, 0.02  # m: step of a derivative, and largest displacement of a fixture
+PENALTY = 3.0  # ridge in points: damps cells with few points
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Left:
 
     @property
     def dependence(self) -> Dependence:
-        """As the other diagnoses state it."""
+        """The dependence in the form of the other diagnoses."""
         return Dependence(self.input, round(self.share, 3), self.where)
 
 
@@ -84,15 +84,15 @@ def moved_most(
     other: Sequence[tuple[Sight, Points]],
     world: World,
 ) -> tuple[str, float] | None:
-    """Which of the scene's standing things stands elsewhere in two groups of sights, and by how much, mm.
+    """Find the static object whose position differs most between two groups of sights, and the distance, mm.
 
     Args:
         geometry: of the scene.
         first, other: sights with their border points, sought in a wide window.
-        world: where everything stands.
+        world: gives the nominal poses.
 
     Returns:
-        The thing that moved the most; None where too little shows any of them.
+        The object and its distance; None if too few points show any of them.
     """
     model, apart = geometry.model, list[tuple[str, float]]()
     for name in geometry.scene.things:
@@ -106,7 +106,7 @@ def moved_most(
 def _standing(
     geometry: Geometry, some: Sequence[tuple[Sight, Points]], world: World, body: int
 ) -> tuple[float, ...] | None:
-    """(3,) m by which a body stands beside its place, in its own axes; None where too little shows it."""
+    """Return a body's displacement (3,) m in its own frame; None if too few points show it."""
     columns, away = [], []
     for sight, p in some:
         p = p.only(np.flatnonzero((p.body == body) & np.isfinite(p.along)))
@@ -121,7 +121,7 @@ def _standing(
     if len(rest) < RULES.moved_points:
         return None
     shift = np.zeros(3)
-    for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from all of the window to the edges that belong
+    for scale in (4.0, 2.0, 1.0, 0.5, 0.5):  # px, from the whole window down to inlier edges
         w = trust(rest - slope @ shift, scale)
         shift = np.linalg.solve(
             (slope * w[:, None]).T @ slope / scale**2 + np.eye(3) / FAR**2, slope.T @ (w * rest) / scale**2
@@ -130,7 +130,7 @@ def _standing(
 
 
 def _table(some: Sequence[tuple[Sight, Points]]) -> dict[str, np.ndarray]:
-    """Put the readings of all points with an edge, side by side."""
+    """Collect the readings of all points with an edge."""
     rows = []
     for sight, p in some:
         good = np.isfinite(p.along)
@@ -163,7 +163,7 @@ def _distances(depth: np.ndarray) -> list[str]:
 
 
 def _robust(normal: np.ndarray, away: np.ndarray, noise: float) -> np.ndarray:
-    """(2,) px, the shift of most of n points, by Tukey's weights from a wide scale to a narrow one."""
+    """Return the shift (2,) px of most of n points, by Tukey's weights from a wide scale to a narrow one."""
     shift = np.zeros(2)
     for scale in (3.0, 1.5, 0.75, noise, noise):
         w = trust(away - normal @ shift, max(scale, noise))

@@ -1,4 +1,4 @@
-"""The sensor's own effects, on depth and on light, once the borders stand where the pictures have them."""
+"""Find sensor effects on depth and light, once the borders are aligned with the pictures."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from vispeg.vision.predict import Predictor
 from vispeg.worlds.world import World
 
 KINDS: tuple[Kind, ...] = ("depth", "light")
-FINER = 3  # rays a pixel in each direction: a rendered border is as soft as a pixel makes it
+FINER = 3  # rays per pixel and direction, so that a rendered border is as soft as a pixel makes it
 
 
 class SensorSearch(PictureSearch):
-    """A search among the effects that change a figure which is out of the ordinary, and no others."""
+    """A search restricted to effects that change a figure outside its ordinary range."""
 
     def places(self, world: World) -> list[tuple[str, str]]:
-        """Every such effect, at every place that the world has it not at yet."""
+        """Return every such effect at every place where the world lacks it."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         odd = {name for name, size in evidence.off(world).items() if abs(size) > RULES.figure_odd}
@@ -46,7 +46,7 @@ class SensorSearch(PictureSearch):
         return out
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
-        """As `PictureSearch`, and until a figure is out of the ordinary whichever way it is off by itself."""
+        """As `PictureSearch`, but at least until a figure leaves its ordinary range, whichever its own error."""
         evidence = self.evidence
         assert isinstance(evidence, SensorEvidence)
         off, moves = evidence.off(without), evidence.moves(world, without)
@@ -67,10 +67,10 @@ class SensorSearch(PictureSearch):
 
 @dataclass(frozen=True)
 class Sensed:
-    """What one kind of pictures says of the sensor: where a search of it ended, and the evidence that it judged on.
+    """Result of the sensor search on one kind of pictures: its final state, and the held-out evidence.
 
-    `excitations` says which effects these pictures could show, `shows_from` from which size on; `alike` what they
-    cannot tell apart within one effect, `evidence` what was fitted.
+    `excitations` states which effects these pictures could show, `shows_from` from which size; `alike` what is
+    confounded within one effect; `evidence` is the fitted evidence.
     """
 
     kind: Kind
@@ -85,7 +85,7 @@ class Sensed:
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
-        """The effects that were found."""
+        """Effects that were found."""
         return self.state.world.effects[len(self.before.effects) :]
 
     @property
@@ -95,14 +95,14 @@ class Sensed:
 
     @property
     def worst(self) -> tuple[str, float, float]:
-        """The figure that is left farthest off, and by how many times the ordinary, before and after."""
+        """Figure with the largest final error, and that error before and after in multiples of `ordinary`."""
         after, before = (self.judged.off(w) for w in (self.state.world, self.before))
         name = max(after, key=lambda k: abs(after[k]), default="")
         return (name, abs(before[name]), abs(after[name])) if name else ("no figure", 0.0, 0.0)
 
     @property
     def in_metres(self) -> bool:
-        """Whether what was found changes how far depth is off, beyond what good cameras differ by."""
+        """Whether the found effects change the depth error by more than good cameras differ."""
         moved = self.judged.moves(self.before, self.state.world)
         return any(abs(v) > 1.0 for k, v in moved.items() if k.startswith(ERROR))
 
@@ -123,7 +123,7 @@ class Sensed:
 
     @property
     def fall(self) -> str:
-        """In words, how the held-out error fell."""
+        """Text on the decrease of the held-out error."""
         if self.in_metres:
             ends = [self.judged.depth_error(w) for w in (self.before, self.state.world)]
             return f"held-out depth moved from {ends[0]:.1f} to {ends[1]:.1f} mm off"
@@ -131,7 +131,7 @@ class Sensed:
 
     @property
     def channel(self) -> Channel:
-        """For a record."""
+        """The channel's entry in a record."""
         cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in self.judged.items))
         if self.in_metres:
             before, after = (self.judged.depth_error(w) for w in (self.before, self.state.world))
@@ -141,7 +141,7 @@ class Sensed:
         return {"channel": self.kind, "joint": cameras, "floor": floor, "before": before, "after": after, "unit": unit}
 
     def as_dict(self) -> dict:
-        """For a record: each figure's deviation in multiples of what is ordinary, before and after."""
+        """Return the record's entry: each figure's deviation in multiples of `ordinary`, before and after."""
         before, after = (self.judged.off(w) for w in (self.before, self.state.world))
         figures = [{"figure": k, "before": round(v, 2), "after": round(after[k], 2)} for k, v in before.items()]
         return {"kind": self.kind, "figures": figures, "ladder": self.ladder()[0] if self.added else []}
@@ -160,12 +160,12 @@ def sensor_search(
 
     Args:
         scene: the cell.
-        sights: to fit and to judge on.
-        borders: the same two, where everything stands.
-        world: the model; what it states of the sensor is not searched again.
-        placed: the model with what the borders found.
-        say: is told what is being done.
-        progress: remembers where each fit ended.
+        sights: fitted and held-out.
+        borders: evidence of the same two, with the aligned world.
+        world: the model; sensor effects in it are not searched again.
+        placed: the model with the effects found by borders.
+        say: called with progress messages.
+        progress: caches the result of each fit.
     """
     cameras = list({s.camera.name: s.camera for some in sights for s in some}.values())
     out = []
@@ -191,7 +191,7 @@ def sensor_search(
 def shots_by(
     predictor: Predictor, sights: Sequence[Sight], borders: BorderEvidence, world: World
 ) -> list[tuple[Sight, list[Shot]]]:
-    """Give the frames of sights as a world predicts them, at the postures that their borders ask for."""
+    """Return the frames of sights as a world predicts them, at the postures fitted to their borders."""
     return [
         (sight, shots_of(predictor, sight, world, posture))
         for sight, posture in zip(sights, borders.postures(world), strict=True)

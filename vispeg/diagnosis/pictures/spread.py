@@ -1,15 +1,14 @@
-"""How far a fitted value may be off: as far as another recording, in another light, puts it, and as its form leaves it.
+"""Uncertainty of a fitted value: difference between recordings and appearances, error of form, refused effects.
 
-What a look does to all edges of one recording is in no spread between its views. Two recordings that were fitted apart
-differ by it: with a variance (f - 1) s^2 beside each fit's s^2, a difference d has a mean square of 2 f s^2. One number
-says little of f, so all that were fitted together say it: the mean of d^2 / (2 s^2), 1 at least (the random effects of
-DerSimonian and Laird, Controlled Clinical Trials 7(3), 1986, for two studies). It has as many degrees of freedom as
-there are numbers, the fit as many as it has views; Student's t is that of their sum (Satterthwaite, Biometrics Bulletin
-2(6), 1946).
-
-What a camera does to all its frames alike, and no effect says, is in neither: by that a figure is off as a whole. Nor
-is what an effect that was refused would take over: the truth lies anywhere between the values with it and without it
-(a lean model understates its uncertainty; Kogan, mrcal documentation, "projection uncertainty").
+A change of appearance shifts all edges of one recording alike, so the spread between its views does not contain it.
+Two recordings fitted separately differ by it: with a variance (f - 1) s^2 in addition to each fit's s^2, a difference
+d has a mean square of 2 f s^2. One parameter says little about f, so it is estimated from all fitted ones together:
+the mean of d^2 / (2 s^2), at least 1 (the random effects of DerSimonian and Laird, Controlled Clinical Trials 7(3),
+1986, for two studies). It has as many degrees of freedom as there are parameters, the fit as many as it has views;
+Student's t is that of their sum (Satterthwaite, Biometrics Bulletin 2(6), 1946). Two errors are in neither. One is a
+camera error common to all frames that no effect describes: it shifts each figure as a whole. The other is what a
+refused effect would take over: the truth lies anywhere between the values with it and without it (a lean model
+understates its uncertainty; Kogan, mrcal documentation, "projection uncertainty").
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from vispeg.identify.fit import Fit
 
 
 def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
-    """Give the state with intervals that allow for where the recordings to judge on would put its effects."""
+    """Return the state with intervals that include the values at which the held-out recordings put its effects."""
     if state.fit is None or len(state.world.effects) <= n_fixed:
         return state
     (other,) = search.fits([state.world], n_fixed, search.judged)
@@ -38,7 +37,7 @@ def confirmed(search: PictureSearch, state: State, n_fixed: int) -> State:
 
 
 def of_form(fit: Fit, alike: np.ndarray) -> np.ndarray:
-    """(k,) standard errors of a fit's coordinates from what is off in all frames alike.
+    """(k,) standard errors of a fit's coordinates due to errors common to all frames.
 
     Args:
         fit: of k coordinates to n residuals.
@@ -49,10 +48,10 @@ def of_form(fit: Fit, alike: np.ndarray) -> np.ndarray:
 
 
 def taken_over(search: PictureSearch, state: State) -> np.ndarray:
-    """(k,) standard errors of the coordinates from what the best of the refused effects beside them would take over."""
+    """Return (k,) standard errors of the coordinates: their shift if the best refused effect were added."""
     fit = state.fit
     assert fit is not None
-    accepted = [(e.effect, e.where) for e in state.world.effects]  # the last refusals may be beside another world
+    accepted = [(e.effect, e.where) for e in state.world.effects]  # the last refusals may be relative to another world
     beside = [t for t in state.last if [(e.effect, e.where) for e in t.fit.world.effects[: len(accepted)]] == accepted]
     richer = [t for t in beside if t.gain.z > RULES.held_out and t.gain.relative > search.evidence.least_gain]
     if not richer or len(richer[0].fit.u) <= len(fit.u):
@@ -61,12 +60,12 @@ def taken_over(search: PictureSearch, state: State) -> np.ndarray:
 
 
 def widened(fit: Fit, other: Fit, blocks: int, of_form: np.ndarray | float = 0.0) -> Fit:
-    """Give a fit whose standard errors and 95 % intervals allow for where another recording's fit ended.
+    """Return a fit whose standard errors and 95 % intervals include the result on another recording.
 
     Args:
         fit, other: of the same effects.
         blocks: independent blocks of data behind the first.
-        of_form: (k,) standard errors from what is off in all recordings alike.
+        of_form: (k,) standard errors due to errors common to all recordings.
     """
     count, away = len(fit.u), np.abs(fit.u - other.u) / np.sqrt(2)
     spare = max(2, blocks - count)

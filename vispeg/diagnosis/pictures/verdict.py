@@ -1,4 +1,4 @@
-"""The verdict on pictures: what is left decides before what was found."""
+"""Verdict on pictures; the remaining error decides before the effects found."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def decide(
     """Give the verdict.
 
     Args:
-        before, after: held-out misplacement of the borders, RMS px; 0 where no border is in view.
-        floor: of a right model, RMS px.
+        before, after: held-out misplacement of the borders, RMS px; 0 if no border is in view.
+        floor: RMS px expected of a correct model.
         n_added: effects added.
         rivals: of the added effects.
-        remainder: what the remainder depends on.
+        remainder: inputs that the residual depends on.
         halves: whether two halves of the views agree.
-        lost: share of predicted borders that the held-out pictures have no edge at.
-        moved: the thing that stands farthest elsewhere in the held-out recordings than in the fitted ones, and by how
-            much, mm; None where none can be seen in both.
-        field: RMS px that edges are shifted by their place in the image, in all frames alike, beside the freest model.
+        lost: share of predicted borders without an edge in the held-out pictures.
+        moved: the object whose position differs most between held-out and fitted recordings, and the distance, mm;
+            None if none is visible in both.
+        field: RMS px shift of the edges that depends on image position, common to all frames, left by the freest model.
     """
     convincing = [x for x in remainder if _convinces(x)]
     if field >= RULES.visible_px:
@@ -74,7 +74,7 @@ def decide(
 
 
 def _left(text: str, on: Sequence[Left] = ()) -> Verdict:
-    """Give what remains, and what it depends on."""
+    """Return the verdict `unexplained` with the remaining error and the input it depends on."""
     depends = [{"input": x.input, "joint": x.where, "share": round(x.share, 3), "px": round(x.size, 2)} for x in on]
     return Verdict("unexplained", text, {"depends_on": depends, "text": text}, partial=True)
 
@@ -84,8 +84,9 @@ def _on(x: Left) -> str:
 
 
 def _convinces(x: Left) -> bool:
-    """Give a share that counts, or a shift that nothing else makes: many edges of a moved part are no longer near
-    it.
+    """Return whether a dependence counts, by its share or by a shift that only a moved part makes.
+
+    Many edges of a moved part are too far off to be found, so its share may be small.
     """
     return (x.share >= RULES.depends and x.size >= RULES.visible_px) or (
         x.share >= RULES.moved_share and x.size >= RULES.moved_px
@@ -93,7 +94,7 @@ def _convinces(x: Left) -> bool:
 
 
 def with_sensor(borders: Verdict, sensed: Sequence[Sensed]) -> Verdict:
-    """Give the verdict on borders, with what the same pictures say of the sensor: what is left decides there, too."""
+    """Return the verdict on borders combined with the sensor search; a remaining error decides there, too."""
     if borders.verdict == "unexplained":
         return borders
     for s in sensed:

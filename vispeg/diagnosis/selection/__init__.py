@@ -1,1 +1,1 @@
-"""Which effects are fitted and accepted: search, judging on held-out blocks, deletion."""
+"""Fitting and acceptance of effects: search, judging on held-out blocks, backward deletion."""

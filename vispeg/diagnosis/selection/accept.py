@@ -1,4 +1,4 @@
-"""Which of the fitted candidates of a step pass, and which of those that pass is the simplest."""
+"""Acceptance tests of a step's fitted candidates, and choice of the simplest of equal ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vispeg.diagnosis.selection.state import State, without
 
 
 def ranked(search: Searching, state: State, trials: list[Trial], tested: int) -> list[Trial]:
-    """Refuses what fails a criterion, and puts the simplest of the equals first."""
+    """Return the trials with reasons for those that fail a test; accepted first, the simplest of equal ones leading."""
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
         absent = not search.shows(state, t)
@@ -27,7 +27,7 @@ def ranked(search: Searching, state: State, trials: list[Trial], tested: int) ->
 
 
 def refusal(search: Searching, state: State, t: Trial, level: float, absent: bool) -> str:
-    """Why a trial fails a criterion; empty where it fails none. `level`: standard errors that its gain must reach."""
+    """Return why a trial fails a criterion, "" if it passes; `level` is the required standard errors of its gain."""
     if t.gain.mean <= 0:
         return "the held-out error does not fall"
     share = t.gain.mean / state.scale
@@ -55,14 +55,14 @@ def refusal(search: Searching, state: State, t: Trial, level: float, absent: boo
 
 
 def in_order(judge: Judge, state: State, trials: list[Trial]) -> list[Trial]:
-    """Those that passed first, of them the simplest of the equals; candidates with a value at a bound come last."""
+    """Return the accepted trials first, led by the simplest of equals; candidates with a value at a bound are last."""
     passed = sorted((t for t in trials if not t.rejected), key=lambda t: (not sound(t), float(t.loss.sum())))
     if passed:
         alone = [t for t in passed if not t.score.beside and t.gain.relative >= RULES.alone and sound(t)]
         best = (alone or passed)[0]
         alike = [t for t in passed if equal(judge, t.loss, best.loss, judge.mean(state.loss))]
         first = min(alike, key=lambda t: (doubtful(t), parameters(t.fit.world), float(t.loss.sum())))
-        # what is wrong alone may as well be a link
+        # a single joint's error may equally be due to a link
         others = state.fit is not None or first.gain.mean < RULES.alone * (judge.mean(state.loss) - 1.0)
         instead = [t for t in alike if others and likelier(t, first) and doubtful(t) <= doubtful(first)]
         first = min(instead, key=lambda t: float(t.loss.sum()), default=first)
@@ -92,7 +92,7 @@ def doubtful(t: Trial) -> bool:
 
 
 def likelier(t: Trial, first: Trial) -> bool:
-    """Whether a candidate adds one effect, which is likelier than the one that another adds."""
+    """Return whether a candidate adds one effect that is more likely a priori than the one that another adds."""
     singles = not t.score.beside and not first.score.beside
     return singles and _own(t)[0].effect in effect(_own(first)[0].effect).likelier
 
@@ -142,5 +142,5 @@ def equal(
 
 
 def same_kind(a: EffectInstance, b: EffectInstance) -> bool:
-    """Two effects of one kind at one joint."""
+    """Return whether two effects are of one kind at one joint."""
     return a.where == b.where and effect(a.effect).family == effect(b.effect).family == "joint"

@@ -1,4 +1,4 @@
-"""Whether an effect is worth its parameters: BIC with the effective sample size of a structured residual."""
+"""Decide whether an effect is worth its parameters: BIC with the effective sample size of a correlated residual."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from vispeg.worlds.world import World
 
 
 def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -> float:
-    """Drop of the Bayesian information criterion `n log(mean r^2) + k log n` from a world to a fit of a richer one.
+    """Return the drop of the criterion `n log(mean r^2) + k log n` (BIC) from a world to the fit of a larger one.
 
     n is the number of independent readings N / (2 tau_int) of the world's `residual` (flat, whitened): the more
-    structured it is, the fewer. Source: Schwarz, Annals of Statistics 6(2), 1978.
+    correlated it is, the fewer. Source: Schwarz, Annals of Statistics 6(2), 1978.
     """
     n = max(2.0, evidence.count / (2.0 * correlation_time(evidence, residual)))
     more = parameters(fit.world) - parameters(world)
@@ -24,12 +24,12 @@ def bic_gain(evidence: Evidence, world: World, residual: np.ndarray, fit: Fit) -
 
 
 def correlation_time(evidence: Evidence, residual: np.ndarray) -> float:
-    """Integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
+    """Return the integrated autocorrelation time of the angle residuals in samples, >= 0.5 (white)."""
     return time_of([_lags((np.abs(f) ** 2).sum(axis=1)) for f in spectra(evidence, residual)])
 
 
 def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
-    """Give the transform (n + 1, nch) of each item's n residuals, the mean of each channel left out."""
+    """Return the transform (n + 1, nch) of each item's n residuals, minus each channel's mean."""
     out, start = [], 0
     for item in evidence.items:
         r = residual[start : start + item.measured.size].reshape(item.measured.shape)[item.valid.all(axis=1)]
@@ -42,9 +42,7 @@ def spectra(evidence: Evidence, residual: np.ndarray) -> list[np.ndarray]:
 
 
 def correlations(a: Sequence[np.ndarray], b: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Give the even part of the correlation (n,) by lag of two residuals, by their `spectra`; that of a sum is the sum
-    of all pairs'.
-    """
+    """Return the even part of the correlation (n,) by lag of two residuals, from `spectra`; additive over pairs."""
     return [_lags(np.real(np.sum(np.conj(f) * g, axis=1))) for f, g in zip(a, b, strict=True)]
 
 
@@ -53,7 +51,7 @@ def _lags(power: np.ndarray) -> np.ndarray:
 
 
 def time_of(correlation: Sequence[np.ndarray]) -> float:
-    """Integrated autocorrelation time, in samples, by each item's autocorrelation."""
+    """Return the integrated autocorrelation time in samples from each item's autocorrelation."""
     out = []
     for acf in correlation:
         acf = acf / max(acf[0], 1e-300)

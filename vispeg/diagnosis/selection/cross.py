@@ -1,7 +1,7 @@
 """Cross-fitting: losses on the fitted recordings, each predicted by a fit that did not use it.
 
-About the joint solution a fit is linear least squares, so leaving a fold out moves the parameters by one Newton step
-and costs no rollout: exact where the model is linear in its parameters, as torques are in friction, inertia and bias.
+Around the joint solution a fit is linear least squares, so leaving a fold out takes one Newton step and no rollout:
+    exact where the model is linear in its parameters, as torques are in friction, inertia and bias.
 A fold is a recording, or a quarter of the only one.
 """
 
@@ -16,11 +16,11 @@ from vispeg.core.rules import RULES
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.identify.fit import Fit
 
-RIDGE = 1e-9  # of each parameter's own information: directions that a fold cannot determine stay
+RIDGE = 1e-9  # of each parameter's information; keeps directions that a fold cannot determine fixed
 
 
 class Cross:
-    """The folds of the fitted evidence, judged block by block like held-out recordings."""
+    """Folds of the fitted evidence, judged block by block like held-out recordings."""
 
     def __init__(self, judge: Judge):
         self.judge = judge
@@ -35,7 +35,10 @@ class Cross:
             start += item.measured.size
 
     def loss(self, residual: np.ndarray, jacobian: np.ndarray | None = None) -> np.ndarray:
-        """Loss (nblock, nj) of a fit with this whitened residual and derivative; None: nothing was fitted."""
+        """Return the cross-validated loss (nblock, nj) of a fit with this whitened residual and derivative.
+
+        Without derivatives (None) nothing was fitted.
+        """
         if jacobian is None or jacobian.shape[1] == 0:
             return self.judge.loss(residual)
         moved = residual.copy()
@@ -54,7 +57,7 @@ class Cross:
 
 
 def reduced(fit: Fit, gone: Sequence[int], null: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give a fit without the axes `gone`, which go to their `null` (naxis,), the others moving to the new optimum.
+    """Return a fit with the axes `gone` set to their `null` (naxis,), and the others moved to the new optimum.
 
     Returns:
         coordinates (naxis,), residual and Jacobian of the axes that stay, to first order.

@@ -1,7 +1,7 @@
 """Replace the errors of several links by one body: one effect added, several removed.
 
-A search by single steps may explain a load at the flange by masses and centres of the last links. No one-for-one
-exchange leads from there to the load, which has fewer parameters than they have together.
+A search by single steps may explain a load at the flange by masses and centres of the last links. Exchanges of one
+effect for one cannot reach the load, which has fewer parameters than those together.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ from vispeg.diagnosis.selection.state import State
 
 
 def gathered(search: Searching, state: State, n_fixed: int) -> bool:
-    """Put a body with a mass and a place in the place of all that links were given, where that is better; whether it
-    was.
-    """
+    """Replace all link effects of the search by one body with mass and position, if better; return whether it was."""
     links = of_links(search, state, n_fixed)
     if not links or state.fit is None:
         return False
@@ -43,6 +41,6 @@ def gathered(search: Searching, state: State, n_fixed: int) -> bool:
 
 
 def of_links(search: Searching, state: State, n_fixed: int) -> list[EffectInstance]:
-    """Effects of single links that a search added."""
+    """Return the effects of single links that a search added."""
     links = set(search.evidence.items[0].robot.links)
     return [e for e in state.world.effects[n_fixed:] if effect(e.effect).family == "body" and e.where in links]

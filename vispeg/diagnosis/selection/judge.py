@@ -1,4 +1,4 @@
-"""Judging on held-out recordings: paired differences of squared residuals, tested over blocks of time."""
+"""Judge on held-out recordings: paired differences of squared residuals, tested over blocks of time."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Judge:
         self.valid = np.concatenate([i.valid.ravel() for i in evidence.items])
         self.size = self._by_cell(self.valid)
         self.stretch = evidence.stretches(self.blocks)
-        self.last: tuple[Fit, Fit] | None = None  # a fit that was asked of, and the same on this evidence (`cross`)
+        self.last: tuple[Fit, Fit] | None = None  # last fit asked about, and its values on this evidence (`cross`)
 
     def losses(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per world, the summed squared whitened residual of each block and joint (nblock, nj)."""
+        """Return for each world the summed squared whitened residual of each block and joint, (nblock, nj)."""
         return [self.loss(r) for r in self.evidence.each_residual(worlds)]
 
     def loss(self, residual: np.ndarray) -> np.ndarray:
-        """Give the summed squared whitened residual of each block and joint."""
+        """Return the summed squared whitened residual of each block and joint, (nblock, nj)."""
         return self._by_cell(np.minimum(residual**2, RULES.cap) * self.valid)
 
     def _by_cell(self, values: np.ndarray) -> np.ndarray:
@@ -48,11 +48,11 @@ class Judge:
         return np.bincount(self.cells, weights=values, minlength=size).reshape(-1, self.nj)
 
     def mean(self, loss: np.ndarray) -> float:
-        """Mean squared whitened residual: 1 at the noise floor."""
+        """Return the mean squared whitened residual: 1 at the noise floor."""
         return float(loss.sum() / max(self.size.sum(), 1))
 
     def floor(self, world: World) -> float:
-        """Mean squared whitened residual of a world that is right: 1, and more where its encoders are coarse."""
+        """Return the mean squared whitened residual of a correct model: 1, or more if its encoders are coarse."""
         more = 0.0
         for item in self.evidence.items if self.evidence.unit == "rad" else ():
             ratio = reading_noise(item, world) / item.sigma[: item.nj]
@@ -60,15 +60,15 @@ class Judge:
         return float(1.0 + more / max(self.size.sum(), 1))
 
     def apart(self, gain: Gain) -> bool:
-        """Whether a gain tells two worlds apart by its size alone, however few the blocks of time are that it is in."""
+        """Return whether a gain distinguishes two worlds by its size alone, however few blocks of time contribute."""
         return gain.mean * self.size.sum() >= self.evidence.decisive
 
     def tied(self, gain: Gain) -> bool:
-        """Whether chance makes as much of two worlds that are equally right, however many blocks of time it is in."""
+        """Return whether chance makes such a gain between equally correct worlds, however many blocks contribute."""
         return gain.mean * self.size.sum() <= self.evidence.tied
 
     def gain(self, before: np.ndarray, after: np.ndarray, crossed: tuple[np.ndarray, np.ndarray] | None = None) -> Gain:
-        """Improvement from one loss to another; cross-fitted losses, where there are some, are tested with them."""
+        """Return the improvement from one loss to another; cross-fitted losses, if given, are included in the test."""
         some = self.size.sum(axis=1) > 0
         diff = (before - after)[some]
         mean = float(diff.sum() / self.size.sum())
@@ -83,7 +83,7 @@ class Judge:
 
 
 def _z(diff: np.ndarray) -> float:
-    """Give the standard normal score of Wilcoxon's signed-rank test that the differences are above 0."""
+    """Return the standard normal score of Wilcoxon's signed-rank test that the differences are above 0."""
     if not np.any(diff):
         return 0.0
     p = stats.wilcoxon(diff, alternative="greater").pvalue
@@ -91,7 +91,7 @@ def _z(diff: np.ndarray) -> float:
 
 
 def present(fit: Fit, index: int) -> bool:
-    """Whether the effect at `index` is there: a telling magnitude's 95 % interval leaves out null."""
+    """Return whether the effect at `index` is present: a telling magnitude's 95 % interval excludes null."""
     placed = fit.world.effects[index]
     kind = effect(placed.effect)
     for name in kind.telling or kind.magnitudes:
@@ -104,10 +104,10 @@ def present(fit: Fit, index: int) -> bool:
 
 
 def adds(fit: Fit, count: int) -> bool:
-    """Whether one of the last `count` effects of a fit is there, see `present`."""
+    """Return whether one of the last `count` effects of a fit is present, see `present`."""
     return any(present(fit, k) for k in range(-count, 0))
 
 
 def parameters(world: World) -> int:
-    """Give the number of free parameters."""
+    """Return the number of free parameters."""
     return sum(len(e.params) for e in world.effects)

@@ -149,7 +149,7 @@ def grow(search: Searching, state: State, placed: EffectInstance, n_fixed: int) 
     if not starts:
         return
     squared = [squares(r) for r in search.evidence.each_residual([rest.add(s) for s in starts])]
-    starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of play creeps where it begins far off
+    starts = _first([starts[k] for k in np.argsort(squared)])  # a fit of backlash converges slowly from far away
     noise = search.evidence.count / len(state.residual)
     goal = squares(state.residual) - RULES.decisive * max(squares(state.residual) - noise, 0.0)
     chases = [Chase(goal) for _ in starts]
@@ -177,7 +177,7 @@ def _stands_behind(search: Searching, state: State, trial: Trial, crossed: float
     if not most or not (contained or present(trial.fit, -1)):
         return False
     if gain.relative > RULES.decisive:
-        # a straight line predicts folds ill far from its fit
+        # linear prediction of folds is poor far from its fit
         sure = contained and gain.z > stats.norm.isf(RULES.discoveries)
         return sure or (crossed if contained else gain.z) > stats.norm.isf(RULES.large_level)
     if contained or gain.relative < search.evidence.least_gain or gain.z < RULES.held_out:

@@ -18,12 +18,12 @@ class Tried(Protocol):
 
     @property
     def rejected(self) -> str:
-        """Why it was refused; empty where it was not."""
+        """Reason of refusal; "" if accepted."""
         ...
 
 
 class Standing(Protocol):
-    """Where a search stands: its world, and the candidates of a step that accepted none."""
+    """State of a search: its world, and the candidates of a step that accepted none."""
 
     world: World
     last: Any
@@ -44,7 +44,7 @@ class Loop(ABC, Generic[S, T]):
 
     @abstractmethod
     def start(self, world: World, n_fixed: int | None = None) -> S:
-        """Where a search for what `world` lacks begins; its effects after the first `n_fixed` may move."""
+        """Return the initial state of a search; effects of `world` after the first `n_fixed` may be refitted."""
 
     @abstractmethod
     def offers(self, state: S, n_fixed: int) -> list[T]:
@@ -52,16 +52,16 @@ class Loop(ABC, Generic[S, T]):
 
     @abstractmethod
     def take(self, state: S, trial: T, trials: list[T], n_fixed: int) -> None:
-        """Add what a trial tried, one of `trials`."""
+        """Add the effects of a trial, one of `trials`."""
 
     def settle(self, state: S, trial: T, before: S, n_fixed: int) -> None:
         """Revise a state after an addition: refine the added effect, remove superfluous ones."""
 
     def announce(self, state: S) -> None:
-        """Says where the search stands before a step."""
+        """Report the state of the search before a step."""
 
     def ways(self) -> Sequence[Callable[[S, int], bool]]:
-        """Ways on from a state, each True where it went on; the next is tried where one did not."""
+        """Return the moves from a state, each returning whether it changed it; the next is tried if one did not."""
         return (self.advance,)
 
     def run(self, world: World, n_fixed: int | None = None) -> S:
@@ -76,13 +76,13 @@ class Loop(ABC, Generic[S, T]):
         return state
 
     def go_on(self, state: S, n_fixed: int) -> None:
-        """Goes on from a state until no way leads on."""
+        """Apply moves to a state until none changes it."""
         ways = self.ways()
         while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
             pass
 
     def advance(self, state: S, n_fixed: int) -> bool:
-        """Add the effect that earns its place best; False where none does, or where it did not stay."""
+        """Add the best candidate that passes; return False if none does, or if it was removed again."""
         before = copy(state)
         self.announce(state)
         trials = self.offers(state, n_fixed)
@@ -92,8 +92,8 @@ class Loop(ABC, Generic[S, T]):
             return False
         self.take(state, best, trials, n_fixed)
         self.settle(state, best, before, n_fixed)
-        return state.world.label != before.world.label  # what came in may have gone out again
+        return state.world.label != before.world.label  # the added effect may have been removed again
 
     def worth_it(self, state: S, n_fixed: int) -> bool:
-        """Whether a step may be taken: up to so many effects."""
+        """Return whether another step is allowed by the number of effects."""
         return len(state.world.effects) - n_fixed < self.evidence.most_effects

@@ -1,8 +1,8 @@
-"""Which effects of a partial list may be named, and what may stand in their place, by exchange in the linear model.
+"""Decide which effects of an incomplete model may be named, by exchanges in the linear model.
 
 If part of the error stays unexplained, an effect that lowers the error may be an alias of a missing one, or several
-together of one that the search did not accept. An effect is certain only if its removal costs a visible share of the
-unexplained error whichever other candidate replaces it. This is tested twice: on the fitted recordings, and on the
+together of one that the search did not accept. An effect is certain only if, whichever other candidate replaces it,
+its removal costs a visible share of the unexplained error. This is tested twice: on the fitted recordings, and on the
 held-out ones with the coefficients of the fitted ones. An uncertain effect stays in the model, marked tentative.
 """
 
@@ -38,11 +38,11 @@ class Ground:
     excess: Mapping[str, float]
 
     def needed(self, k: int) -> float:
-        """Rise of the squared residual that taking the entry `k` away must cost."""
+        """Return the rise of the squared residual that removal of the entry `k` must cost."""
         return RULES.name_costs * self.left(k)
 
     def left(self, k: int) -> float:
-        """Give the excess where an entry sits."""
+        """Return the excess at an entry's place."""
         return self.excess.get(self.dictionary.entries[k].placed.where, self.excess[""])
 
 
@@ -66,7 +66,7 @@ class Exchange:
 
 
 def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
-    """One for each effect of the fit; the entries of the held-out ground are those of the fitted one."""
+    """Return an exchange for each effect of the fit; the held-out ground has the same entries as the fitted one."""
     model = list(fitted.dictionary.fitted)
     beside = fitted.dictionary.gains(model)
     both = _Both(fitted.dictionary, held.dictionary)
@@ -74,7 +74,7 @@ def exchanges(fitted: Ground, held: Ground) -> list[Exchange]:
 
 
 def doubted(fitted: Ground) -> list[int]:
-    """Candidates, as numbers of entries, that some exchange asks the held-out recordings of: few of the library."""
+    """Return the entries of candidates that need a check on the held-out recordings: few of the library."""
     dictionary = fitted.dictionary
     model = list(dictionary.fitted)
     error, beside = dictionary.loss(model)[0], dictionary.gains(model)
@@ -87,23 +87,23 @@ def doubted(fitted: Ground) -> list[int]:
 def _doubts(
     fitted: Ground, model: list[int], k: int, beside: np.ndarray, error: float, without: float
 ) -> tuple[np.ndarray, list[int], list[int]]:
-    """Gains of all entries in the place of `k`, those that may be alike to it, and those hardly worse in its place."""
+    """Return gains of all entries in place of `k`, entries confounded with it, and hardly worse replacements."""
     entries = fitted.dictionary.entries
     instead = fitted.dictionary.gains([m for m in model if m != k])
     asked = [c for c in range(len(entries)) if c not in model and not _richer(entries[c].placed, entries[k].placed)]
     asked = [c for c in asked if instead[c] > 0]
-    costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # bounds aside
+    costs = {c: (without - instead[c]) - (error - beside[c]) for c in asked}  # ignoring bounds
     alike = [c for c in asked if costs[c] < max(fitted.needed(k), RULES.name_alike * (without - error))]
     return instead, alike, [c for c in asked if without - instead[c] < _near(fitted, k, error, without)]
 
 
 def _near(fitted: Ground, k: int, error: float, without: float) -> float:
-    """Squared residual up to which a candidate in the place of `k` is worth a fit."""
+    """Return the squared residual up to which a candidate in place of `k` is worth a fit."""
     return error + RULES.name_slack * min(fitted.left(k), without - error)
 
 
 class _Both:
-    """Squared residuals of choices of entries, fitted and held out, each worked out once."""
+    """Squared residuals of sets of entries, fitted and held out, each computed once."""
 
     def __init__(self, fitted: Dictionary, held: Dictionary):
         self.fitted, self.held = fitted, held
@@ -132,7 +132,7 @@ def _exchange(fitted: Ground, held: Ground, both: _Both, model: list[int], k: in
     close = [c for c in close if both([*rest, c])[0] < _near(fitted, k, error, without)]
     better = [c for c in alike if both([*rest, c])[1] < left_held]
     order = sorted({*close, *better, *shaken}, key=lambda c: -instead[c])
-    rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # of one candidate's guesses the best
+    rivals = list({entries[c].key: c for c in reversed(order)}.values())[::-1]  # the best of one candidate's guesses
     placed = tuple(fitted.dictionary.placed([*rest, c])[-1] for c in rivals[: RULES.name_rivals])
     labels = dict.fromkeys(entries[c].placed.label for c in shaken)
     return Exchange(entries[k].placed.label, float(share), tuple(labels), placed)
@@ -188,5 +188,5 @@ def _entangled(state: State, index: int) -> bool:
 
 
 def _richer(candidate: EffectInstance, placed: EffectInstance) -> bool:
-    """Whether a candidate contains the effect as a special case: it does not stand beside it."""
+    """Return whether a candidate contains the effect as a special case, so that both cannot be present."""
     return placed.effect in effect(candidate.effect).contains and candidate.where == placed.where

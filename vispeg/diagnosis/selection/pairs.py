@@ -1,9 +1,9 @@
-"""Several effects at once in one joint, where none shows without the others.
+"""Propose several effects at once in one joint, none of which is visible without the others.
 
-Friction, rotor inertia and bias of a wrist that is driven by torques; or a slow servo whose goals are limited too. An
-effect that vanishes far away (`Effect.distant`) has no slope at null, so a fit of two cannot start there: it starts
-at what the data suggest for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different
-places, so several start, and the held-out recordings choose.
+Examples are friction, rotor inertia and bias of a torque-driven wrist, or a slow servo with limited goals. An effect
+with `Effect.distant` has no slope at null, so a fit of two cannot start there. It starts at values estimated from the
+data for both (`Effect.guesses`), tried in all combinations by rollout. Fits end in different optima, so several are
+started, and the held-out recordings choose.
 """
 
 from __future__ import annotations
@@ -23,11 +23,14 @@ from vispeg.diagnosis.selection.searching import Searching
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.model_file import model_text
 
-STAGES = ("goal", "regulate", "drive")  # of a joint's drive: of two effects in one stage either stands for the other
+STAGES = ("goal", "regulate", "drive")  # of a joint's drive: two effects in one stage are confounded
 
 
 def pairs(search: Searching, state: State, missing: Sequence[MissingTorque]) -> list[Score]:
-    """Two distant effects in the joint that misses most, best first; for each guess of one the best of the other."""
+    """Return pairs of distant effects in the joint with the largest error, best first.
+
+    For each guess of one effect only the best guess of the other is kept.
+    """
     evidence, joints = search.evidence, search.evidence.items[0].robot.joints
     worst = int(np.argmax(joint_z(missing)))
 
@@ -64,7 +67,7 @@ def all_common(search: Searching, state: State, missing: Sequence[MissingTorque]
 
 
 def _kinds(search: Searching, state: State, joint: str) -> Iterator[tuple[Effect, Effect]]:
-    """Distant effects of different stages of a joint's drive that the evidence sees, not in the world yet."""
+    """Yield pairs of distant effects in different stages of a joint's drive, visible and not in the world yet."""
     taken = {e.effect for e in state.world.effects if e.where in (joint, "all")}
     far = [k for k in searchable().values() if k.distant and search.evidence.sees(k) and k.name not in taken]
     for a, b in combinations(far, 2):
@@ -77,7 +80,7 @@ def _stages(kind: Effect) -> set[str]:
 
 
 def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
-    """Whether two starts are so close that their fits end at one place."""
+    """Return whether two starts are so close that their fits end at the same optimum."""
     both = [(v.value, y.params[name].value) for x, y in zip(a, b, strict=True) for name, v in x.params.items()]
     return all(abs(v - w) <= RULES.same_start * max(abs(v), abs(w)) for v, w in both)
 

@@ -1,7 +1,7 @@
 """Forward selection with backward deletion over any evidence: fitted on some recordings, accepted on others.
 
-What every channel can be searched by. The tests of a trial are those of all (`selection.accept`). Joints and contact
-have searches of their own, which know more of what they compare.
+Every channel can use it; the tests of a trial are the common ones (`selection.accept`). Joints and contact have
+searches of their own that use more knowledge of their evidence.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class PlainSearch(Loop[State, Trial], Shown):
     """The loop over one evidence, fitted and held out.
 
     Args:
-        evidence, judged: of what is fitted and of what judges.
-        say: is told what is being done.
-        progress: remembers where each fit ended.
+        evidence, judged: fitted and held-out.
+        say: called with progress messages.
+        progress: caches the result of each fit.
     """
 
-    asks = "plain"  # what its questions begin with where their answers are kept
+    asks = "plain"  # prefix of its questions in the stored progress
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return RULES.later
 
     def targets(self, kind: Effect) -> list[str]:
-        """Give the places of an effect."""
+        """Return the places of an effect."""
         return kind.targets(self.evidence.items[0].robot)
 
     def places(self, world: World) -> list[tuple[str, str]]:
@@ -73,7 +73,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return [at for at in open_ if at not in have]
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """Where a search for what `world` lacks begins."""
+        """Return the initial state of a search for what `world` lacks."""
         loss = self.judge.losses([world])[0]
         return State(world, loss, self.evidence.residuals([world])[0], first=self.judge.mean(loss))
 
@@ -88,7 +88,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         self._prune(state, n_fixed)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add what a trial tried, one of `trials`."""
+        """Add the effects of a trial, one of `trials`."""
         self.say(f"{trial.score.label}: {self.error(trial.fit.world):.3g} {self.judged.unit} left")
         state.steps.append((trial, trials))
         state.take(trial.fit, trial.loss)
@@ -97,7 +97,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         """Score every place's effect when added to a state, by the residual that secants over typical sizes explain;
         best first.
 
-        Nothing is fitted, so a score is a promise only: of the part that the effects of the state cannot make.
+        Nothing is fitted, so a score is only a prediction, for the part that the state's effects cannot imitate.
         """
         return self._scored(state, self.places(state.world))
 
@@ -117,7 +117,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return sorted(out, key=lambda s: -s.gain)
 
     def shows_from(self, state: State) -> list[ShowsFrom]:
-        """For each effect that a state has not, the values of its magnitudes that these recordings do not show."""
+        """Return for each effect that a state lacks the values of its magnitudes that these recordings do not show."""
 
         def tried() -> Iterator[tuple[list[Tried], np.ndarray]]:
             for at in self.shown_at(state.world):
@@ -130,7 +130,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         return shows_from(self, state, tried)
 
     def shown_at(self, world: World) -> list[tuple[str, str]]:
-        """Give the places of which `shows_from` tells, also those that no step would try."""
+        """Return the places covered by `shows_from`, including those that no step would try."""
         return PlainSearch.places(self, world)
 
     def least_times(self, placed: EffectInstance, world: World, without: World) -> float:
@@ -165,7 +165,7 @@ class PlainSearch(Loop[State, Trial], Shown):
         for score, fit, loss in zip(scores, fits, losses, strict=True):
             gain = self.judge.gain(state.loss, loss)
             trials.append(Trial(replace(score, gain=gain.mean * self.judged.count), fit, loss, gain))
-        judged = ranked(self, state, trials, tested)  # type: ignore[arg-type]  # what it asks, `Shown` answers
+        judged = ranked(self, state, trials, tested)  # `Shown` provides what it needs
         out = [replace(t, rejected=t.rejected or self.small(t)) for t in judged]
         return sorted(out, key=lambda t: bool(t.rejected))
 
@@ -196,7 +196,7 @@ class PlainSearch(Loop[State, Trial], Shown):
             fresh.extend(run_together([job(w) for w in worlds], chosen.residuals, length=chosen.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
-        which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds ask alike
+        which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds share it
         question = [self.asks, which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
         ends = self.progress.recall(question, work_out)
         again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
@@ -249,12 +249,12 @@ class PlainSearch(Loop[State, Trial], Shown):
             state.world, state.loss, state.residual, state.fit = rest.world, rest.loss, rest.residual, rest.fit
 
     def _secants(self, name: str, where: str) -> dict[str, EffectInstance]:
-        """Give an effect with one magnitude after the other at a typical size, by that magnitude; the others absent."""
+        """Return an effect with one magnitude at a typical size and the others at null, by the magnitude's name."""
         kind = effect(name)
         rest = {k: p.null for k, p in kind.params.items() if not p.shape}
         sizes = {k: p.start for k, p in kind.params.items() if not p.shape and p.start != p.null}
         return {k: EffectInstance.of(name, where, **{**rest, k: v}) for k, v in sizes.items()}
 
     def _start(self, name: str, where: str) -> EffectInstance:
-        """Where a fit of an effect starts: at a typical size."""
+        """Return the start of an effect's fit: a typical size."""
         return EffectInstance.of(name, where, **{k: p.start for k, p in effect(name).params.items() if not p.shape})

@@ -1,4 +1,4 @@
-"""What signatures propose beside or in the place of what a search has found; every answer is remembered."""
+"""Proposals by the linear model for additions to a search's effects, or replacements; every answer is cached."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from vispeg.worlds.world import World
 
 
 class Proposals:
-    """Candidates by linear algebra over the fitted evidence."""
+    """Candidates from linear algebra over the fitted evidence."""
 
     def __init__(self, evidence: Evidence, judge: Judge, progress: Progress):
         self.evidence, self.judge, self.progress = evidence, judge, progress
         self.cross = Cross(Judge(evidence))
-        self._beside, self._taken = "", {}  # a world as text, and the signatures that were taken beside it
-        self._whole: dict[str, dict[str, Signature]] = {}  # the same of the world beside which all were taken last
+        self._beside, self._taken = "", {}  # a world as text, and the signatures relative to it
+        self._whole: dict[str, dict[str, Signature]] = {}  # the same for the world that all were last computed for
         self._alone: dict[str, dict[tuple[str, str], Score | None]] = {}  # by world as text, scores of single places
 
     def missing(self, world: World) -> list[MissingTorque]:
-        """Missing torque of every fitted segment under a world."""
+        """Return the missing torque of every fitted segment under a world."""
         predicted = self.evidence.simulated([world])
         return [missing_torque(item, y[0]) for item, y in zip(self.evidence.items, predicted, strict=True)]
 
@@ -51,7 +51,7 @@ class Proposals:
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Score]:
-        """`screen` for these missing torques, and with `several` what `together` proposes, remembered."""
+        """Return `screen` for these missing torques, and with `several` also the proposals of `together`; cached."""
 
         def work_out() -> list:
             asked = [p for group in groups for p in group] + (self._straight(world) if several else [])
@@ -105,7 +105,7 @@ class Proposals:
             asked = probes(places, self.evidence.items[0], joint_data(self.missing(state.world), self.evidence.items))
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             self._whole = {self._beside: self._taken}
-            asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are dear
+            asked = [asked[c - len(fitted.dictionary.fitted)] for c in doubted(fitted)]  # held-out rollouts are costly
             fitted = self._ground(self.cross.judge, state.world, fit, asked)
             results = exchanges(fitted, self._ground(self.judge, state.world, on_held_out(self.judge, fit), asked))
             return [[e.label, e.costs, list(e.shaken), [_plain(r) for r in e.rivals]] for e in results]
@@ -114,7 +114,7 @@ class Proposals:
         return [Exchange(a, b, tuple(c), tuple(EffectInstance.of(n, w, **v) for n, w, v in d)) for a, b, c, d in rows]
 
     def _ground(self, judge: Judge, world: World, fit: Fit, asked: Sequence[Probe]) -> Ground:
-        """Signatures beside a fit on the evidence of a judge, and the excess that is left there; never 0."""
+        """Return the signatures relative to a fit on a judge's evidence, and the excess that is left there, above 0."""
         fitted = judge.evidence is self.evidence
         taken = (
             self.signatures_of(world, fit.residual, asked)
@@ -124,7 +124,7 @@ class Proposals:
         return Ground(Dictionary(fit.residual, taken, fit), excess(judge, world, fit.residual))
 
     def changes(self, state: State, n_fixed: int) -> list[Change]:
-        """Effects of the fit that are not the same at all times and positions; see `evidence.constancy`."""
+        """Return fitted effects that vary over time or position; see `evidence.constancy`."""
         if state.fit is None:
             return []
         surplus = excess(self.cross.judge, state.world, state.fit.residual)
@@ -137,13 +137,13 @@ class Proposals:
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Signature]:
-        """Signatures at these places, each once, beside a world with this residual."""
+        """Return the signatures at these places, each once, for a world with this residual."""
         items = self.evidence.items
         asked = probes(list(dict.fromkeys(places)), items[0], joint_data(list(missing), items))
         return self.signatures_of(world, residual, asked)
 
     def signatures_of(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> list[Signature]:
-        """Signatures on the fitted evidence; those beside the world that was asked of last are not taken again."""
+        """Return signatures on the fitted evidence, cached for the world of the last call."""
         self._turn_to(world)
         fresh = {str(_plain(p.placed)): p for p in asked if str(_plain(p.placed)) not in self._taken}
         for key, signature in zip(fresh, signatures(self.evidence, world, residual, [*fresh.values()]), strict=True):
@@ -151,7 +151,7 @@ class Proposals:
         return [self._taken[str(_plain(p.placed))] for p in asked]
 
     def each_signature(self, world: World, residual: np.ndarray, asked: Sequence[Probe]) -> Iterator[Signature]:
-        """Yield the same one by one, and keep none; those beside other worlds are let go."""
+        """Yield the signatures one by one without caching them; cached ones of other worlds are dropped."""
         self._turn_to(world)
         self._whole = {}
         held = [self._taken.get(str(_plain(p.placed))) for p in asked]
@@ -161,7 +161,7 @@ class Proposals:
             yield next(fresh) if signature is None else signature
 
     def _turn_to(self, world: World) -> None:
-        """Drop the signatures beside another world, but for those of the whole library (`exchanges`)."""
+        """Drop the signatures of other worlds, except those of the whole library (`exchanges`)."""
         beside = model_text(world)
         if beside != self._beside:
             self._beside, self._taken = beside, self._whole.get(beside, {})
@@ -172,7 +172,7 @@ class Proposals:
 
 
 def excess(judge: Judge, world: World, residual: np.ndarray) -> dict[str, float]:
-    """Squared residual over the noise that is left in each joint, and over all under ""; never 0."""
+    """Return the squared residual above noise in each joint, and over all under ""; always above 0."""
     total, count = judge.loss(residual).sum(axis=0), judge.size.sum(axis=0)
     floor, joints = judge.floor(world), judge.evidence.items[0].robot.joints
     over = {joint: (total[j], count[j]) for j, joint in enumerate(joints)} | {"": (total.sum(), count.sum())}

@@ -34,7 +34,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
         (fit,) = search.fits([world], n_fixed, iterations=4, columns=[columns])
         loss = search.judge.losses([fit.world])[0]
         benefit = search.judge.gain(loss, state.loss)
-        # no straight line led there:
+        # the linear prediction was wrong
         worse = search.judge.mean(loss) > (1.0 + RULES.drop_rise) * search.judge.mean(state.loss)
         if worse or (useless and benefit.mean > 0 and benefit.z > RULES.drop_chance):
             if not useless:
@@ -46,7 +46,7 @@ def prune(search: Searching, state: State, n_fixed: int) -> None:
 
 
 def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Effects of groups that the fitted recordings alone show to be useless, one after the other."""
+    """Remove effects of groups that the fitted recordings alone show to be useless; return the remaining indices."""
     fit, gone = state.fit, []
     assert fit is not None
     null = null_of(fit)
@@ -71,7 +71,7 @@ def _spare(search: Searching, state: State, n_fixed: int) -> list[int]:
 
 
 def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
-    """Give the effect that the held-out recordings need least, if they do not need it."""
+    """Return the effect that the held-out recordings need least, if they do not need it."""
     fit = state.fit
     assert fit is not None
     null, places = null_of(fit), list(range(n_fixed, len(state.world.effects)))
@@ -102,13 +102,13 @@ def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
 
 
 def needed(search: Searching, state: State, k: int, gain: Gain) -> bool:
-    """Whether an effect lowers the error on held-out recordings beyond chance, and visibly."""
+    """Return whether an effect lowers the held-out error beyond chance, and visibly."""
     sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
     return gain.z >= sure and _matters(search, state, k, gain)
 
 
 def _matters(search: Searching, state: State, k: int, gain: Gain) -> bool:
-    """Whether an effect removes a visible share: of all the error, or for one of a group of that in its own joint."""
+    """Return whether an effect removes a visible share: of all the error, or for a group's member of its joint's."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0
     return bool(gain.relative >= search.evidence.least_gain or local >= RULES.drop_local)

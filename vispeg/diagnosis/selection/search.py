@@ -37,7 +37,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
     @property
     def few(self) -> int:
-        """Effects up to which the whole library is screened for rivals in the place of each."""
+        """Largest number of effects for which the whole library is screened for competitors of each."""
         return RULES.rivals_full
 
     def __init__(
@@ -52,7 +52,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         self.least_share = RULES.later
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
-        """Adding an effect, then what makes those that stand there earn their places."""
+        """Return the moves of the search: adding an effect, then revisions of the accepted ones."""
         return self.advance, partial(refined, self), partial(cast_out, self), partial(gathered, self)
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
@@ -61,7 +61,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         state = State(world, loss, residual, first=self.judge.mean(loss))
         if n_fixed is not None and n_fixed < len(world.effects):
             self.say(f"fitting {len(world.effects) - n_fixed} partial effects of the model anew")
-            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)  # and as they are given
+            fits = self.fits([world], n_fixed) + self.fits([world], n_fixed, iterations=1)  # and at their given values
             losses = self.judge.losses([f.world for f in fits])
             fit, loss = min(zip(fits, losses, strict=True), key=lambda p: float(p[1].sum()))
             state.take(fit, loss)
@@ -71,7 +71,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return state
 
     def announce(self, state: State) -> None:
-        """Says the model and its held-out error."""
+        """Report the model and its held-out error."""
         self.say(f"{state.world.label}: held-out {floors(self.judge.mean(state.loss))} x noise; screening")
 
     def offers(self, state: State, n_fixed: int) -> list[Trial]:
@@ -79,7 +79,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return self.step(state, n_fixed)
 
     def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
-        """Members of a group that carry nothing go out, a richer effect may take a single one's place; then pruning."""
+        """Remove group members without effect, replace a single effect by a richer one if better, then prune."""
         if trial.score.beside:
             dismissed(self, state, before.loss, trial.score, n_fixed)
         else:
@@ -87,13 +87,13 @@ class Search(Loop[State, Trial], Shown, Proposals):
         prune(self, state, n_fixed)
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Whether a step may be taken, and enough is left above the floor for one to be able to pass."""
+        """Return whether a step is allowed, and enough error is left above the floor for a candidate to pass."""
         excess = self.judge.mean(state.loss) - self.judge.floor(state.world)
         enough = excess > RULES.at_floor - 1.0 and (state.fit is None or excess > self.least_share * state.scale)
         return enough and super().worth_it(state, n_fixed)
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
-        """Screens the library against the state, fits the best, judges them; the ones that pass come first.
+        """Screen the library against the state, fit and judge the best; those that pass come first.
 
         The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
         torque they may hide, only where nothing passes there; then the first places count as tested too. Where nothing
@@ -110,7 +110,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
             scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
-        every = [] if common else self.everywhere(state)  # a light joint far off may hide what all the others miss
+        every = [] if common else self.everywhere(state)  # a light joint with a large error may hide the others
         if every and not (passes(trials) and (state.fit is not None or self.arrived(trials))):
             trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
@@ -119,19 +119,17 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return trials
 
     def arrived(self, trials: Sequence[Trial]) -> bool:
-        """Whether the first of them leaves nothing to look for: one effect in one joint was all."""
+        """Return whether the first trial, one effect in one joint, leaves only noise."""
         return self.judge.mean(trials[0].loss) - self.judge.floor(trials[0].fit.world) <= RULES.at_floor - 1.0
 
     def scored(self, state: State) -> list[Score]:
-        """Give the candidates beside a state, best first by the share of the fitted error that each promises to
-        explain.
-        """
+        """Return the candidates for a state, best first by the predicted drop of the fitted error."""
         missing = self.missing(state.world)
         near, _, together = self.places(state, missing)
         return self.screened(state.world, state.residual, state.fit, near, missing, together)
 
     def tested(self, state: State) -> int:
-        """How many places share the level of the test where one of them is tried beside a state."""
+        """Return the number of places that share the level of the test of one addition to a state."""
         near, rest, _ = self.places(state, self.missing(state.world))
         return len(near) + len(rest)
 
@@ -147,7 +145,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         return near, rest, common
 
     def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
-        """Give the groups of what every arm has in every joint that no step of the search took yet."""
+        """Return the groups of effects that every arm has in every joint and no step has tried yet."""
         asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
         done = {effect(e.effect).common for score in asked for e in score.beside}
         return groups(self.evidence, state.world, done)
@@ -178,7 +176,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
         tested_places = {e.where for s in short if not s.beside for e in s.members}
         elsewhere = [s for s in scores if s not in short and s.key[1] not in tested_places]
         elsewhere = [s for s in elsewhere if s.gain / self.evidence.count >= RULES.promise * need]
-        if elsewhere and all(t.rejected for t in trials):  # alike candidates at one place may have filled the list
+        if elsewhere and all(t.rejected for t in trials):  # confounded candidates at one place may have filled the list
             trials = trials + self.try_all(state, shortlist(elsewhere, RULES.fitted), n_fixed, tested)
             trials.sort(key=lambda t: bool(t.rejected))
         return trials
@@ -194,16 +192,16 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def try_all(
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
-        """Fits each score's effect jointly with what was accepted, and judges all on the held-out recordings."""
+        """Fit each score's effect jointly with the accepted ones, and judge all on the held-out recordings."""
         return self.try_each([(state, scores, tested)], n_fixed, goal)[0]
 
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Try the candidates of several (state, scores, places tested), all fitted in one batch; those of a state race.
+        """Try the candidates of several (state, scores, places tested), all fitted in one batch.
 
-        With a `goal`, a mean squared residual, each gives up where it cannot come to it instead. A rollout of many rows
-        costs little more than one of a few.
+        Those of a state stop when another is far ahead. With a `goal`, a mean squared residual, each stops instead
+        when it cannot reach it. A rollout of many rows costs little more than one of a few.
         """
         flat = [(state, s) for state, scores, _ in tries for s in scores]
         if not flat:
@@ -241,9 +239,9 @@ class Search(Loop[State, Trial], Shown, Proposals):
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fits everything after the first `n_fixed` effects of each world; where each ended is remembered.
+        """Fit all but the first `n_fixed` effects of each world; results are cached.
 
-        With `races`, one for each world, what falls far behind in its race gives up. With `columns`, one for each, the
+        With `races`, one for each world, a fit far behind in its race stops. With `columns`, one for each, the
         derivatives to the first coordinates are taken as an earlier fit had them.
         """
         fresh: list[Fit] = []
@@ -274,7 +272,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
     def reduced(
         self, worlds: Sequence[World], n_fixed: int, columns: Sequence[np.ndarray | None] | None = None
     ) -> list[Fit]:
-        """Fits of worlds that each lack one of the accepted effects."""
+        """Fit worlds that each lack one of the accepted effects."""
         return self.fits(worlds, n_fixed, iterations=5, columns=columns)
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
@@ -292,7 +290,7 @@ class Search(Loop[State, Trial], Shown, Proposals):
 
 
 def suspects(missing: Sequence[MissingTorque], joints: list[str]) -> list[str]:
-    """Joints with a visible share of the missing torque: an effect in one joint leaves torque missing there."""
+    """Return the joints with a visible share of the missing torque, which an effect in a joint leaves there."""
     z = joint_z(missing) ** 2
     order = np.argsort(-z)
     keep = [j for j in order[: RULES.suspects] if z[j] > RULES.suspect * z.max()]

@@ -1,4 +1,4 @@
-"""What the steps of a search ask of it: so each step is read without the search, and the search without a step."""
+"""Interface between a search and its steps, so that each can be read without the other."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from vispeg.worlds.world import World
 
 
 class Searching(Protocol):
-    """A search over the fitted recordings, with what judges it.
+    """A search over the fitted recordings, with its judge.
 
     Attributes:
-        judge: what judges.
+        judge: judge on the held-out recordings.
         cross: losses of the fitted recordings, each predicted from the others.
-        progress: remembers answers.
-        say: is told what is being done.
-        least_share: share of what effects so far removed that a later one must remove.
+        progress: caches answers.
+        say: called with progress messages.
+        least_share: share of what the accepted effects removed that a later one must remove.
     """
 
     judge: Judge
@@ -39,16 +39,16 @@ class Searching(Protocol):
 
     @property
     def evidence(self) -> Evidence:
-        """What is fitted."""
+        """Fitted evidence."""
         ...
 
     @property
     def few(self) -> int:
-        """Effects up to which the whole library is screened for rivals in the place of each."""
+        """Largest number of effects for which the whole library is screened for competitors of each."""
         ...
 
     def missing(self, world: World) -> list[MissingTorque]:
-        """Missing torque of every fitted segment under a world."""
+        """Return the missing torque of every fitted segment under a world."""
         ...
 
     def screened(
@@ -61,7 +61,7 @@ class Searching(Protocol):
         groups: Sequence[Sequence[tuple[str, str]]] = (),
         several: bool = False,
     ) -> list[Score]:
-        """Scores of places and groups beside a world, best first."""
+        """Return the scores of places and groups when added to a world, best first."""
         ...
 
     def screened_alone(
@@ -72,31 +72,31 @@ class Searching(Protocol):
         places: Sequence[tuple[str, str]],
         missing: Sequence[MissingTorque],
     ) -> list[Score]:
-        """Scores of single places, best first."""
+        """Return the scores of single places, best first."""
         ...
 
     def instead(self, state: State, placed: EffectInstance) -> tuple[list[Score], int]:
-        """Candidates in the place of an effect that a state is without, and how many were screened."""
+        """Return candidate replacements of an effect that a state lacks, and the number screened."""
         ...
 
     def exchanges(self, state: State) -> list[Exchange]:
-        """Say what each effect costs beside every other candidate, and what may stand in its place."""
+        """Return for each effect the cost of its removal given every other candidate, and its possible replacements."""
         ...
 
     def tested(self, state: State) -> int:
-        """How many places share the level of a test."""
+        """Return the number of places that share the level of a test."""
         ...
 
     def try_all(
         self, state: State, scores: Sequence[Score], n_fixed: int, tested: int, goal: float | None = None
     ) -> list[Trial]:
-        """Fit candidates beside a state and judge them."""
+        """Fit candidates added to a state and judge them."""
         ...
 
     def try_each(
         self, tries: Sequence[tuple[State, Sequence[Score], int]], n_fixed: int, goal: float | None = None
     ) -> list[list[Trial]]:
-        """Do so for several states side by side."""
+        """Fit and judge the candidates of several states in one batch."""
         ...
 
     def fits(
@@ -108,7 +108,7 @@ class Searching(Protocol):
         iterations: int = 8,
         columns: Sequence[np.ndarray | None] | None = None,
     ) -> list[Fit]:
-        """Fit what is not fixed of each world."""
+        """Fit all effects of each world that are not fixed."""
         ...
 
     def reduced(
@@ -118,33 +118,33 @@ class Searching(Protocol):
         ...
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add what a trial tried."""
+        """Add the effects of a trial."""
         ...
 
     def advance(self, state: State, n_fixed: int) -> bool:
-        """Add the effect that earns its place best; False where none does."""
+        """Add the best candidate that passes; return False if none does."""
         ...
 
     def go_on(self, state: State, n_fixed: int) -> None:
-        """Add effects until none earns its place."""
+        """Add effects until none passes."""
         ...
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Whether another step may be taken."""
+        """Return whether another step may be taken."""
         ...
 
     def shows(self, state: State, trial: Trial) -> bool:
-        """Whether what a trial adds is there."""
+        """Return whether the effects of a trial are present."""
         ...
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """Whether it shows in the held-out recordings alone."""
+        """Return whether a trial's effects show in the held-out recordings alone."""
         ...
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Why a trial may not pass; empty where it may."""
+        """Return why a trial must be refused; "" if it passes."""
         ...
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Whether the held-out recordings want the effect at `index`."""
+        """Return whether the held-out recordings need the effect at `index`."""
         ...

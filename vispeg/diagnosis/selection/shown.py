@@ -1,4 +1,4 @@
-"""What every search asks of a trial before it may pass: that its effect is there, and shows in held-out recordings."""
+"""Common tests of a trial: its effect is present, and shows in the held-out recordings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.diagnosis.selection.state import State
 
 
 class Shown:
-    """A search's own tests of a trial; evidence of another kind may have others.
+    """Tests of a trial in a search; a search over other evidence may override them.
 
     Attributes:
         judge: the held-out recordings.
@@ -23,18 +23,18 @@ class Shown:
     judge: Judge
 
     def shows(self, state: State, trial: Trial) -> bool:
-        """Whether an effect that a trial adds to `state` is there: its interval leaves out null."""
+        """Return whether an effect that a trial adds to `state` is present: its interval excludes null."""
         return adds(trial.fit, trial.score.count)
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """Whether what a trial adds shows in the held-out recordings alone, block by block."""
+        """Return whether a trial's addition shows in the held-out recordings alone, block by block."""
         gain = self.judge.gain(state.loss, trial.loss)
         return gain.z >= (RULES.held_out if gain.relative < RULES.large else RULES.held_out_large)
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Why a fitted trial may not pass; empty where it may."""
+        """Return why a fitted trial must be refused; "" if it passes."""
         return refusal(cast("Searching", self), state, trial, level, absent)
 
     def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Whether the held-out recordings want the effect at `index`, without which they lose `gain`."""
+        """Return whether the held-out recordings need the effect at `index`, whose removal costs `gain`."""
         return needed(cast("Searching", self), state, index, gain)

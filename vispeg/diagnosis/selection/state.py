@@ -1,4 +1,4 @@
-"""What a search tried and where it stands."""
+"""State of a search and its trials."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.worlds.world import World
 
 @dataclass
 class State:
-    """The search so far; `world` starts as the user's model."""
+    """State of a search; `world` starts as the user's model."""
 
     world: World
     loss: np.ndarray
@@ -25,20 +25,20 @@ class State:
     fit: Fit | None = None
     first: float = 0.0  # held-out mean squared residual at the start
     steps: list[tuple[Trial, list[Trial]]] = field(default_factory=list)
-    last: list[Trial] = field(default_factory=list)  # the candidates of a step that accepted none
+    last: list[Trial] = field(default_factory=list)  # candidates of a step that accepted none
     screening: list[Score] = field(default_factory=list)
     missing: list[MissingTorque] = field(default_factory=list)
     opened: World | None = None  # the user's model with its partial effects fitted anew
     cross: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # cross-fitted loss on the fitted recordings
-    cast_out: set[tuple[str, ...]] = field(default_factory=set)  # labels of worlds, and of what they were tried without
-    slight: frozenset[str] = frozenset()  # labels of what held-out data want, though it removes no visible share
+    cast_out: set[tuple[str, ...]] = field(default_factory=set)  # labels of worlds, and of effects removed in trials
+    slight: frozenset[str] = frozenset()  # labels of effects that only held-out data need
 
     def take(self, fit: Fit, loss: np.ndarray) -> None:
-        """Give the state of a fit, with its held-out loss."""
+        """Update the state to a fit with its held-out loss."""
         self.world, self.fit, self.loss, self.residual = fit.world, fit, loss, fit.residual
 
     def derivatives(self, out: Sequence[EffectInstance] = ()) -> np.ndarray | None:
-        """Give the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
+        """Return the derivatives (n, k) of the fit to its coordinates, without those of the effects `out`."""
         if self.fit is None:
             return None
         if not out:
@@ -62,7 +62,7 @@ class State:
         return None
 
     def grouped(self, placed: EffectInstance) -> bool:
-        """Whether an effect came in as one of a group, without a test of its own."""
+        """Return whether an effect was added as one of a group, without a test of its own."""
         came = [best.score for best, _ in self.steps if best.score.has(placed)]
         return bool(came) and bool(came[-1].beside)
 
@@ -88,7 +88,7 @@ class State:
 
 
 def without(world: World, effects: Sequence[EffectInstance]) -> World:
-    """Give the world without some of its effects."""
+    """Return the world without some of its effects."""
     for e in effects:
         world = world.without(e.effect, e.where)
     return world

@@ -40,7 +40,7 @@ def together(dictionary: Dictionary, most: int) -> Score | None:
         return None
     members = dictionary.placed([*fixed, *chosen])
     out = tuple(dictionary.entries[k].placed for k in gone)
-    gain = dictionary.loss([*fixed, *before])[0] - dictionary.loss([*fixed, *chosen])[0]  # as that of one effect is
+    gain = dictionary.loss([*fixed, *before])[0] - dictionary.loss([*fixed, *chosen])[0]  # as for one effect
     return Score(members[0], gain, tuple(members[1:]), out)
 
 
@@ -58,7 +58,7 @@ def _best(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: fl
             candidates.append((error - dictionary.crossed([*fixed, *chosen, k]), k))
     candidates = [
         f for f in candidates if f[0] >= _least(dictionary, f[1]) * error
-    ]  # what helps its own fold may hurt the others
+    ]  # an improvement in its own fold may harm the others
     if not candidates:
         return None
     top = max(candidates)[0]
@@ -86,7 +86,7 @@ def prior(a: EffectInstance, b: EffectInstance) -> float:
 
 
 def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Put better effects in the place of chosen ones, in `chosen` itself; the error that is left then."""
+    """Exchange chosen effects for better ones, modifying `chosen`; return the remaining error."""
     for _ in range(RULES.several_rounds):
         moved = False
         for k in list(chosen):
@@ -105,9 +105,7 @@ def _exchanged(dictionary: Dictionary, fixed: list[int], chosen: list[int], erro
 
 
 def _lighter(dictionary: Dictionary, fixed: list[int], chosen: list[int], error: float) -> float:
-    """Remove from `chosen` effects that contribute less than half of what an added one must; the error that is left
-    then.
-    """
+    """Remove effects from `chosen` that contribute less than half of the required gain; return the error."""
     for k in list(chosen):
         rest = [c for c in chosen if c != k]
         without = dictionary.crossed([*fixed, *rest])
