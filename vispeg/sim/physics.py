@@ -1,4 +1,4 @@
-"""What effects do in a physics step, asked in one place for identification, inverse dynamics and training alike."""
+"""Evaluate all effects in a physics step: one place for identification, inverse dynamics and training."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Forces:
     """Torques from the effects in one physics step, each (nsim, nj) N m.
 
     Attributes:
-        drive: torque that leaves the last stage of the drive.
-        motor: torque before the gear, which the motor's current tells.
-        geared: torque of effects that sit in the drive, so that a sensor behind the gear sees it; None without any.
+        drive: torque at the output of the last drive stage.
+        motor: torque before the gear, as computed from the motor's current.
+        geared: torque of effects inside the drive, which a sensor after the gear sees; None without any.
         link: torque of effects that act on the link; None without any.
         friction: level of the joints' dry friction; None where it is the model's own and constant.
     """
@@ -39,16 +39,16 @@ class Forces:
 
     @property
     def beside(self) -> np.ndarray | None:
-        """Torque beside the drive's, (nsim, nj); None where there is none."""
+        """Return the sum of `geared` and `link`, (nsim, nj); None if there is none."""
         return total(self.geared, self.link)
 
 
 class EffectLoop:
-    """The effects at work in a batch, in the order of their drive stage, with the states that they carry.
+    """The active effects of a batch, in the order of their drive stage, with their states.
 
     Args:
         active: effects with their parameters.
-        goals: whether angles are sent to position servos, not torques to drives.
+        goals: whether commands are angles for position servos instead of torques for drives.
     """
 
     def __init__(self, active: Sequence[Active], goals: bool = False):
@@ -58,7 +58,7 @@ class EffectLoop:
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
-        # a servo reads its own encoder at once: what makes a log late is not in its loop
+        # a servo reads its own encoder without delay: the delay of logged readings is not in its loop
         self.inside = [a for a in self.senses if a.effect.family == "joint" or not a.effect.overrides("start")]
         self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]
@@ -66,16 +66,16 @@ class EffectLoop:
 
     @property
     def acts(self) -> bool:
-        """Whether anything must be asked between two physics steps."""
+        """Whether any effect must be evaluated in each physics step."""
         return bool(self.drives or self.frictions or self.torques)
 
     @property
     def foreseen(self) -> bool:
-        """Whether what acts between two physics steps follows from the command alone, and not from the motion."""
+        """Whether the effects evaluated in each physics step depend on the command alone, not on the motion."""
         return all(a.effect.commanded for a in self.drives) and not (self.frictions or self.torques)
 
     def begin(self, x: DriveState) -> None:
-        """All rows begin in the state `x`."""
+        """Initialise all rows at the state `x`."""
         self.states = {a.effect.name: a.effect.start(x, a.p) for a in self.active}
 
     def restart(self, x: DriveState, rows: np.ndarray) -> None:
@@ -85,7 +85,7 @@ class EffectLoop:
             self.states[name] = merged(self.states[name], a.effect.start(x, a.p), rows)
 
     def forces(self, command: np.ndarray, x: DriveState, dry: np.ndarray | None) -> Forces:
-        """One step under `command` (nsim, nj) N m, with the model's own dry friction `dry` (nsim, nj) N m."""
+        """Compute one step's torques for `command` and the model's own dry friction `dry`, both (nsim, nj) N m."""
         tau, motor = command, None
         for a in self.drives:
             if motor is None and a.effect.order >= GEAR:
@@ -95,14 +95,14 @@ class EffectLoop:
         return Forces(tau, tau if motor is None else motor, *self.torque(x), level)
 
     def friction(self, x: DriveState, dry: np.ndarray) -> np.ndarray:
-        """Level (nsim, nj) N m of dry friction, given the model's own."""
+        """Return the level (nsim, nj) N m of dry friction, given the model's own."""
         level = dry.copy()
         for a in self.frictions:
             level += a.effect.friction(self.states[a.effect.name], x, a.p)
         return level
 
     def torque(self, x: DriveState) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Torques (nsim, nj) N m that no actuator commands: in the drive, and on the link."""
+        """Return the torques (nsim, nj) N m that no actuator commands: inside the drive, and on the link."""
         geared, link = None, None
         for a in self.torques:
             t = a.effect.torque(self.states[a.effect.name], x, a.p)
@@ -113,9 +113,10 @@ class EffectLoop:
         return geared, link
 
     def along(self, x: DriveState, path: np.ndarray, at: np.ndarray) -> np.ndarray | None:
-        """Torques (n, nj) N m of a measured motion `x`, samples `at` of `path` (npath, nj) rad, or None.
+        """Return effect torques (n, nj) N m along a measured motion `x`: samples `at` of `path` (npath, nj) rad.
 
-        What carries a state from step to step has no part in it, but for what remembers the path alone.
+        Effects with a state from step to step are left out, except those whose state depends on the path alone.
+        None if no effect acts.
         """
         out = None
         for a in self.torques:
@@ -126,7 +127,7 @@ class EffectLoop:
         return out
 
     def read(self, q: np.ndarray, dq: np.ndarray, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
-        """Give what the encoders make of q (nsim, nj) rad and dq rad/s."""
+        """Return the encoder readings of q (nsim, nj) rad and dq rad/s."""
         for a in self.senses:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
         return q, dq
@@ -138,7 +139,7 @@ class EffectLoop:
         return goal
 
     def feedback(self, x: DriveState) -> tuple[np.ndarray, np.ndarray]:
-        """Angle (nsim, nj) rad and velocity rad/s that a servo's own loop reads."""
+        """Return the angle (nsim, nj) rad and velocity rad/s that a servo's own loop reads."""
         q, dq = x.q, x.dq
         for a in self.inside:
             q, dq = a.effect.observe(self.states[a.effect.name], q, dq, x, a.p)
@@ -151,41 +152,41 @@ class EffectLoop:
         return wrench
 
     def inverse(self, needed: np.ndarray, sensor: str) -> np.ndarray:
-        """Give what a torque sensor (`joint` or `motor`) reads (n, nj) where the link needs `needed`, N m."""
+        """Return the reading (n, nj) N m of a torque sensor (`joint` or `motor`) if the link needs `needed`, N m."""
         for a in self.inverses:
             needed = a.effect.inverse(needed, sensor, a.p)
         return needed
 
 
 def total(a: np.ndarray | None, b: np.ndarray | None) -> np.ndarray | None:
-    """Give the sum of two torques that may be absent."""
+    """Add two torques, each of which may be None."""
     return b if a is None else a if b is None else a + b
 
 
 def exact(batch: Any) -> None:
-    """Lets a batch find contacts to `OVERLAP`.
+    """Set the precision of a batch's contact search to `OVERLAP`.
 
-    At MuJoCo's usual 1e-6 m the normal of two meshes that overlap by less than that may point the wrong way: what
-    slides is then pulled down in some steps, chatters, and drags by more than its friction.
+    At MuJoCo's default of 1e-6 m, the contact normal of two meshes that overlap by less may point the wrong way: a
+    sliding body is then pulled down in some steps, chatters, and drags by more than its friction.
     """
     batch.expand("opt.ccd_tolerance")[:] = OVERLAP
 
 
 def firm(batch: Any, model: Any, joint: str) -> None:
-    """Keep a joint that dry friction holds from creeping: what it may slip at, and how, stays.
+    """Reduce the creep of a joint that dry friction holds, without changing the force at which it slips.
 
-    MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w, and d is 0.9999 at most: under
-    a force f a joint at rest moves on at `f R / b`, 20 um/s for a held part under 25 N, where dry friction does not
-    move at all. Of a joint without a limit this regularization is all that `dof_invweight0` is used for. To be called
-    after `derive`, which sets it. Source: MuJoCo 4.0 manual, Computation, Constraint model, Friction loss.
+    MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w, and d is at most 0.9999. Under
+    a force f a joint at rest therefore creeps at `f R / b`, 20 um/s for a held part under 25 N; real dry friction does
+    not creep. So w = `dof_invweight0` is scaled down, which for a joint without a limit affects nothing else. Call it
+    after `derive`, which sets that field. Source: MuJoCo 4.0 manual, Computation, Constraint model, Friction loss.
     """
     batch.expand("dof_invweight0")[:, model.joint(joint).dofadr[0]] *= FIRM
 
 
 def derive(batch: Any, fields: Fields) -> None:
-    """Brings up to date what MuJoCo derives from the fields that effects wrote, and keeps what they wrote.
+    """Update the constants that MuJoCo derives from model fields, without losing the values that effects wrote.
 
-    `set_const` takes spring references and the like from `qpos0`, and would undo an effect that writes them.
+    `set_const` resets spring references and the like from `qpos0`, which would undo an effect that writes them.
     """
     if not fields.touched:
         return
@@ -196,12 +197,12 @@ def derive(batch: Any, fields: Fields) -> None:
 
 
 def merged(old: Any, new: Any, rows: np.ndarray) -> Any:
-    """Give the effect state `old` with `rows` (indices) taken from `new`, a state that `start` made for all rows.
+    """Return the effect state `old` with `rows` (indices) replaced from `new`, a state that `start` made for all rows.
 
     States are None, arrays whose leading axis is the simulation, delay lines, or dicts and tuples of these.
 
     Raises:
-        TypeError: a state of another type, which nobody could begin anew row by row.
+        TypeError: a state of another type, whose rows cannot be reset one by one.
     """
     if isinstance(old, dict):
         return {k: merged(v, new[k], rows) for k, v in old.items()}

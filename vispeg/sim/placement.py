@@ -1,4 +1,4 @@
-"""From worlds to arrays: which effects are at work in a batch, and their parameters row by row."""
+"""Convert worlds to arrays: the effects that are active in a batch, and their parameters row by row."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ class Active:
 
 
 def activate(robot: RobotModel, worlds: Sequence[World]) -> list[Active]:
-    """Effects at work in any of the worlds, in the order of their drive stage."""
+    """Return the effects that are active in any of the worlds, in the order of their drive stage."""
     names = sorted({e.effect for w in worlds for e in w.effects}, key=lambda n: (effect(n).order, n))
     return [Active(effect(n), values(effect(n), [w.effects for w in worlds], robot)) for n in names]

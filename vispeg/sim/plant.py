@@ -1,7 +1,7 @@
-"""Batched physics with effects: what the torques of a controller do to arms that are not the nominal one.
+"""Batched physics with effects: arms that differ from the nominal one respond to a controller's torques.
 
-The physics is stepped as leapfrog: MuJoCo's semi-implicit Euler positions are second order when its velocity is read as
-that of the half step, so velocities are corrected by half a step of acceleration where they are read.
+Steps are interpreted as leapfrog: MuJoCo's semi-implicit Euler is second order in position if its velocity is taken as
+that at the half step. So a velocity that is read is corrected by half a step of acceleration.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from vispeg.sim.placement import Active, activate
 from vispeg.sim.state import DriveState, Fields
 from vispeg.worlds.world import World
 
-STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance at which dry friction stops a joint within one step
+STIFF_FRICTION = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp at which dry friction stops a joint within one step
 
 
 class Plant:
-    """Arms with effects, one a row.
+    """Arms with effects, one per row of a batch.
 
     Args:
         robot: the nominal robot.
-        worlds: one a row.
+        worlds: one per row.
         h: physics step, s.
         tick: control period, s.
         nthread: threads of the batch.
-        servo: whether the arms are sent angles, so that what delays a command delays those.
+        servo: whether commands are angles, so that command delays act on angles.
 
     Attributes:
         x: the state that effects read.
-        loop: the effects at work.
+        loop: the active effects.
     """
 
     x: DriveState
@@ -58,7 +58,7 @@ class Plant:
         return activate(self.robot, worlds)
 
     def _write(self) -> None:
-        """Effects that are numbers in the model."""
+        """Write the effects that are values of model fields."""
         fields = Fields(self.batch, self.robot)
         for a in self.active:
             a.effect.write(fields, a.p)
@@ -79,17 +79,17 @@ class Plant:
         return value[:, self.vadr]
 
     def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
-        """Put the arms where their encoders read q (nsim, nj) rad, moving at dq rad/s.
+        """Set the arms to the state at which their encoders read q (nsim, nj) rad and dq rad/s.
 
         Args:
             q, dq: measured motion at the first tick.
-            weight: (nsim, nj) N m, what a drive in equilibrium carries there.
+            weight: (nsim, nj) N m, drive torque at equilibrium there.
             inertia: (nsim, nj) apparent inertia for effects, kg m^2.
         """
         b = self.batch
         self.qpos, self.qvel = b.bind("qpos"), b.bind("qvel")
         self.ctrl, self.applied = b.bind("ctrl"), b.bind("qfrc_applied")
-        self.acc = np.zeros((self.nsim, len(self.robot.joints)))  # what the last step really did
+        self.acc = np.zeros((self.nsim, len(self.robot.joints)))  # actual acceleration in the last step
         self.damper, self.constraint = b.bind("qfrc_damper"), b.bind("qfrc_constraint")
         self.qpos[:, self.qadr] = q
         self.qvel[:, self.vadr] = dq
@@ -103,7 +103,7 @@ class Plant:
             self.loop.begin(self.x)
 
     def read(self) -> None:
-        """Put the true joint motion of this instant into `x`."""
+        """Store the current true joint motion in `x`."""
         self.x.q = self.qpos[:, self.qadr].copy()
         self.x.ddq = self.acc
         self.half = 0.5 * self.h * self.acc
@@ -112,20 +112,18 @@ class Plant:
     def measure(
         self, noise: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] = lambda q, dq: (q, dq)
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give what the encoders make of `x`, with `noise` on it: (nsim, nj) rad and rad/s."""
+        """Return the encoder readings of `x` with `noise`: (nsim, nj) rad and rad/s."""
         return self.loop.read(*noise(self.x.q, self.x.dq), self.x)
 
     def forces(self, command: np.ndarray) -> Forces:
-        """Return the torques that the effects make of `command` (nsim, nj) N m in the coming step; also set the dry
-        friction.
-        """
+        """Compute the effects' torques in the coming step for `command` (nsim, nj) N m; also set the dry friction."""
         forces = self.loop.forces(command, self.x, self.dry)
         if forces.friction is not None:
             self.loss[:, self.vadr] = forces.friction
         return forces
 
     def step(self, command: np.ndarray, hold: np.ndarray | float) -> np.ndarray:
-        """One physics step under `command` (nsim, nj) N m and a torque `hold` at the links; gives the motor torque."""
+        """Step the physics under `command` (nsim, nj) N m and a torque `hold` at the links; return the motor torque."""
         forces = self.forces(command)
         tau = forces.drive
         beside = hold if forces.beside is None else forces.beside + hold
@@ -153,9 +151,7 @@ class Plant:
         return forces.motor
 
     def _apply(self, torque: np.ndarray | float) -> None:
-        """Torques beside the motors'; MuJoCo damps at the end of the step, which is stable but a step late: that step
-        is given back.
-        """
+        """Apply the torques other than the motors'. MuJoCo's implicit damping acts a step late; this is compensated."""
         if self.damped:
             torque = torque + self.late * self.x.ddq
         if self.pushed or np.ndim(torque) or torque:

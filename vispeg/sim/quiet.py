@@ -1,4 +1,4 @@
-"""MuJoCo's instability warnings, held back where divergence is an answer of its own."""
+"""Suppress MuJoCo's instability warnings where divergence is an expected result."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from contextlib import contextmanager
 
 import mujoco
 
-# A C function that does nothing. In a Python function an interrupt from the keyboard would be raised, and an exception
-# that leaves a callback of MuJoCo's ends the process.
+# The callback is a C function that does nothing. In a Python callback a keyboard interrupt could be raised, and an
+# exception that leaves a MuJoCo callback ends the process.
 NOTHING = ctypes.cast(ctypes.pythonapi.Py_IsInitialized, ctypes.CFUNCTYPE(None, ctypes.c_char_p))
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """MuJoCo's instability warnings held back; the caller looks for divergence itself."""
+    """Suppress MuJoCo's instability warnings; the caller checks for divergence itself."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(NOTHING)
     try:

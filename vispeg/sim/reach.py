@@ -1,4 +1,4 @@
-"""Joint angles that put the flange at a pose: damped least squares on many arms at once."""
+"""Solve inverse kinematics of the flange: damped least squares for many arms at once."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from vispeg.sim.nominal import Nominal
 def reach(
     nominal: Nominal, pos: np.ndarray, quat: np.ndarray, start: np.ndarray, iterations: int = 15, damping: float = 1e-4
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Levenberg-Marquardt steps with fixed damping (Wampler, IEEE Trans. SMC 16(1), 1986).
+    """Solve for joint angles by Levenberg-Marquardt steps with fixed damping (Wampler, IEEE Trans. SMC 16(1), 1986).
 
     Args:
-        nominal: of as many rows as there are poses.
+        nominal: evaluator with as many rows as there are poses.
         pos: (n, 3) flange position in the base, m.
         quat: (n, 4) flange orientation wxyz.
         start: (n, nj) rad.
-        iterations: steps, always as many, so that a row's answer does not hang on its neighbours.
+        iterations: fixed number of steps, so that a row's result does not depend on the other rows.
         damping: squared damping factor.
 
     Returns:
-        q (n, nj) in rad and what is left of the pose error (n,): m and rad together.
+        q (n, nj) in rad, and the norm of the remaining pose error (n,), m and rad together.
     """
     q, error = start.copy(), np.zeros((len(start), 6))
     for _ in range(iterations):

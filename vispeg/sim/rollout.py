@@ -21,19 +21,19 @@ from vispeg.sim.segments.segment import EXTERNAL, Segment
 from vispeg.sim.servo import Servos, stable_step
 from vispeg.worlds.world import World
 
-ANGLE, SPEED = 1e3, 1e3  # rad, rad/s: beyond them no rollout is one of a robot
+ANGLE, SPEED = 1e3, 1e3  # rad, rad/s: a rollout beyond these has diverged
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the sensors of the simulated robots read at the sample times of one segment.
+    """Sensor readings of the simulated robots at the sample times of one segment.
 
     Attributes:
-        q, dq, tau_joint, tau_motor: (nworld, m, nj); rad, rad/s, N m behind the gear, N m before it.
-        ee: (nworld, m, 7) flange pose from the measured angles' true values, or None where not asked for.
-        true: (nworld, m, nj) rad, those true values, or None with `ee`.
+        q, dq, tau_joint, tau_motor: (nworld, m, nj); rad, rad/s, N m after the gear, N m before it.
+        ee: (nworld, m, 7) flange pose computed from the true joint angles, or None if not requested.
+        true: (nworld, m, nj) rad, the true joint angles; None if `ee` is None.
         diverged: (nworld,) bool; the rows of a diverged world are NaN.
-        diverged_at: (nworld,) s in the segment at which it left every bound, NaN where it did not.
+        diverged_at: (nworld,) time in the segment at which it diverged, s; NaN if it did not.
     """
 
     q: np.ndarray
@@ -48,9 +48,9 @@ class Response:
 
 @dataclass
 class ReadingNoise:
-    """White noise on what a controller reads: 1-sigma of angle and velocity, (nworld, nj), rad and rad/s.
+    """White noise on the controller's readings: 1-sigma of angle and velocity, (nworld, nj), rad and rad/s.
 
-    With `sensed`, the sensors have it before they round, and responses hold what they make of it.
+    With `sensed`, noise is added before the sensors quantize, and responses contain it.
     """
 
     q: np.ndarray
@@ -66,7 +66,7 @@ class ReadingNoise:
 
 
 def rounds(world: World) -> bool:
-    """Whether an encoder of the world reads in steps, so that its noise comes before."""
+    """Test whether an encoder of the world quantizes, so that noise must be added before."""
     return any(effect(e.effect).resolution({k: v.value for k, v in e.params.items()}) > 0 for e in world.effects)
 
 
@@ -82,23 +82,23 @@ def simulate(
     want_ee: bool = False,
     reading_noise: ReadingNoise | None = None,
 ) -> list[Response]:
-    """Drives every world through every segment as the robot was driven; one Response a segment.
+    """Simulate every world through every segment with the commands of the real robot; return one Response per segment.
 
     Args:
         robot: the nominal robot (declared tool and base tilt included).
-        worlds: candidates; their `robot` and `tool` are not read, only their effects.
+        worlds: candidates, of which only the effects are used, not `robot` and `tool`.
         segments: all with the same control mode and tick.
         h_max: greatest physics step, s.
         nthread: threads of the batch.
-        observer: hold torque-driven rollouts softly to the measured motion (they drift without bound otherwise).
-        along: take the controller's nominal gravity to first order about the segment's measured motion, which is what
-            candidates near the measurement need at a third less cost; exact otherwise.
+        observer: keep torque-driven rollouts near the measured motion by a soft observer (else they drift away).
+        along: linearise the controller's nominal gravity about the segment's measured motion, which suffices for
+            candidates near the measurement and costs a third less; exact otherwise.
         want_ee: also return flange poses.
-        reading_noise: what the controller reads on top of the encoders; responses hold only what it stirs up, unless
-            it is `sensed`.
+        reading_noise: noise added to the encoder readings of the controller; responses contain the motion it causes,
+            and the noise itself only if it is `sensed`.
     """
     run = _Run(robot, worlds, segments, h_max, nthread, observer, along)
-    with quiet(), np.errstate(all="ignore"):  # a diverging candidate is an answer, not news
+    with quiet(), np.errstate(all="ignore"):  # a diverging candidate is an expected result
         return run.responses(want_ee, reading_noise)
 
 
@@ -126,7 +126,7 @@ class _Run:
         self.reference = self.rows.by_tick(lambda s: s.q), self.rows.by_tick(lambda s: s.dq)
         self.controller = Controller(robot, self.rows, self.nominal, self.reference[0], along)
         self.inertia = self.rows.constant(lambda s: once(s, robot, apparent_inertia), len(robot.joints))
-        self.external = None  # N m by tick, where something pushes the arm
+        self.external = None  # N m by tick, if an external torque acts on the arm
         if any(EXTERNAL in s.cache for s in segments):
             self.external = self.rows.by_tick(lambda s: s.cache.get(EXTERNAL, np.zeros_like(s.q)))
         self.observer = None
@@ -170,7 +170,7 @@ class _Run:
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
 
     def _end(self, i: int) -> None:
-        """Note which rows ran wild in a segment that ends: what a shorter one does later says nothing."""
+        """Note which rows diverged by the end of segment `i`; what they do after it is ignored."""
         rows = slice(i * self.rows.nworld, (i + 1) * self.rows.nworld)
         self.wild[rows] = self.plant.batch.warning[rows, :, 1].any(axis=1)
 
@@ -189,7 +189,7 @@ class _Run:
         return Response(q, dq, joint, motor, ee, bad, at, true)
 
     def _sampled(self, s: Segment, values: np.ndarray) -> np.ndarray:
-        """(ticks, nworld, nj) at the segment's sample times: (nworld, m, nj)."""
+        """Interpolate values (ticks, nworld, nj) to the segment's sample times, (nworld, m, nj)."""
         values = np.swapaxes(values, 0, 1)
         ticks = self.rows.ticks
         grid = np.arange(ticks) * self.tick

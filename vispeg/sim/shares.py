@@ -1,7 +1,7 @@
-"""Work on many worlds shared among processes: rows of a batch are independent, and Python steps one process at a time.
+"""Share the simulation of many worlds among processes, as rows are independent and Python steps limit one process.
 
-A child is forked for each share but the first, writes its arrays into memory that it shares with its parent, and ends.
-Nothing outlives a call, and a share whose child failed is worked out by the parent, which so meets the true error.
+A child process is forked for each share but the first, writes its arrays into shared memory, and ends. Nothing outlives
+a call. If a child fails, the parent computes its share again and so raises the real error.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ import numpy as np
 from vispeg.worlds.world import World
 
 Work = Callable[[Sequence[World]], list[np.ndarray]]
-LEAST = 4  # worlds in a share: under that a process costs more than it saves
+LEAST = 4  # worlds per share: with fewer, a process costs more than it saves
 
 
 def processes(wanted: int, nworld: int) -> int:
-    """How many processes `nworld` worlds are worth, at most `wanted`; 1 where the system cannot fork safely."""
+    """Return the useful number of processes for `nworld` worlds, at most `wanted`; 1 if forking is unsafe."""
     return max(1, min(wanted, nworld // LEAST)) if sys.platform == "linux" else 1
 
 
 def shared(work: Work, worlds: Sequence[World], shapes: Sequence[tuple[int, ...]], count: int) -> list[np.ndarray]:
-    """`work(worlds)` by `count` processes.
+    """Compute `work(worlds)` by `count` processes.
 
     Args:
-        work: gives arrays whose first axis is the world, one for each of `shapes`; float64.
-        worlds: neighbours stay together, as worlds with the same effects cost less in one batch.
-        shapes: of the arrays of one world.
-        count: processes, this one included.
+        work: returns float64 arrays whose first axis is the world, one for each of `shapes`.
+        worlds: shares are contiguous, as neighbouring worlds often have the same effects and so cost less together.
+        shapes: shapes of one world's arrays.
+        count: number of processes, including this one.
     """
     edges = [len(worlds) * i // count for i in range(count + 1)]
     parts = [worlds[a:b] for a, b in zip(edges, edges[1:], strict=False)]
@@ -61,7 +61,7 @@ def shared(work: Work, worlds: Sequence[World], shapes: Sequence[tuple[int, ...]
 def _fork(work: Work, worlds: Sequence[World], out: list[np.ndarray]) -> int:
     """Process id of a child that fills `out`."""
     with warnings.catch_warnings():
-        # the other threads are optimizers that wait for this very answer; the child never needs their locks
+        # the other threads are optimizers that wait for this result; the child never needs their locks
         warnings.simplefilter("ignore", DeprecationWarning)
         pid = os.fork()
     if pid:
@@ -71,14 +71,14 @@ def _fork(work: Work, worlds: Sequence[World], out: list[np.ndarray]) -> int:
         for array, value in zip(out, work(worlds), strict=True):
             array[:] = value
         status = 0
-    except BaseException:  # noqa: S110  (the parent does this share again and meets the error)
+    except BaseException:  # noqa: S110  (the parent computes this share again and raises the error)
         pass
     finally:
         os._exit(status)  # no exit handlers, no flushing of the parent's buffers
 
 
 def _memory(shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:
-    """Arrays in anonymous memory that children see."""
+    """Allocate arrays in memory shared with child processes."""
     sizes = [8 * math.prod(shape) for shape in shapes]
     memory = mmap.mmap(-1, max(1, sum(sizes)))
     starts = np.cumsum([0, *sizes[:-1]])

@@ -1,4 +1,4 @@
-"""When a recorded tool touched something, how hard, and how its tip moved: from the wrist's wrench and the joints.
+"""Detect contact of a recorded tool, its force and the motion of the tip, from wrist wrench and joint angles.
 
 The wrench between flange and tool carries the tool's weight and inertia too. Newton's and Euler's laws for the declared
 tool along the measured motion give what is left for the contact: `F_c = m (a - g) - F` and
@@ -22,10 +22,10 @@ from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled, nominal_of
 
-MOTION_HZ = 30.0  # bandwidth of the motion whose acceleration is believed
-STILL = 0.5  # s at the start of an episode in which nothing is touched: the sensor's zero is read there
-NOISES = 6.0  # of a force component: less is no touch
-ROWS = 4096  # samples whose kinematics are worked out at a time
+MOTION_HZ = 30.0  # bandwidth of the motion from which accelerations are computed
+STILL = 0.5  # s at the start of an episode without contact, from which the sensor's zero is estimated
+NOISES = 6.0  # least contact force that counts as a touch, in 1-sigma of a force component
+ROWS = 4096  # samples per block of kinematics
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,13 @@ class Touch:
     """Contact along a recording; base axes unless named otherwise.
 
     Attributes:
-        wrench: (n, 6) N, N m: what the flange exerts on the tool, flange axes and origin; as read, zero not taken off.
-        contact: (n, 6) N, N m: what the surroundings exert on the tool, torque about the flange's origin.
+        wrench: (n, 6) N, N m: wrench of the flange on the tool, flange axes and origin; as measured, with the sensor's
+            zero.
+        contact: (n, 6) N, N m: wrench of the surroundings on the tool, torque about the flange's origin.
         flange: (n, 7) m and w x y z.
         tip: (n, 3) m, the tip in the believed goal's frame (z out of it); in the base frame where there is no goal.
         velocity: (n, 3) m/s of the tip, in the same axes.
-        regime: (n,) numbers of `vispeg.recordings.regimes.REGIMES`.
+        regime: (n,) indices into `vispeg.recordings.regimes.REGIMES`.
         threshold: contact force that counts as a touch, N.
     """
 
@@ -62,10 +63,10 @@ class Touch:
 
 
 def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = None) -> Touch | None:
-    """Return the contact of the recorded tool; None without a recorded wrench.
+    """Compute the contact of the recorded tool; None without a recorded wrench.
 
-    The sensor's zero, in its own axes, is what it reads beyond the tool's weight in the first half second of each
-    episode, in which nothing may be touched.
+    The sensor's zero, in its own axes, is the reading minus the tool's weight in the first half second of each episode,
+    which must be free of contact.
 
     Args:
         rec: with `ft`.
@@ -84,8 +85,8 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     weighed = rec.wrench is not None and rec.wrench.tared == "weight"
     needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
-    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # weight and inertia there are of a line between readings
-    contact = _zeroed(rec, bridged(rec.time, residual), axes)  # a reading that is missing ends no touch
+    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # motion there is only interpolated
+    contact = _zeroed(rec, bridged(rec.time, residual), axes)  # a missing reading does not end a touch
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
     velocity = twist[:, :3] + np.cross(twist[:, 3:], axes @ lever)
@@ -108,16 +109,14 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
 
 
 def _surface(force: np.ndarray) -> np.ndarray:
-    """Give the axis (n, 3) of the base that the contact force is nearest to: friction tilts the force, not the
-    surface.
-    """
+    """Return the base axis (n, 3) nearest to the contact force as the surface normal: friction tilts the force."""
     out = np.zeros_like(force)
     out[np.arange(len(force)), np.nan_to_num(np.abs(force)).argmax(axis=1)] = 1.0
     return out
 
 
 def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Position, quaternion, twist (n, 6) and its rate (n, 6) of the flange; Jdot by a central difference along dq."""
+    """Compute position, quaternion, twist (n, 6) and its rate (n, 6) of the flange; Jdot by a central difference."""
     parts = []
     for start in range(0, len(q), ROWS):
         some = slice(start, start + ROWS)
@@ -131,7 +130,7 @@ def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> 
 
 
 def _tool(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre (3,) in the flange frame, inertia (3,) about it; nothing where nothing is carried."""
+    """Return the tool's mass, centre (3,) in the flange frame, inertia (3,) about it; zeros without a tool."""
     model = compiled(arm)
     if not any(model.body(b).name == "tool" for b in range(model.nbody)):
         return 0.0, np.zeros(3), np.zeros(3)
@@ -140,7 +139,7 @@ def _tool(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def _needed(tool: tuple, axes: np.ndarray, omega: np.ndarray, rate: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Wrench (n, 6) on the tool about the flange's origin, base axes, that its motion and weight take."""
+    """Compute the wrench (n, 6) on the tool, base axes, about the flange's origin, for its motion and weight."""
     mass, com, inertia = tool
     r = axes @ com
     alpha = rate[:, 3:]
@@ -152,7 +151,7 @@ def _needed(tool: tuple, axes: np.ndarray, omega: np.ndarray, rate: np.ndarray, 
 
 
 def _zeroed(rec: Recording, residual: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """`residual` (n, 6), base axes, less the sensor's zero, which is constant in the flange's axes."""
+    """Subtract the sensor's zero, which is constant in flange axes, from `residual` (n, 6) in base axes."""
     halves = [np.einsum("nji,nj->ni", axes, v) for v in (residual[:, :3], residual[:, 3:])]
     inner = np.concatenate(halves, axis=1)
     for rows in episodes(rec.time):

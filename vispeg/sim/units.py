@@ -1,4 +1,4 @@
-"""The units of a recording against its robot: what cannot be true is refused, what can hardly be is said."""
+"""Check a recording's units against its robot: impossible ones are refused, implausible ones cause a warning."""
 
 from __future__ import annotations
 
@@ -18,9 +18,7 @@ from vispeg.sim.nominal import UNUSED
 
 
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
-    """Give the model's inverse dynamics, N m, of a motion (n, nj) rad, rad/s, rad/s^2; None for some of its joints
-    alone.
-    """
+    """Return the model's inverse dynamics, (n, nj) rad, rad/s, rad/s^2 -> N m; None if the recording lacks joints."""
     if tuple(rec.joints) != robot.joints:
         return None
 
@@ -42,11 +40,11 @@ def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
 
 
 def check_units(rec: Recording) -> None:
-    """Give the rule of every command that compares or measures; a robot that cannot be read tells nothing.
+    """Check the units before a comparison or measurement; without a readable robot nothing is checked.
 
     Raises:
-        UserError: two signals exclude each other, or torques what the arm needs. Where only the robot's stated limits
-            speak against a unit, that is a warning: files state limits that are none.
+        UserError: two signals contradict each other, or torques contradict the model's. If a unit contradicts only the
+            robot's stated limits, that is a warning, as limits in robot files may be placeholders.
     """
     limits, needs = Limits(*(np.full((len(rec.joints), *n), np.inf) for n in ((2,), (), ()))), None
     limits.range[:, 0] = -np.inf

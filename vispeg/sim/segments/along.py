@@ -1,4 +1,4 @@
-"""What the nominal arm weighs along a segment's measured motion: computed once a segment and robot, then remembered."""
+"""Nominal gravity and inertia along a segment's measured motion, computed once per segment and robot and cached."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.sim.segments.segment import Segment
 
 
 def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.ndarray]) -> np.ndarray:
-    """Give `get(s, robot)`, remembered with the segment."""
+    """Return `get(s, robot)`, cached in the segment."""
     key = (get.__name__, id(robot))
     if key not in s.cache:
         s.cache[key] = get(s, robot)
@@ -21,7 +21,7 @@ def once(s: Segment, robot: RobotModel, get: Callable[[Segment, RobotModel], np.
 
 
 def measured_gravity(s: Segment, robot: RobotModel) -> np.ndarray:
-    """Gravity torque (n, nj) N m that the robot itself added below `tau_cmd`, from the angles that it read."""
+    """Return the gravity torque (n, nj) N m that the robot added to `tau_cmd`, from the angles that it read."""
     if s.control.gravity_compensation != "model":
         return np.zeros_like(s.q)
     return of_postures(robot, s.q_raw, _gravity)
@@ -33,7 +33,7 @@ def gravity(s: Segment, robot: RobotModel) -> np.ndarray:
 
 
 def gravity_slope(s: Segment, robot: RobotModel, step: float = 1e-4) -> np.ndarray:
-    """Its derivative (n, nj, nj) N m/rad to the angles, by central differences."""
+    """Return the derivative (n, nj, nj) N m/rad of gravity with respect to the angles, by central differences."""
 
     def slope(nominal: Nominal, q: np.ndarray) -> np.ndarray:
         moves = np.eye(q.shape[1]) * step

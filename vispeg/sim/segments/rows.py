@@ -8,13 +8,13 @@ import numpy as np
 
 from vispeg.sim.segments.segment import Segment
 
-CHUNK = 2**16  # numbers that are repeated at a time: few calls, and still in the cache
+CHUNK = 2**16  # numbers repeated per call: few calls, and still within the CPU cache
 
 
 class ByTick:
-    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...); repeated for every world some ticks at a time.
+    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...), repeated for every world in blocks of ticks.
 
-    What it gives is read, never written: it may be a view of what later calls give too.
+    Do not write to the result: it may be a view that later calls return too.
     """
 
     def __init__(self, values: np.ndarray, nworld: int):
@@ -32,13 +32,13 @@ class ByTick:
 
 
 class Rows:
-    """How the segments and worlds of a rollout lie in its batch.
+    """Layout of the segments and worlds of a rollout in its batch.
 
     Attributes:
-        segments: one control mode and tick for all.
-        nworld: worlds that each is run with.
-        ticks: of the longest segment; the shorter ones are held at their end.
-        nsim: rows.
+        segments: segments with the same control mode and tick.
+        nworld: number of worlds that each segment is run with.
+        ticks: length of the longest segment; shorter ones are held at their end.
+        nsim: number of rows.
     """
 
     def __init__(self, segments: Sequence[Segment], nworld: int):
@@ -47,7 +47,7 @@ class Rows:
         self.nsim = nworld * len(segments)
 
     def by_tick(self, get: Callable[[Segment], np.ndarray]) -> ByTick:
-        """Give what `get` says of each segment, (n, ...), by tick."""
+        """Arrange the arrays (n, ...) that `get` returns for each segment by tick."""
         first = get(self.segments[0])
         held = np.empty((self.ticks, len(self.segments), *first.shape[1:]), first.dtype)
         for i, s in enumerate(self.segments):
@@ -57,6 +57,6 @@ class Rows:
         return ByTick(held, self.nworld)
 
     def constant(self, get: Callable[[Segment], np.ndarray | float | None], width: int) -> np.ndarray:
-        """Give what `get` says of each segment, (width,) or a number, as (nsim, width)."""
+        """Arrange the values that `get` returns for each segment, (width,) or a number, as (nsim, width)."""
         rows = [np.broadcast_to(np.asarray(get(s), float), (self.nworld, width)) for s in self.segments]
         return np.concatenate(rows)

@@ -1,4 +1,4 @@
-"""A stretch of a recording in the form that a rollout is driven by."""
+"""A stretch of a recording, prepared as the input of a rollout."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from vispeg.recordings.recording import Control, Recording
 EXTERNAL = "external"  # in `Segment.cache`: (n, nj) N m that act on the links from outside, on the control grid
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
 SERVO_TICK = 2.5e-3  # s, at most, between the instants at which a new goal may reach a servo
-HELD_HZ = 40.0  # of the motion that an observer holds a rollout to: its corners must not be rounded
-DEGREE = 3  # of the polynomial that is read at its left end
-WINDOWS = (0.6, 0.42, 0.3, 0.21, 0.15, 0.1, 0.07)  # s, longest first: it has the least noise
+HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough not to round its corners
+DEGREE = 3  # of the polynomial whose value at its left end is the start state
+WINDOWS = (0.6, 0.42, 0.3, 0.21, 0.15, 0.1, 0.07)  # s, longest first, as it has the least noise
 SUSPECT = 6.0  # drop of chi-squared by two more degrees that betrays a window too long (95 % of pure noise stay under)
 
 
@@ -60,9 +60,9 @@ class Segment:
 
 
 def segments(rec: Recording) -> list[Segment]:
-    """Give the recording's episodes as segments; commands are held where the clocks agree and interpolated elsewhere.
+    """Convert episodes to segments; commands are held where samples match control ticks, else interpolated.
 
-    An episode is cut where its angles are missing for long.
+    An episode is split where its angles are missing for long.
     """
     episode = rec.episode if rec.episode is not None else np.zeros(len(rec.time), int)
     runs = [run for e in np.unique(episode) for run in stretches(rec, np.flatnonzero(episode == e))]
@@ -78,7 +78,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
 
     def on_grid(values: np.ndarray, held: bool = False) -> np.ndarray:
-        values = bridged(time, values[rows])  # a controller never saw a gap
+        values = bridged(time, values[rows])  # the controller itself had no gap
         if same_clock:
             return values
         if held:
@@ -101,11 +101,11 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
 
 
 def start_state(time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angle (nj,) rad and velocity (nj,) rad/s at `time[0]`.
+    """Estimate angle (nj,) rad and velocity (nj,) rad/s at `time[0]`.
 
-    A cubic is fitted to the longest window that two more degrees would not fit significantly better (a quintic to the
-    shortest if there is none). Its end has a velocity error of about 35 sigma / (T sqrt n), where a smoother that is
-    pinned to the first reading keeps that reading's whole noise.
+    A cubic is fitted to the longest window in which a quintic would not fit significantly better (if there is none, a
+    quintic to the shortest). The velocity error at its end is about 35 sigma / (T sqrt n). A smoother that passes
+    through the first reading would keep that reading's full noise.
 
     Args:
         time: (n,) s, increasing.
