@@ -1,1 +1,1 @@
-"""Contact as evidence: the robot cut at the wrist's force sensor, and the effects that its wrench shows."""
+"""Contact comparison: the robot cut at the wrist's force sensor, and the effects visible in its wrench."""

@@ -1,6 +1,6 @@
-"""How a recording of contact begins: at rest in free air, where a wrench reads what the tool weighs and its own zero.
+"""Start of a contact recording: at rest in free air, where the wrench is the tool's weight plus the sensor's zero.
 
-One function decides for `check`, `compare` and `diagnose` alike whether a wrench can be what the recording says.
+`check`, `compare` and `diagnose` use the same function to decide whether a wrench is plausible.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
-H_MAX = 1e-3  # s, physics step, at most: at twice this a slide drags by 10 % less than its friction
-MILLI = 1e3  # what millinewtons are too large by: no arm presses with so many times the weight of its tool
+H_MAX = 1e-3  # s, largest physics step: at twice this, sliding friction drops by 10 %
+MILLI = 1e3  # newtons to millinewtons: no arm presses with a thousand times its tool's weight
 
 
 def beginnings(t: Touching, felt: Touch) -> list[tuple[Path, Phases]]:
-    """Give path and phases of each episode that begins in free air.
+    """Return path and phases of each episode that begins in free air.
 
     Raises:
-        UserError: there is none, or the wrench there is not what the tool weighs.
+        UserError: there is none, or the wrench there is not the tool's weight.
     """
     paths = _paths(t, felt)
     _refuse_foreign(t, paths)
@@ -38,25 +38,25 @@ def beginnings(t: Touching, felt: Touch) -> list[tuple[Path, Phases]]:
 
 
 def refuse_foreign(t: Touching, felt: Touch) -> None:
-    """Raise UserError for a wrench that is not what the recording's `wrench` says, as `beginnings` does.
+    """Raise UserError for a wrench that contradicts the recording's `wrench` entry, as `beginnings` does.
 
-    A recording that begins in contact passes: it cannot be compared by its wrench, but nothing speaks against that.
+    A recording that begins in contact passes: it cannot be compared by its wrench, but the entry is not contradicted.
     """
     _refuse_foreign(t, _paths(t, felt))
 
 
 def episode_numbers(rec: Recording) -> np.ndarray:
-    """(n,) int: the episode of each sample."""
+    """Return the episode of each sample, (n,) int."""
     return np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
 
 
 def tared(rec: Recording) -> bool:
-    """Whether the tool's weight at the start was taken off with the sensor's zero."""
+    """Return whether the tool's weight at the start was subtracted with the sensor's zero."""
     return rec.wrench is not None and rec.wrench.tared is True
 
 
 def no_free_air(t: Touching) -> UserError:
-    """Give the error of a recording whose every episode begins in contact."""
+    """Return the error for a recording in which every episode begins in contact."""
     return UserError(
         "no episode begins in free air",
         file=t.recording.path,
@@ -66,7 +66,7 @@ def no_free_air(t: Touching) -> UserError:
 
 
 def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
-    """Each episode's path, with its phases if it begins in free air."""
+    """Return each episode's path, with its phases if it begins in free air."""
     number = episode_numbers(t.recording)
     rows = [np.flatnonzero(number == n) for n in np.unique(number)]
     paths = [along(t.scene, t.recording, t.wrench, some, H_MAX, t.believed) for some in rows]
@@ -107,7 +107,7 @@ def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) ->
 
 
 def _weight(scene: Scene, path: Path, rest: slice) -> np.ndarray:
-    """(3,) N, flange axes: what holds the scene's tool at rest along a part of a path."""
+    """Return the force (3,) N, flange axes, that holds the scene's tool at rest along a part of a path."""
     axes = Rotation.from_quat(path.frame, scalar_first=True)
     axes *= Rotation.from_euler("XYZ", path.place[rest, 3:][0])
     return -tool_mass(scene) * axes.inv().apply(np.array(scene.spec().option.gravity))

@@ -102,7 +102,7 @@ def drive(
             control[:, :, 6:12] = rate[:, np.minimum(np.arange(part.start, part.stop) + 1, len(path.rate) - 1)]
             control[:, :, 12:18] = applied[:, part]
             out = batch.rollout(n, control, CONTROL, record=["actuator_force", "qpos", "qvel"])
-            # a step's dampers act on the speed that it ends with, `actuator_force` is of the one that it begins with
+            # dampers act on the speed at the end of a step, but `actuator_force` refers to the one at its start
             gained = np.diff(out["qvel"][:, :, :6], axis=1, prepend=begin)
             force = out["actuator_force"][:, :, :6] + out["actuator_force"][:, :, 6:12] - damping * gained
             correction[:, part] = np.linalg.solve(path.jacobian[None, part], force[..., None])[..., 0]
@@ -111,7 +111,7 @@ def drive(
 
 
 def hands(scene: Scene, cell: Scene, path: Path, worlds: Sequence[World], nthread: int = 1) -> mjb.Batch:
-    """Give a batch of hands, one a world, in the frame of a path's start; arguments as for `drive`.
+    """Return a batch of hands, one per world, in the frame of a path's start; arguments as for `drive`.
 
     MuJoCo regularizes a contact by the inverse weights of its bodies, so that without the arm behind it a tool would
     sink in deeper and creep faster: its bodies are given the weights that they have on the arm. Source: MuJoCo 4.0

@@ -1,8 +1,8 @@
-"""Recordings with a wrench as evidence on contact, with the face of `vispeg.identify.Evidence`.
+"""Compare recordings with a wrench, with the interface of `vispeg.identify.Evidence`.
 
-The compared value is the wrench that the flange puts on the tool: measured, against what keeps each world's hand on the
-measured path; both as means over blocks of 40 ms. Source of the idea, with both signals in error: total least
-squares, Golub and Van Loan 1980, An analysis of the total least squares problem.
+The compared value is the wrench of the flange on the tool: the measured one, against the one that keeps each world's
+hand on the measured path, both as means over blocks of 40 ms. Source of the idea, with errors in both signals: total
+least squares, Golub and Van Loan 1980, An analysis of the total least squares problem.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from vispeg.recordings.checks import missing
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
-SECONDS = 15.0  # of contact that is driven, over all recordings
-ROWS = 64  # worlds that are driven at once
+SECONDS = 15.0  # s of contact driven, over all recordings
+ROWS = 64  # worlds driven at once
 
 
 class ContactEvidence(Evidence):
-    """Recordings of contact and the machine that drives worlds' hands along them.
+    """Recordings of contact, and the simulation of worlds' hands along them.
 
     Args:
         touching: recordings, each with its cell.
@@ -60,17 +60,17 @@ class ContactEvidence(Evidence):
 
     @property
     def least_gain(self) -> float:
-        """Share of the held-out squared error that a step must remove."""
+        """Share of the held-out squared error that an added effect must remove."""
         return RULES.gain
 
     @property
     def most_effects(self) -> int:
-        """Effects that a search may add."""
+        """Largest number of effects that a search may add."""
         return RULES.effects_few
 
     @property
     def decisive(self) -> float:
-        """Drop of the squared whitened residual that no chance makes, where errors that hang together count."""
+        """Drop of the squared whitened residual beyond chance, even with correlated errors."""
         return RULES.contact_decisive
 
     @property
@@ -80,22 +80,22 @@ class ContactEvidence(Evidence):
 
     @property
     def rough(self) -> float:
-        """Change of the squared residual that a solver's chatter makes."""
+        """Change of the squared residual due to solver chatter."""
         return RULES.contact_rough
 
     @property
     def correlated(self) -> float:
-        """Blocks in a row over which an error of form lasts, as a contact does."""
+        """Number of consecutive blocks with a correlated error of form, about the duration of a contact."""
         return RULES.contact_correlated
 
     @property
     def lasting(self) -> float:
-        """Blocks that a visit to a phase takes: as long, an error of form acts on a parameter one way."""
+        """Number of blocks of a visit to a phase, during which an error of form biases a parameter one way."""
         return RULES.contact_lasting
 
     @property
     def tied(self) -> float:
-        """Drop of the held-out squared residual that chance makes, which does not either."""
+        """Drop of the held-out squared residual within chance: smaller differences do not rank two worlds."""
         return RULES.contact_correlated * RULES.contact_tied
 
     def tells(self, difference: np.ndarray) -> np.ndarray:
@@ -126,14 +126,12 @@ class ContactEvidence(Evidence):
         return max(min(1.0, cost * self.lasting / self.correlated), cost)
 
     def frees(self, kind: Effect, name: str) -> bool:
-        """Parameters that a diagnosis of contact tries at some size, less those that a search found to be absent."""
+        """Return whether a parameter may be fitted: those with trial sizes, except those found to be absent."""
         tried = name in kind.sizes or name in kind.beside or not kind.sizes
         return tried and (kind.name, name) not in self.absent
 
     def nudge(self, kind: Effect, name: str) -> float | None:
-        """Give the smallest size that is tried: where contacts come and go, a shorter step shows the roughness
-        alone.
-        """
+        """Return the smallest trial size as derivative step: a shorter one shows only the roughness of contact."""
         p = kind.params[name]
         if name in kind.beside:
             return 0.5 * abs(p.start - p.null)
@@ -143,13 +141,13 @@ class ContactEvidence(Evidence):
         return float(size.min())
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
-        """Whitened residuals, world after world; a square grows as its amount beyond `contact_far` (Huber's loss)."""
+        """Yield each world's whitened residuals, Huber-damped: a square grows linearly beyond `contact_far`."""
         per_item = self.simulated(worlds)
         for w in range(len(worlds)):
             yield np.concatenate([r.ravel() for r in self.whitened([y[w] for y in per_item])])
 
     def whitened(self, predicted: Sequence[np.ndarray], part: bool = False) -> list[np.ndarray]:
-        """(m, 6) of each item: what a world leaves, without what the items' sensors and kinematics leave open."""
+        """Return for each item the residual (m, 6) of a world, whitened by the covariance of nuisances."""
         parts = [self.whiten(item, y) for item, y in zip(self.items, predicted, strict=True)]
         errors = self.nuisance_in_part if part else self.nuisance
         flat = _huber(errors.whitened(np.concatenate([p.ravel() for p in parts])))
@@ -162,7 +160,7 @@ class ContactEvidence(Evidence):
         return "N"
 
     def as_read(self, world: World) -> float:
-        """Squared residual in floors, before what sensors and kinematics leave open is taken off."""
+        """Return the squared residual in floors, before nuisances are removed."""
         return float(np.sum(_huber(self._as_read(world)) ** 2))
 
     def taken(self, world: World) -> dict[str, float]:
@@ -185,7 +183,7 @@ class ContactEvidence(Evidence):
         return out
 
     def residuals_in_part(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Whitened residuals of about one block in `PART`, the others 0: what many worlds are screened by."""
+        """Return whitened residuals of about one block in `PART`, the others 0, for screening many worlds."""
         per_item = self._simulated(worlds, part=True)
         for item, values, left_out in zip(self.items, per_item, self.left_out, strict=True):
             values[:, left_out] = item.measured[left_out]
@@ -193,7 +191,7 @@ class ContactEvidence(Evidence):
         return [np.concatenate([r.ravel() for r in parts]) for parts in residuals]
 
     def simulated(self, worlds: Sequence[World]) -> list[np.ndarray]:
-        """Per item, the wrench (nworld, m, 6) in blocks that the worlds need for the measured path."""
+        """Return for each item the block wrenches (nworld, m, 6) that the worlds need to follow the measured path."""
         key = tuple(worlds) if len(worlds) <= 4 else None
         for cached, answer in self._recent:
             if cached == key:
@@ -219,7 +217,7 @@ class ContactEvidence(Evidence):
 
     @property
     def floors(self) -> np.ndarray:
-        """(6,) RMS floor of each column, N and N m."""
+        """RMS floor of each column, (6,) N and N m."""
         total = sum((i.valid * i.sigma**2).sum(axis=0) for i in self.items)
         return np.sqrt(total / np.maximum(sum(i.valid.sum(axis=0) for i in self.items), 1))
 
@@ -229,7 +227,7 @@ class ContactEvidence(Evidence):
         return float(np.sqrt(np.mean(self.floors[:3] ** 2)))
 
     def excited(self, world: World) -> dict[str, float]:
-        """Seconds in each phase of contact over all items."""
+        """Return the seconds in each phase of contact over all items."""
         out: dict[str, float] = {}
         for item in self.items:
             for name in item.phase.names:
@@ -238,7 +236,7 @@ class ContactEvidence(Evidence):
 
 
 def _huber(residual: np.ndarray) -> np.ndarray:
-    """Whitened residuals whose squares grow as their amount beyond `contact_far`."""
+    """Return whitened residuals whose squares grow linearly beyond `contact_far`."""
     size = np.abs(residual)
     return np.where(
         size > RULES.contact_far,

@@ -1,9 +1,9 @@
-"""The hand: what hangs behind the wrist's force sensor, and what it touches, without the arm.
+"""The hand: everything beyond the wrist's force sensor, and what it touches, without the arm.
 
-The arm's place is taken by a flange of six joints, `hand_x` to `hand_rz`, in a frame that each batch row may set: three
-slides along its axes, then three hinges (intrinsic x, y, z). Each has a spring and a damper towards a path (`ctrl`: six
-goals, then six rates): the correction. No effect of the arm can leak into a verdict on contact, nor the other way
-round.
+The arm is replaced by a flange with six joints, `hand_x` to `hand_rz`, in a frame set for each batch row: three
+slides along its axes, then three hinges (intrinsic x, y, z). Each has a spring and a damper towards a path (`ctrl`:
+six goals, then six rates); their force is the correction. So effects of the arm cannot influence a contact verdict,
+nor vice versa.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from vispeg.robots.scene import Scene
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FRAME = "hand"  # the body that stands for the flange
 PRIORITY = 2  # priority of the goal's pieces over what is held, see `vispeg.contact.pieces`
-MARK = "attached-"  # MuJoCo wants a prefix for what is taken over from another spec
+MARK = "attached-"  # MuJoCo needs a prefix for elements attached from another spec
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """How firmly the model is held to the measured path.
+    """Stiffness and damping with which the model is held to the measured path.
 
     Attributes:
-        stiffness: (6,) N/m and N m/rad: what a wrench sensor is trusted to over what a pose is.
+        stiffness: (6,) N/m and N m/rad: the wrench sensor's uncertainty over that of the pose.
         damping: (6,) N s/m and N m s/rad.
     """
 
@@ -39,8 +39,9 @@ MASS, INERTIA, LEVER = 0.8, 0.02, 0.1  # kg, kg m^2, m: of a hand, for critical 
 
 
 def grasp(force: float, place: float) -> Grasp:
-    """Give the uncertainty of a wrench sensor good to `force` (N) on a path good to `place` (m); torques and angles
-    over 0.1 m.
+    """Return the grasp for a wrench accurate to `force` (N) and a path accurate to `place` (m).
+
+    Torques and angles are scaled by 0.1 m.
     """
     linear = float(np.clip(force / place, 500.0, 2e4))
     k = np.repeat([linear, linear * LEVER**2], 3)
@@ -48,7 +49,7 @@ def grasp(force: float, place: float) -> Grasp:
 
 
 def hand(scene: Scene, hold: Grasp) -> Scene:
-    """Give the scene without its arm, held by `hold`; effects find in it the places that they have in the scene."""
+    """Return the scene without its arm, held by `hold`; effects find their places as in the scene."""
     return replace(scene, joints=(), links=(), flange="flange", base=FRAME, build=lambda: _spec(scene, hold))
 
 
@@ -66,7 +67,7 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
     tool.pos, tool.quat = (0, 0, 0), (1, 0, 0, 0)
     body.add_frame().attach_body(tool, MARK, "")
     spec.worldbody.add_frame().attach_body(source.body(scene.fixture), MARK, "")
-    for sensor in list(spec.sensors):  # the wrench is what the hand is driven by
+    for sensor in list(spec.sensors):  # the wrench is the hand's input
         spec.delete(sensor)
     for group in (spec.bodies, spec.joints, spec.geoms, spec.sites):
         for element in group:
@@ -75,7 +76,7 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
         if geom.contype or geom.conaffinity:
             _copied(spec, geom)
     if all(g.priority < 1 or g.parent.name == scene.held for g in spec.geoms):
-        for geom in spec.geoms:  # no other part has a contact of its own with them
+        for geom in spec.geoms:  # other parts have no contact of their own with them
             if geom.name == scene.top or scene.config.shape == "round" and geom.name.startswith(scene.wall):
                 geom.priority = PRIORITY
     for kind in ("stiffness", "damping"):
@@ -85,13 +86,13 @@ def _spec(scene: Scene, hold: Grasp) -> mujoco.MjSpec:
 
 
 def _copied(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
-    """Give a shape of the world itself: the table."""
+    """Add a copy of a geom of the world itself: the table."""
     same = {k: getattr(geom, k) for k in ("name", "type", "size", "pos", "quat", "contype", "conaffinity", "friction")}
     spec.worldbody.add_geom(**same, solref=geom.solref, solimp=geom.solimp, priority=geom.priority)
 
 
 def _spring(spec: mujoco.MjSpec, axis: str, kind: str, gain: float) -> None:
-    """Give a motor of force `gain (goal - now)`, of angle or of rate."""
+    """Add a motor of force `gain (goal - now)`, for position or rate."""
     motor = spec.add_actuator(name=f"{kind}_{axis}", target=f"hand_{axis}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     motor.gaintype, motor.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     motor.gainprm[0], motor.biasprm[1 if kind == "stiffness" else 2] = gain, -gain

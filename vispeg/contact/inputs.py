@@ -1,4 +1,4 @@
-"""Recordings as contact evidence takes them: the cell that is believed, and the wrench in the flange's axes."""
+"""Inputs of the contact comparison: the nominal cell, and the wrench in flange axes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Touching:
         scene: the cell as the user believes it.
         believed: effects that are part of that belief.
         wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
-        torques: what joint torques tell of it where no sensor read it; None where one did.
+        torques: its estimate from joint torques if there was no sensor; None if there was.
     """
 
     recording: Recording
@@ -57,7 +57,10 @@ def touching(rec: Recording) -> Touching:
 
 
 def _weight(scene: Scene, turn: Rotation) -> np.ndarray:
-    """(n, 6) that holds the tool at rest, in the flange's axes at these orientations: what the robot took off."""
+    """Return the wrench (n, 6) that holds the tool at rest in these orientations, flange axes.
+
+    The robot subtracted it from its readings.
+    """
     model = scene.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -1,4 +1,4 @@
-"""One episode of a recording of contact: its path, its phases, and the wrench in blocks that worlds are compared by."""
+"""One episode of a contact recording: its path, its phases, and the wrench in blocks for comparison."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
-PUSH, LEVER = 0.2, 0.1  # N, m: of a wrong reading, about what sensors are off by; of a torque
+PUSH, LEVER = 0.2, 0.1  # N, m: test error for sensor responses; converts it to torque
 
 
 @dataclass(frozen=True)
 class ContactItem(Item):
-    """One episode: two channels, force and torque, three columns each, a row a block."""
+    """One episode: two channels, force and torque, three columns each, one row per block."""
 
     path: Path = None  # type: ignore[assignment]
     phase: Phases = None  # type: ignore[assignment]
@@ -63,7 +63,7 @@ class ContactItem(Item):
 def driven(
     item: ContactItem, worlds: Sequence[World], nthread: int = 1, windows: Sequence[slice] | None = None
 ) -> Driven:
-    """Hands of worlds of one structure along one item's path, or along some windows of it."""
+    """Drive hands of worlds with one structure along an item's path, or along some windows of it."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
     wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
@@ -79,9 +79,10 @@ def _stands(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
 
 
 def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """(6, m, 6) how the wrench as read answers where the hand is off its path by what kinematics may be, an axis each.
+    """Return (6, m, 6) response of the wrench to a kinematic error of the hand's path, one axis each.
 
-    Along the tool's axis it is deeper by that. `nominal` is how the believed model went along the path itself.
+    Along the tool's axis a positive error is deeper. `nominal` is the drive of the believed model along the path
+    itself.
     """
     off = np.diag(np.repeat([RULES.kinematics_place, RULES.kinematics_turn], 3))
     world = hand_world(item.source.believed, World())
@@ -170,7 +171,7 @@ def _item(
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
     answer, response = displaced(item, nominal, nthread), pushed(item, nominal, nthread)
-    counts = phase.valid & ~(phase.resting & tared(rec))  # a zero that was set tells nothing
+    counts = phase.valid & ~(phase.resting & tared(rec))  # a tared zero is not informative
     valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
@@ -178,7 +179,7 @@ def _item(
 
 
 def _read(t: Touching, path: Path) -> np.ndarray:
-    """(n,) bool: steps of the path whose nearest sample has a wrench and all angles; the others are bridged."""
+    """Return steps of the path whose nearest sample has a wrench and all angles, (n,) bool; gaps are bridged."""
     rows = path.rows[np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int)]
     read = np.concatenate([t.wrench[rows], t.recording.q[rows]], axis=1)
     return np.isfinite(read.sum(axis=1))

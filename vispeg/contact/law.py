@@ -1,8 +1,8 @@
-"""How far a law of contact may be off before an effect of the contact itself is named.
+"""Accuracy of the contact law, beyond which an effect of the contact itself may be named.
 
-The numbers of a simulated contact are the solver's: how many points touch at once decides how stiff it is, and its
-restitution does not depend on speed. By Hunt and Crossley 1975 (Coefficient of restitution interpreted as damping in
-vibroimpact, J. Appl. Mech. 42) restitution falls between 20 and 70 mm/s as it does where damping doubles.
+Parameters of a simulated contact are the solver's: its stiffness depends on the number of simultaneous points, and
+its restitution does not depend on speed. By Hunt and Crossley 1975 (Coefficient of restitution interpreted as damping
+in vibroimpact, J. Appl. Mech. 42) restitution falls between 20 and 70 mm/s as much as if damping doubled.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ STIFFNESS = "contact_stiffness"
 
 
 def within(low: float, high: float) -> bool:
-    """Whether an interval of a factor reaches what another law of contact may be off by."""
+    """Return whether an interval of a factor reaches into the error of the contact law."""
     return low <= RULES.law and high >= 1 / RULES.law
 
 
 def unsure(world: World, n_fixed: int) -> set[str]:
-    """Labels of effects after the first `n_fixed` that may be of the law: they stay in the model, and are tentative."""
+    """Return labels of effects after the first `n_fixed` that the law's error may explain: kept, but tentative."""
     out = set()
     for e in world.effects[n_fixed:]:
         if e.effect == STIFFNESS:

@@ -1,6 +1,4 @@
-"""What to record next: a motion that tells effects apart or shows what no recording did; one that there is only if
-nothing else does, and then otherwise.
-"""
+"""The next motion to record: one that distinguishes effects or excites new ones, repeated differently if need be."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from vispeg.diagnosis.findings import Rivals
 from vispeg.diagnosis.schema import NextMotion, NotExcited
 from vispeg.worlds.world import World
 
-OTHERWISE = {  # how a motion is made again, so that it shows more than it did
+OTHERWISE = {  # how to repeat a motion so that it is more informative
     "free": "with the tool tilted farther, with and without the held part",
     "press": "with more force, at other places",
     "hard-press": "with more force",
@@ -33,8 +31,10 @@ def separating(
     together: Sequence[tuple[EffectInstance, ...]] = (),
     recorded: Collection[str] = (),
 ) -> NextMotion | None:
-    """Give the motion to record next: what tells a world's effect from its rival, or apart what is determined
-    `together` alone, or shows most of what was not excited; of each the first that is not `recorded` yet.
+    """Return the motion to record next, the first of each kind that is not in `recorded`; None if nothing is left.
+
+    It distinguishes a world's effect from its competitor, or effects that are determined `together` only, or excites
+    most of what was not excited.
     """
     for asked in (list(_apart(world, rivals, together)), list(_shows(unseen))):
         new = [(motion, why) for motion, why in asked if motion not in recorded]
@@ -51,7 +51,7 @@ def separating(
 def _apart(
     world: World, rivals: Sequence[Rivals], together: Sequence[tuple[EffectInstance, ...]]
 ) -> Iterator[tuple[str, str]]:
-    """Motions that tell effects apart, what a recording determines in combination alone first; and why."""
+    """Yield motions that distinguish effects, and why; jointly determined effects first."""
     for a, b in (pair for some in together for pair in combinations(some, 2)):
         for motion in apart(a, b.effect):
             yield motion, f"tells {a.label} from {b.label}"
@@ -70,9 +70,7 @@ def _shows(unseen: Sequence[NotExcited]) -> Iterator[tuple[str, str]]:
 
 
 def apart(chosen: EffectInstance, other: str) -> list[str]:
-    """Give the motions that tell an effect, by the parameter that is largest in it first, from another; none where
-    none does.
-    """
+    """Return the motions that distinguish two effects, the one for the largest parameter first; empty if none does."""
     kind = effect(chosen.effect)
     by_kind = [kind.told_from.get(other), effect(other).told_from.get(chosen.effect)]
     sizes = {k: abs(kind.params[k].start - kind.params[k].null) or 1.0 for k in chosen.params}

@@ -1,4 +1,4 @@
-"""Blocks of a path in time, and the phase of contact that each is in, as `vispeg.sim.touch` tells them by samples."""
+"""Blocks of a path in time, and the phase of contact of each, as `vispeg.sim.touch` defines it by samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vispeg.robots.scene import Scene
 from vispeg.sim.touch import Touch
 
 NAMES = REGIMES
-LEVER = 0.2  # m, of the flange's turning
+LEVER = 0.2  # m, converts rotations of the flange to displacements
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Phases:
         time: (m,) s, middle of each block.
         code: (m,) index into NAMES.
         resting: (m,) bool: at rest in free air at the start, where the sensor's zero is taken.
-        rest: these of the path's samples.
+        rest: the path's samples in these blocks.
         size: samples a block.
         speed: (m,) m/s of the tip.
         contact: (m, 6) N, N m: what the surroundings exert on the tool, flange axes and origin.
-        near: (m,) bool: touching, or the tip inside the goal, where it may touch with less force than can be told.
-        used: (m,) bool: blocks that are driven, and long enough to have forgotten how a window began.
-        windows: of the path's samples that are driven.
+        near: (m,) bool: touching, or the tip inside the goal, where it may touch with undetectable force.
+        used: (m,) bool: blocks that are driven, and far enough from the start of a window to be independent of it.
+        windows: driven ranges of the path's samples.
     """
 
     time: np.ndarray
@@ -49,30 +49,30 @@ class Phases:
 
     @property
     def force(self) -> np.ndarray:
-        """(m,) N, length of the contact force."""
+        """Magnitude of the contact force, (m,) N."""
         return np.linalg.norm(self.contact[:, :3], axis=1)
 
     @property
     def valid(self) -> np.ndarray:
-        """(m,) bool: blocks that are compared; in the ms after a make solver and filter decide, not the model."""
+        """Blocks that are compared, (m,) bool; just after contact begins, solver and filter dominate."""
         return (self.used & (self.code != IMPACT)) | self.resting
 
     @property
     def sticks(self) -> np.ndarray:
-        """(m,) bool: presses in which the tip does not slide."""
+        """Presses in which the tip does not slide, (m,) bool."""
         return self.of("press") & (self.speed < RULES.stuck_speed)
 
     def of(self, name: str) -> np.ndarray:
-        """(m,) bool."""
+        """Return the blocks of a phase, (m,) bool."""
         return self.code == NAMES.index(name)
 
     def means(self, values: np.ndarray) -> np.ndarray:
-        """(w, m, k) of (w, n, k): by their mean, forces keep to the law of momentum and of friction as they chatter."""
+        """Return block means (w, m, k) of (w, n, k), which obey momentum and friction laws even if forces chatter."""
         m = len(self.time)
         return values[:, : m * self.size].reshape(len(values), m, self.size, -1).mean(axis=2)
 
     def scatter(self, values: np.ndarray) -> np.ndarray:
-        """(m, k) of (n, k): standard deviation within each block about a straight line."""
+        """Return the standard deviation within each block about a straight line, (m, k) of (n, k)."""
         m = len(self.time)
         parts = values[: m * self.size].reshape(m, self.size, -1)
         line = np.stack([np.ones(self.size), np.arange(self.size)], axis=1)
@@ -80,16 +80,16 @@ class Phases:
         return np.sqrt((rest**2).sum(axis=1) / max(self.size - 2, 1))
 
     def rows(self, clock: np.ndarray) -> np.ndarray:
-        """(m,) sample of a recording with this clock nearest to each block's middle."""
+        """Return the recording's sample nearest to each block's middle, (m,), by its clock."""
         return np.clip(np.searchsorted(clock, self.time), 0, len(clock) - 1)
 
 
 def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | None:
-    """Those of a path along which the tool touched what `touch` says; None where it does not begin in free air.
+    """Return the phases of a path with contact `touch`; None if it does not begin in free air.
 
-    What stands in free air reads the same for as long as it stands, and still when it begins to move. So the rest is
-    the first stretch without motion or touch, after which the tool goes somewhere before it touches; what it reads
-    there is the sensor's zero and the tool's weight, whatever both are.
+    In free air the wrench is constant at rest, and stays the same when motion begins. So the rest is
+    the first stretch without motion or touch, after which the tool moves before it touches; its reading there is the
+    sensor's zero plus the tool's weight, whatever they are.
     """
     size = max(1, round(block / path.step))
     m = len(path.time) // size
@@ -101,7 +101,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
     contact = np.concatenate([axes.apply(touch.contact[at, part]) for part in (slice(0, 3), slice(3, 6))], axis=1)
     speed = np.median(speed, axis=1)
     flange = np.hypot(np.linalg.norm(path.rate[:, :3], axis=1), LEVER * np.linalg.norm(path.rate[:, 3:], axis=1))
-    moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may turn about a tip that stays
+    moves = np.median(flange[: m * size].reshape(m, size), axis=1)  # a hand may rotate about a tip at rest
     touching = np.asarray(touch.touching[at].reshape(m, size).any(axis=1))
     moving = np.maximum(speed, moves) > RULES.rest_speed
     rest = _rest(touching, moving, block)
@@ -119,7 +119,7 @@ def phases(touch: Touch, path: Path, scene: Scene, block: float) -> Phases | Non
 
 
 def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | None:
-    """Blocks at rest before the first of those that touch (m,); None where there are not enough."""
+    """Return the rest before the first touching block (m,); None if it is too short."""
     first = int(np.argmax(touching)) if touching.any() else len(touching)
     for a, b in runs(~(touching | moving)[:first]):
         # a block aside of what moves: a block is of one kind by most of its samples
@@ -130,11 +130,11 @@ def _rest(touching: np.ndarray, moving: np.ndarray, block: float) -> slice | Non
 
 
 def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) -> bool:
-    """Whether a tool goes away from its rest (samples) without reading what it would if it pressed there.
+    """Return whether a tool leaves its rest (samples) without the force change of a contact there.
 
     `contact` (n, 6) and `touching` (n,) by samples. Pressed on a surface of stiffness k, it would read another force by
-    k times its way until it is lifted; in free air it reads the same, however heavy it is. Of the way, what kinematics
-    may be off by is no way.
+    k times its way until it is lifted; in free air it reads the same, however heavy it is. Motion within the
+    kinematic error does not count.
     """
     if not touching.any():
         return True
@@ -147,6 +147,6 @@ def _leaves(path: Path, rest: slice, contact: np.ndarray, touching: np.ndarray) 
 
 
 def tool_mass(scene: Scene) -> float:
-    """Mass of tool and part, kg, as the cell has them."""
+    """Return the mass of tool and part in the cell, kg."""
     model = scene.nominal.compile()
     return float(sum(model.body_mass[b] for b in range(model.nbody) if model.body(b).name in ("tool", scene.held)))

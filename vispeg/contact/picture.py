@@ -1,4 +1,4 @@
-"""A picture of a cell as it stood at one moment, seen from close by."""
+"""Close-up picture of a cell at one moment."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from vispeg.render.cameras.standard import focal_of
 from vispeg.robots.scene import Scene
 from vispeg.task.belief import recorded_cell
 
-WIDTH, HEIGHT, FOV = 640, 420, 30.0  # px; degrees over the height
-FROM = (0.33, -0.42, 0.22)  # m, of the camera from the goal
+WIDTH, HEIGHT, FOV = 640, 420, 30.0  # px; vertical field of view in degrees
+FROM = (0.33, -0.42, 0.22)  # m, camera position relative to the goal
 
 
 def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
-    """Give the picture as PNG.
+    """Return the picture as PNG.
 
     Args:
         scene: the cell.
@@ -41,12 +41,10 @@ def draw(scene: Scene, q: np.ndarray, backend: BackendName = "auto") -> bytes:
 
 
 def worst_moment(arrays: Mapping[str, np.ndarray], recordings: Sequence[Recording]) -> dict[str, np.ndarray]:
-    """Give a picture of the moment that `worst/q` states, as what `evidence.npz` holds; nothing where none can be
-    drawn.
-    """
+    """Return a picture of the moment in `worst/q` as entry of `evidence.npz`; empty if no renderer works."""
     rec = next((r for r in recordings if str(arrays["worst/recording"]).startswith(r.name)), recordings[0])
     try:
         png = draw(recorded_cell(rec).scene, np.nan_to_num(arrays["worst/q"]))
-    except UserError:  # no renderer here: the page does without
+    except UserError:  # no renderer here: the page has no picture
         return {}
     return {"worst/png": np.frombuffer(png, np.uint8)}

@@ -21,9 +21,9 @@ from vispeg.effects.common.parts import shapes
 from vispeg.effects.contact.contact_stiffness import scaled
 from vispeg.robots.scene import TOUCHED, UNTOUCHED, Scene
 
-BELOW = 1e-3  # m below the mouth, under which a tip that presses on the top may be read to be
-SLIDES, STEADY = 0.01, 0.02  # m/s across; s that a speed is the mean of
-LEAST = 0.03  # of a contact's damper
+BELOW = 1e-3  # m below the mouth, within which a tip on the top may be measured
+SLIDES, STEADY = 0.01, 0.02  # m/s across; s over which a speed is averaged
+LEAST = 0.03  # smallest share of a contact's damping
 # where a tip is: over the mouth or its rim, below its bevel, on the block and all beside the rim, there and sliding
 OVER, INSIDE, BESIDE, ALONG = range(4)
 
@@ -53,7 +53,7 @@ class Pieces:
         self.sliding = less_damped(ref, np.minimum(1.0, odds(imp) / odds(model.geom_solimp[held]))), imp
 
     def at(self, place: int) -> None:
-        """Set what a part touches whose tip is at a place, and how stiff that is."""
+        """Set the geoms that a part with its tip at a place may touch, and their stiffness."""
         beside = place in (BESIDE, ALONG)
         if self.top:
             self.touched[:, self.top] = TOUCHED if beside else UNTOUCHED
@@ -64,7 +64,7 @@ class Pieces:
 
 
 def odds(solimp: np.ndarray) -> np.ndarray:
-    """(...) `d / (1 - d)` of contacts (..., 5), to which their stiffness at rest is proportional."""
+    """Return `d / (1 - d)` of contacts (..., 5), to which their stiffness at rest is proportional."""
     return solimp[..., 0] / (1 - solimp[..., 0])
 
 
@@ -80,9 +80,9 @@ def less_damped(solref: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def tip_places(path: Path, scene: Scene) -> np.ndarray:
-    """(n,) where a path has the tip of the scene's part: `OVER`, `INSIDE`, `BESIDE` or `ALONG`.
+    """Return the place of the part's tip along a path, (n,): `OVER`, `INSIDE`, `BESIDE` or `ALONG`.
 
-    The believed goal counts: an effect that moves the goal by less than the part's distance to it does not change this.
+    The nominal goal is used: an effect that moves the goal by less than the distance to the part does not matter.
     """
     tip, config = tips(path, scene), scene.config
     far, corner = np.hypot(tip[:, 0], tip[:, 1]), 2**0.5 if config.shape == "square" else 1.0
@@ -94,6 +94,6 @@ def tip_places(path: Path, scene: Scene) -> np.ndarray:
 
 
 def stretches(place: np.ndarray, window: slice) -> list[slice]:
-    """Give the window cut where the place (n,) changes."""
+    """Return the window split where the place (n,) changes."""
     cuts = np.flatnonzero(np.diff(place[window])) + window.start + 1
     return [slice(a, b) for a, b in zip([window.start, *cuts], [*cuts, window.stop], strict=True)]

@@ -1,4 +1,4 @@
-"""The parts of a record that are contact's own: channels by axis, failures by phase, arrays, what is not excited."""
+"""Parts of a record specific to contact: channels by axis, failures by phase, arrays, effects not excited."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vispeg.worlds.world import World
 
 COLUMNS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 LEAST_SHARE = 0.02
-MOST = 0.5  # of what is left as read, from which on it is more an allowance's than anything else's
+MOST = 0.5  # share of the remaining error from which a nuisance is mentioned
 ALLOWANCES: dict[str, str] = {
     "sensor": "what a force sensor may be off by (drift, crosstalk, delay)",
     "path": (
@@ -36,7 +36,7 @@ ALLOWANCES: dict[str, str] = {
 
 
 def channels(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Any]:
-    """Floor and held-out RMS error before and after, axis by axis; without a second world, before alone."""
+    """Return floor and held-out RMS error before and after by axis; without a second world only before."""
     out = []
     for j, name in enumerate(COLUMNS):
         kind = "force" if j < 3 else "moment"
@@ -57,7 +57,7 @@ def _rms(judged: ContactEvidence, predicted: Sequence[np.ndarray], world: int, c
 
 
 def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[Failure]:
-    """Shares of the squared residual in floors by axis and phase of contact, greatest first.
+    """Return shares of the squared residual in floors by axis and phase of contact, greatest first.
 
     The residual is each block's own: whitening over blocks spreads an error of contact over free air.
     """
@@ -74,7 +74,7 @@ def where_it_fails(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> 
 
 
 def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> list[dict[str, object]]:
-    """For each phase: seconds, RMS force error before and after, and the floor, N."""
+    """Return for each phase seconds, RMS force error before and after, and the floor, N."""
     out = []
     for name in NAMES:
         row: dict[str, object] = {"phase": name}
@@ -92,7 +92,7 @@ def phase_errors(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> li
 
 
 def worst_left(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, object]:
-    """Where the last world is furthest off in its floors: recording, s, N, phase, the tip from the goal in m."""
+    """Return the block with the largest residual of the last world: recording, s, N, phase, tip from the goal in m."""
     worst = (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
         size = (judged.whiten(item, y[-1])[:, :3] ** 2).sum(axis=1)
@@ -119,7 +119,7 @@ def _root(parts: Sequence[np.ndarray]) -> float:
 
 
 def arrays(judged: ContactEvidence, predicted: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """Measured and predicted forces and torques of the held-out recordings, their phases, and the worst moment."""
+    """Return measured and predicted wrenches of the held-out recordings, their phases, and the worst moment."""
     drawn = traces(judged.items, predicted, [item.phase.code for item in judged.items])
     out, worst = arrays_of(drawn, COLUMNS[:3], NAMES), (-1.0, 0, 0)
     for r, (item, y) in enumerate(zip(judged.items, predicted, strict=True)):
@@ -149,7 +149,7 @@ def allowed(judged: ContactEvidence, models: Mapping[str, World]) -> list[Allowe
 def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
     """Mention in a verdict the nuisance that explains most of the final residual, if it explains at least `MOST`.
 
-    What an allowance takes is no evidence: what hides in it would not be seen.
+    An effect that looks like such a nuisance would not be detected.
     """
     last = rows[-1]
     share, kind = max(((last["sensor"], "sensor"), (last["path"], "path"), (last["form"], "form")))
@@ -163,9 +163,7 @@ def told(verdict: Verdict, rows: Sequence[Allowed]) -> Verdict:
 def not_excited(
     least_sizes: Mapping[tuple[str, str], Mapping[str, float]], recorded: Collection[str] = ()
 ) -> list[NotExcited]:
-    """Effects of which no size that is tried shows, each with the motion that would show it: the first that is not
-    `recorded` yet.
-    """
+    """Return effects without a detectable size, each with the first motion not `recorded` yet that would show it."""
     out: list[NotExcited] = []
     for (name, where), least in least_sizes.items():
         if not any(np.isfinite(list(least.values()))):

@@ -1,7 +1,7 @@
 """Goodness of fit of the final model: its residual in each phase of contact against the noise floor.
 
-A mean square over everything drowns an error of a few blocks, such as that of a chip on a wall inside. Each phase of
-contact is judged for itself, in the fitted recordings and in the held-out ones.
+A mean square over everything would hide an error in a few blocks, e.g. due to a chip inside the goal. So each phase
+of contact is judged separately, in the fitted recordings and in the held-out ones.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Rest:
 
     @property
     def beyond(self) -> float:
-        """Times the bar."""
+        """Mean square over its limit."""
         return self.mean_square / self.bar
 
 
@@ -54,7 +54,7 @@ def remainder(evidence: ContactEvidence, world: World, held_out: bool = False) -
 
 
 def judged(verdict: Verdict, rests: Sequence[Rest]) -> Verdict:
-    """`unexplained` in place of a verdict where some phase is left beyond its bar."""
+    """Change a verdict to `unexplained` if the residual of some phase exceeds its limit."""
     worst = max(rests, key=lambda rest: rest.beyond, default=None)
     if worst is None or worst.beyond <= 1.0 or verdict.verdict == "unexplained":
         return verdict

@@ -45,7 +45,11 @@ from vispeg.worlds.world import World
 
 
 def evidence_of(recordings: Sequence[Recording], nthread: int = 1) -> ContactEvidence:
-    """Make evidence of recordings of contact. Raises UserError where one has no wrench, or begins in contact."""
+    """Return the evidence of contact recordings.
+
+    Raises:
+        UserError: a recording without a wrench, or one that begins in contact.
+    """
     return ContactEvidence([touching(r) for r in recordings], nthread=nthread)
 
 
@@ -140,7 +144,7 @@ def diagnose_contact(
 def compare_contact(
     world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None
 ) -> Comparison:
-    """How far the wrench of a model is off what was measured, axis by axis and phase by phase."""
+    """Return the errors of a model's wrench against the measured one, by axis and phase of contact."""
     evidence = evidence_of(recordings, nthread)
     residual, predicted = evidence.residuals([world])[0], evidence.simulated([world])
     (error,) = evidence.errors([world])

@@ -17,7 +17,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.worlds.world import World
 
-REACH = 0.8  # m, from joint angles to the flange's place
+REACH = 0.8  # m, converts joint angles to the flange's position
 
 
 def hand_world(believed: World, world: World) -> World:
@@ -26,7 +26,7 @@ def hand_world(believed: World, world: World) -> World:
 
 
 def readings(path: Path, scene: Scene, world: World) -> np.ndarray:
-    """(n, 6) N, N m: the wrench on the tool if the sensor is as the world has it."""
+    """Return the wrench on the tool (n, 6) N, N m, if the sensor is as in the world."""
     wrench = reaction(path.wrench)
     placed = [(effect(e.effect), e.params) for e in world.effects]
     for kind, params in sorted(placed, key=lambda p: -p[0].order):
@@ -45,7 +45,7 @@ def stands_for(path: Path, scene: Scene, world: World) -> float:
 
 
 def trusted(recordings: Sequence[Recording], read: Sequence[bool]) -> tuple[float, float]:
-    """Give what forces (N) and places (m) are trusted to; a force that was not `read` by a sensor is as soft a hold."""
+    """Return the uncertainty of forces (N) and places (m); a force not `read` by a sensor gives a softer hold."""
     by = [r for r, sensor in zip(recordings, read, strict=True) if sensor]
     force = max([RULES.sensor_least, *(float(r.noise.get("ft", 0.0)) for r in by)])
     place = max([RULES.place_least, *(REACH * float(np.max(noise_of(r)["q"])) for r in recordings)])

@@ -1,4 +1,4 @@
-"""Windows of a long recording: what is near a contact is driven, and some of the free air, spread over its time."""
+"""Windows of a long recording: driven are the parts near contact, and some free air spread over time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vispeg.contact.phases import Phases
 from vispeg.core.rules import RULES
 from vispeg.recordings.regimes import IMPACT
 
-CHUNK, LEAD = 12, 3  # blocks that are chosen at once; blocks after which a window has forgotten its start
-NEAR = 3  # blocks of free air before and after a contact that show when it begins
+CHUNK, LEAD = 12, 3  # blocks chosen at a time; blocks until a window is independent of its start
+NEAR = 3  # blocks of free air around a contact that show when it begins
 FREE = 2.0  # s of free air that are driven
-PART, PIECE = 3, 12  # one in so many pieces of so many blocks is driven where many worlds are screened
+PART, PIECE = 3, 12  # for screening, one in PART pieces of PIECE blocks is driven
 
 
 def thinned(phase: Phases, seconds: float) -> Phases:
-    """Give the phases with windows of about so many seconds; all of a path that is no longer."""
+    """Return the phases with windows of about `seconds`; a shorter path is used whole."""
     m = len(phase.time)
     block = float(phase.time[1] - phase.time[0]) if m > 1 else 1.0
     first = int(np.flatnonzero(phase.resting)[-1]) + 1
@@ -40,9 +40,9 @@ def thinned(phase: Phases, seconds: float) -> Phases:
 
 
 def without(phase: Phases, read: np.ndarray) -> Phases:
-    """Give the phases without blocks of which more than half was not `read` (n,), and those that follow a long gap.
+    """Return the phases without blocks that were mostly not `read` (n,), and without those after a long gap.
 
-    There a line between readings is put on the hand, which takes `LEAD` blocks to be forgotten.
+    A gap is bridged by a straight line, whose effect on the hand takes `LEAD` blocks to decay.
     """
     m = len(phase.time)
     lost = read[: m * phase.size].reshape(m, phase.size).mean(axis=1) < RULES.block_read
@@ -53,14 +53,14 @@ def without(phase: Phases, read: np.ndarray) -> Phases:
 
 
 def pieces(phase: Phases) -> tuple[slice, ...]:
-    """One in `PART` of the pieces that the windows can be cut into."""
+    """Return one in `PART` of the pieces of the windows."""
     size = PIECE * phase.size
     every = [slice(a, min(a + size, w.stop)) for w in phase.windows for a in range(w.start, w.stop, size)]
     return tuple(every[::PART])
 
 
 def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
-    """(m,) bool: blocks in some windows of a phase's own that have forgotten how a window began."""
+    """Return the blocks in some windows that are independent of the window's start, (m,) bool."""
     out = np.zeros(len(phase.time), bool)
     for w in windows:
         out[w.start // phase.size + LEAD : w.stop // phase.size] = True
@@ -68,7 +68,7 @@ def driven_blocks(phase: Phases, windows: Sequence[slice]) -> np.ndarray:
 
 
 def _spread(flag: np.ndarray, most: float) -> np.ndarray:
-    """(m,) bool: of the blocks with a flag so many, in chunks that are spread evenly over them; all of no more."""
+    """Return `most` of the flagged blocks, (m,) bool, in chunks spread evenly; all if there are no more."""
     rows = np.flatnonzero(flag)
     chunks = np.array_split(rows, max(1, len(rows) // CHUNK))
     some = np.linspace(0, len(chunks) - 1, max(1, min(len(chunks), int(most / CHUNK)))).round().astype(int)

@@ -1,7 +1,7 @@
-"""Where the hand is if the arm gives way behind its encoders: `-J C (tau - tau_0)` off the measured path.
+"""Position of the hand if the arm yields behind its encoders: `-J C (tau - tau_0)` off the measured path.
 
-The torque of a joint is what its links weigh and what the flange puts on the tool, `g(q) + J' W`; `tau_0` is that at
-the start of the episode. A sensor's zero is the same all along and drops out.
+A joint's torque is due to the weight of its links and to the wrench of the flange on the tool, `g(q) + J' W`; `tau_0`
+is its value at the start of the episode. A sensor's zero is constant and cancels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-EVERY = 0.02  # s between the postures that are looked at
+EVERY = 0.02  # s between the sampled postures
 
 
 def yielding(world: World) -> World:
@@ -30,7 +30,7 @@ def yielding(world: World) -> World:
 
 
 def given_way(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) -> np.ndarray | None:
-    """How far each world's hand is off the measured path.
+    """Return the displacement of each world's hand from the measured path.
 
     Args:
         item: an episode.
@@ -38,7 +38,7 @@ def given_way(item: ContactItem, worlds: Sequence[World], wrench: np.ndarray) ->
         wrench: (nworld, n, 6) N, N m, what each world takes for the wrench on the tool, flange axes.
 
     Returns:
-        (nworld, 2, n, 6): the hand's coordinates (m, rad) less the path's, and their rates; None where nothing yields.
+        (nworld, 2, n, 6): the hand's coordinates (m, rad) less the path's, and their rates; None if no world yields.
     """
     soft = [yielding(w) for w in worlds]
     if not any(w.effects for w in soft):

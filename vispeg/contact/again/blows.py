@@ -39,7 +39,7 @@ class Blow:
     Attributes:
         recording: recording that contains it.
         scene: the believed cell.
-        rows: rows of the recording that are simulated.
+        rows: simulated rows of the recording.
         start: (nj,) rad and rad/s, measured joint angles and speeds at the first of these rows.
         axis: (3,) direction of the contact force, flange axes.
         threshold: contact force that counts as contact, N.
@@ -116,7 +116,7 @@ def predicted(blow: Blow, worlds: Sequence[World], nthread: int = 1) -> np.ndarr
 def _felt(force: np.ndarray, rate: float, before: int, threshold: float) -> np.ndarray:
     """Return impulse and flight (2,) of a force (n,) minus its value `before` contact; NaN without an impact.
 
-    A tool that does not come back counts as flying until the end of the force.
+    A tool that does not return counts as flying until the end of the force.
     """
     above, hit = force - force[:before].mean(), round(HIT * rate)
     touched = np.flatnonzero(np.abs(above) > threshold)

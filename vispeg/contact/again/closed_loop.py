@@ -1,9 +1,9 @@
-"""The last judge of a contact model: a whole insertion run again under the controller that ran, in closed loop.
+"""Final check of a contact model: simulate a whole insertion again in closed loop with the recorded controller.
 
-The search compares wrenches along a measured path; nothing there says what a tool would have done by itself. Here arm,
-controller and cell of a model run the commanded poses of a held-out insertion from its first sample on, and peak force,
-time in contact and outcome are set beside the measured ones. Paths part where contacts come and go, so that it judges
-what was accepted and fits nothing.
+The search compares wrenches along a measured path, which does not show how the tool would have moved by itself. Here
+arm, controller and cell of a model follow the commanded poses of a held-out insertion from its first sample on, and
+peak force, time in contact and outcome are compared with the measured ones. Trajectories diverge where contacts begin
+and end, so this checks the final model and is not used in a fit.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from vispeg.task.belief import recorded_cell
 from vispeg.task.registry import task_of
 from vispeg.worlds.world import World
 
-MOST = 1  # episodes that are run again: a second of one takes about a third of a processor second a model
+MOST = 1  # largest number of episodes; 1 s of one takes about a third of a CPU second per model
 
 
 def closed_loop(
     recordings: Sequence[Recording], models: Mapping[str, World], nthread: int = 1
 ) -> tuple[list[Replayed], list[str]]:
-    """Held-out insertions against models that ran them.
+    """Simulate held-out insertions with models, and compare the outcomes.
 
     Args:
-        recordings: those under mode osc whose `outcomes` say how they ended are run again, `MOST` at most.
+        recordings: those in mode osc with stated `outcomes` are simulated, at most `MOST`.
         models: by name.
         nthread: of the simulation.
 
     Returns:
-        An entry an episode, `measured` first among its trials, and notes on those that cannot be run.
+        One entry per episode, with `measured` as its first trial, and messages on episodes that cannot be simulated.
     """
     out: list[Replayed] = []
     said: list[str] = []
@@ -68,7 +68,7 @@ def closed_loop(
 
 
 def _first(rec: Recording) -> Recording:
-    """Give the first episode alone."""
+    """Return a recording of the first episode alone."""
     if rec.episode is None:
         return rec
     rows = np.flatnonzero(rec.episode == rec.outcomes[0].episode)
@@ -87,7 +87,7 @@ def _trial(run: Touch, measured: Touch, rate: float, outcome: Outcome) -> Trial:
     """Summarise one run: peak wrist force, time in contact, distance of the tip from the measured one, outcome."""
     n = min(len(run.tip), len(measured.tip))
     before = ~np.logical_or.accumulate(run.touching[:n] | measured.touching[:n])
-    above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip is pushed by less than counts as a touch
+    above = before & (measured.tip[:n, 2] > 0)  # of the goal: inside, a tip may be touched with undetectable force
     off = np.linalg.norm(run.tip[:n][above] - measured.tip[:n][above], axis=1)
     out: Trial = {
         "peak_force": float(np.nanmax(run.force)),

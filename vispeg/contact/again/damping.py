@@ -1,7 +1,7 @@
-"""Contact damping from impacts: one number, given by MuJoCo's damping ratio or, equivalently, a restitution.
+"""Contact damping from impacts: one parameter, as MuJoCo's damping ratio or, equivalently, a restitution.
 
-Nothing else is looked for in blows. The name is given only where no effect of another kind fits them as well: a softer
-contact, fixture or arm lengthens a blow, and a late sensor shifts it.
+It is the only effect sought in impacts. It is named only if no other effect fits them as well: a softer contact,
+fixture or arm lengthens an impact, and a sensor delay shifts it.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from vispeg.worlds.world import World
 
 NAME, TWIN = "contact_damping", "restitution"
 SCALES = np.geomspace(0.05, 10.0, 15)
-FINER = 4  # between two of them about the best, once more
-BESIDE = ("compliance", "friction", "free air")  # stages of the effects that blows may come from, too
+FINER = 4  # factor of the second, finer grid around the best value
+BESIDE = ("compliance", "friction", "free air")  # stages of other effects that impacts may be due to
 
 
 @dataclass(frozen=True)
 class Struck:
-    """What came of it.
+    """Result of the search for damping.
 
     Attributes:
         effects: none, or the damping with its interval.
         notes: for the user.
-        unseen: the effect, where no blow can tell it.
+        unseen: the effect, if no impact can show it.
     """
 
     effects: tuple[EffectInstance, ...] = ()
@@ -49,11 +49,11 @@ class Struck:
 
 
 def struck(world: World, fitted: Sequence[Recording], held_out: Sequence[Recording], nthread: int = 1) -> Struck:
-    """Fits the damping to the blows of some recordings and judges it on those of others.
+    """Fit the damping to the impacts of some recordings, and judge it on those of others.
 
     Args:
         world: with the effects that were found so far.
-        fitted, held_out: recordings; those under a stated osc controller are run again.
+        fitted, held_out: recordings; those with a stated osc controller are simulated.
         nthread: of the simulation.
     """
     if any(e.effect in (NAME, TWIN) for e in world.effects):
@@ -105,7 +105,10 @@ def _off(some: Sequence[Blow], world: World, nthread: int) -> _Off:
 
 
 def _squares(some: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.ndarray:
-    """(nworld,) squared whitened residual over all blows; a world that does not touch has no impulse and no flight."""
+    """Return the squared whitened residual (nworld,) over all impacts.
+
+    A world without contact has no impulse and no flight.
+    """
     total = np.zeros(len(worlds))
     for b in some:
         total += np.sum(((b.felt - np.nan_to_num(predicted(b, worlds, nthread))) / b.sigma) ** 2, axis=1)
@@ -113,12 +116,12 @@ def _squares(some: Sequence[Blow], worlds: Sequence[World], nthread: int) -> np.
 
 
 def _rise(least: float, some: Sequence[Blow]) -> float:
-    """By how much the squared residual may rise within an interval."""
+    """Return the rise of the squared residual at the ends of an interval."""
     return RULES.interval * RULES.blow_hang * max(1.0, least / sum(len(b.felt) for b in some))
 
 
 def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tuple[float, float, float, float, float]:
-    """Best scale, its interval's ends, the squared residual there and that of the nominal damping."""
+    """Return the best scale, its interval's ends, the squared residual there and that of the nominal damping."""
 
     def squares(scales: np.ndarray) -> np.ndarray:
         return _squares(some, [world.add(EffectInstance.of(NAME, where, scale=float(s))) for s in scales], nthread)
@@ -143,7 +146,7 @@ def _fitted(world: World, where: str, some: Sequence[Blow], nthread: int) -> tup
 
 
 def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int, outside: int) -> float:
-    """Give the scale between two at which the squared residual comes to a level; the last one where it does not."""
+    """Return the scale at which the squared residual crosses a level, between two; the last if it does not."""
     if values[outside] <= level:
         return float(scales[inside])
     share = (level - values[inside]) / (values[outside] - values[inside])
@@ -151,7 +154,7 @@ def _crossing(scales: np.ndarray, values: np.ndarray, level: float, inside: int,
 
 
 def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthread: int) -> list[str]:
-    """Effects that some size of explains the blows as well."""
+    """Return the effects that explain the impacts as well at some size."""
     there = {e.effect for e in world.effects}
     kinds = [k for k in looked_for() if k.stage in BESIDE and k.name not in there and place_of(k, scene)]
     probes = [p for k in kinds for _, p in tries(k.name, place_of(k, scene))]
@@ -160,14 +163,14 @@ def _rivals(world: World, scene: Scene, some: Sequence[Blow], most: float, nthre
 
 
 def _restitution(scene: Scene, where: str, scale: float) -> float:
-    """Coefficient of restitution of the contact with so many times its damping."""
+    """Return the coefficient of restitution of the contact with its damping scaled."""
     model = compiled(scene)
     z = float(model.geom_solref[shapes(model, where)[0], 1])
     return float(rebound(np.array(scale * z)))
 
 
 def _unseen(groups: Mapping[str, tuple[Sequence[Recording], Sequence[Blow]]]) -> tuple[NotExcited, ...]:
-    """Why no blow tells it; `groups` of recordings, each with its blows, must all have one."""
+    """Return why no impact shows the damping; every one of the `groups` of recordings needs an impact."""
     speeds = {
         name: [b.speed for b in hit] if any(map(restarts, recs)) else None for name, (recs, hit) in groups.items()
     }

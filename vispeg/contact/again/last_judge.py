@@ -1,8 +1,9 @@
-"""Check a verdict by simulating an insertion again: if the model's outcome differs, the model lacks something.
+"""Check a verdict by simulating an insertion again: if the model's outcome differs, an effect is missing.
 
-It judges where the arm by itself is known to go as it was measured: what an arm lacks is no evidence of contact.
-Paths part where contacts come and go, so that the right model's peak force is off a little, and what is uncertain may
-move it more. A verdict falls only where no value within the intervals comes near what was measured.
+It is used only if the arm alone follows its measured path, since an error of the arm is no evidence on contact.
+Trajectories diverge where contacts begin and end, so even the correct model's peak force is slightly off, and
+uncertain parameters may change it more. The verdict is changed only if no values within the intervals come near the
+measured outcome.
 """
 
 from __future__ import annotations
@@ -28,15 +29,16 @@ def judged(
     n_fixed: int,
     threads: int,
 ) -> Verdict:
-    """`unexplained` in place of a verdict where no run of the corrected model, at either end of an interval or between
-    them, comes near the measured one.
+    """Change a verdict to `unexplained` if no run of the corrected model comes near the measured one.
+
+    The runs are at its values and with one value at either end of its interval.
 
     Args:
-        verdict: by the wrench along the measured path.
-        replayed: of `closed_loop`: the last trial is the corrected model's.
-        held_out: the recordings that it ran again.
+        verdict: from the wrench along the measured path.
+        replayed: result of `closed_loop`, with the corrected model as its last trial.
+        held_out: the recordings that it simulated.
         world: the corrected model.
-        n_fixed: effects that it was given.
+        n_fixed: number of effects given by the user.
         threads: of the simulation.
     """
     if verdict.verdict == "unexplained":
@@ -67,7 +69,7 @@ def alike(measured: Trial, runs: Sequence[Trial]) -> bool:
 
 
 def at_ends(world: World, n_fixed: int) -> Iterator[World]:
-    """Worlds with one value at one end of its interval."""
+    """Yield worlds with one value at one end of its interval."""
     for k, placed in enumerate(world.effects[n_fixed:], n_fixed):
         for name, value in placed.params.items():
             for end in {value.low, value.high} - {value.value}:

@@ -1,1 +1,1 @@
-"""Errors that a verdict on contact allows for: of sensors and kinematics, of forms of law, of pieces that wedge."""
+"""Errors allowed for in a contact verdict: of sensors, kinematics, contact laws and wedged parts."""

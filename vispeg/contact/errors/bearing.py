@@ -1,8 +1,8 @@
-"""Where on its end a part bears that is pressed flat on a surface: no model says.
+"""Uncertain bearing point of a part pressed flat on a surface, which no model predicts.
 
-A flat end touches at the points that its own form and micrometres of tilt choose, and a simulator at four of its rim,
-which lie up to 0.3 radii further in than a circle does. The normal force then has another lever, and the hand, held to
-its path by soft springs, turns about the tip that sticks until these bear the couple.
+A flat end touches at points that depend on its shape and on micrometres of tilt; a simulator uses four points of its
+rim, up to 0.3 radii further in than a circle. The lever of the normal force then differs, and the hand, held to its
+path by soft springs, turns about the sticking tip until the springs balance the couple.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The floor of the comparison, phase by phase: what the right model leaves, from simulated repeats.
+"""Noise floor of each phase: the residual of the correct model, from simulated repeats.
 
-A drive of the nominal hand leaves a path and a wrench that agree exactly. With the recording's noise put on both they
-are driven again: what then is corrected is noise, not the model. To it comes `floor_form`, what another integrator and
-another law of contact leave of the right model, and a share of how a contact chatters: blows that a path does not show
-push one way on the average. What sensors leave open beyond that is in `vispeg.contact.errors.nuisance`.
+A drive of the nominal hand gives a path and a wrench that agree exactly. It is repeated with the recording's noise
+added to both, and the resulting correction is noise, not model error. Added to it are `floor_form`, the effect of
+another integrator and contact law on the correct model, and a share of the chatter of a contact, since impacts that
+the path does not show push one way on average. Further sensor errors are in `vispeg.contact.errors.nuisance`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-LEVER = 0.1  # m, of a torque against a force
+LEVER = 0.1  # m, converts torques to forces
 
 
 def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
-    """(m, 6) N and N m: expected RMS residual of a correct model in each block; `once` is how the believed one went."""
+    """Return the expected RMS residual of a correct model in each block, (m, 6) N and N m.
+
+    `once` is the drive of the nominal model.
+    """
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
     wrench = readings(path, item.hand, world)[None]
@@ -68,7 +71,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
 
 
 def wedged(item: ContactItem) -> np.ndarray:
-    """(m,) from 0 to 1: square of how far the hand is rocked against the goal's axis, the base's z."""
+    """Return the square of the hand's tilt against the goal's axis (the base's z), scaled to 0 to 1, (m,)."""
     path = item.path
     turn = Rotation.from_quat(path.frame, scalar_first=True)
     axis = (turn * Rotation.from_euler("XYZ", path.place[item.phase.rows(path.time), 3:])).apply([0.0, 0.0, 1.0])
@@ -76,7 +79,7 @@ def wedged(item: ContactItem) -> np.ndarray:
 
 
 def _noisy(place: np.ndarray, time: np.ndarray, clock: np.ndarray, sigma: float, rng) -> tuple[np.ndarray, np.ndarray]:
-    """Give a path (n, 6) on the steps as it would have been read at the samples `clock`, and its rate."""
+    """Return a path (n, 6) on the steps as read with noise at the samples `clock`, and its rate."""
     sampled = np.stack([np.interp(clock, time, p) for p in place.T], axis=1)
     calm, rate, _ = smooth(clock, sampled + sigma * rng.standard_normal(sampled.shape), PATH_HZ)
     grid = [np.stack([np.interp(time, clock, v) for v in values.T], axis=1) for values in (calm, rate)]

@@ -1,4 +1,4 @@
-"""Noise of the wrench as it reads at rest, against what a recording states: more of it is an effect of the sensor."""
+"""Noise of the wrench at rest, compared with the stated noise: an excess is an effect of the sensor."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from vispeg.worlds.world import World
 if TYPE_CHECKING:
     from vispeg.contact.items import ContactItem
 
-SPREAD = 1.6  # of a standard deviation from the median of fourth differences, over one from as many readings themselves
+SPREAD = 1.6  # standard deviation of a robust estimate from fourth differences, over that from the readings
 PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}
 
 
 def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
-    """White noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
+    """Return the white noise of each channel (6,) while the hand rests, N and N m, and its standard error."""
     begin, end = item.path.time[item.phase.rest.start], item.path.time[item.phase.rest.stop - 1]
     rest = item.path.rows[(item.path.clock >= begin) & (item.path.clock < end)]
     level = highpass_sigma(item.source.wrench[rest])
@@ -31,7 +31,7 @@ def heard(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def noise(item: ContactItem) -> np.ndarray:
-    """(6,) N, N m: as stated, or as heard where that is clearly more or nothing is stated."""
+    """Return the noise (6,) N, N m: as stated, or as measured if that is clearly larger or none is stated."""
     level, error = heard(item)
     stated = wrench_noise(item.recording.noise)
     if stated is None:
@@ -40,7 +40,10 @@ def noise(item: ContactItem) -> np.ndarray:
 
 
 def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[ContactItem]) -> tuple[EffectInstance, ...]:
-    """`wrench_noise` beside what is stated, where `world` has none and fitted and held-out recordings hear more."""
+    """Return `wrench_noise` in excess of the stated noise, if fitted and held-out recordings both show it.
+
+    It is empty if `world` has that effect.
+    """
     items = [[i for i in group if wrench_noise(i.recording.noise) is not None] for group in (fitted, held_out)]
     if not all(items) or any(e.effect == "wrench_noise" for e in world.effects):
         return ()
@@ -57,7 +60,10 @@ def louder(world: World, fitted: Sequence[ContactItem], held_out: Sequence[Conta
 
 
 def _louder(items: Sequence[ContactItem]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Which channels' halves are (6,) louder than stated by more than rounding and chance; heard, its error, stated."""
+    """Return which channels are louder than stated, (6,) bool, with measured noise, its error, stated noise.
+
+    Forces and torques are decided as halves, beyond rounding and chance.
+    """
     values = [heard(i) for i in items]
     level = np.sqrt(np.mean([s**2 for s, _ in values], axis=0))
     error = np.sqrt(np.sum([e**2 for _, e in values], axis=0)) / len(values)

@@ -1,11 +1,11 @@
-"""What sensors leave open over a whole recording, and what the residual therefore must not be read as.
+"""Sensor and kinematic errors over a whole recording, as a covariance of the residual.
 
-A sensor of forces drifts and mixes its channels; kinematics are off by a little that changes slowly over the cell. Such
-errors hang together from block to block, so no floor of single blocks can stand for them. They are linear in the
-compared wrench: the covariance of whitened residuals is `I + A A'`, a column of A each, and they are whitened once more
-by its inverse root, `I - U diag(1 - 1/sqrt(1 + s^2)) U'` with `A = U diag(s) V'`. Sources: Bayarri and others 2007, A
-framework for validation of computer models, Technometrics 49(2), for a smooth discrepancy; Rasmussen and Williams 2006,
-Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covariance.
+A force sensor drifts and mixes its channels; kinematics have small errors that change slowly over the cell. Such
+errors are correlated between blocks, so a noise floor per block cannot describe them. They are linear in the compared
+wrench: the covariance of whitened residuals is `I + A A'`, with a column of A each, and the residuals are whitened
+again by its inverse root, `I - U diag(1 - 1/sqrt(1 + s^2)) U'` with `A = U diag(s) V'`. Sources: Bayarri and others
+2007, A framework for validation of computer models, Technometrics 49(2), for a smooth discrepancy; Rasmussen and
+Williams 2006, Gaussian Processes for Machine Learning, 2.7, for linear nuisances in a covariance.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ if TYPE_CHECKING:
 
 KINDS = ("sensor", "path", "form")
 READING, PATH, FORM = range(len(KINDS))
-LEVER = 0.1  # m, of a torque against a force
-TOUCH = Thresholds().touch  # N, of contact that a place binds
-LEAST = 0.05  # score below which a direction is no nuisance
+LEVER = 0.1  # m, converts torques to forces
+TOUCH = Thresholds().touch  # N, least contact force that constrains the position
+LEAST = 0.05  # singular value below which a direction is dropped
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Directions of the whitened residual that are less sure than its floor.
+    """Directions of the whitened residual with more uncertainty than its floor.
 
     Attributes:
         basis: (n, k) orthonormal, over all blocks and channels of one item, or of several one after another.
-        less: (k,) share of the residual along each that is taken off.
-        columns: (n, j) that it was made of.
+        less: (k,) share of the residual along each that is removed.
+        columns: (n, j) columns of A.
         kinds: (j,) index of `KINDS` of each.
     """
 
@@ -87,7 +87,7 @@ class Nuisance:
 
 
 def nuisance(items: Sequence[ContactItem]) -> Nuisance:
-    """Give the covariance of items of one robot and sensor, with their floors, in the order of the residual."""
+    """Return the covariance of items of one robot and sensor, with their floors, in the order of the residual."""
     sizes = [i.measured.size for i in items]
     ends = np.cumsum([0, *sizes])
     separate, of_separate, shared, of_shared = [], [], [], []
@@ -111,7 +111,7 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
 
 
 def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """(6 m, k) of columns (m, 6)."""
+    """Return columns (m, 6) whitened block by block, (6 m, k)."""
     return np.stack([np.nan_to_num(np.where(item.valid, c / item.sigma, 0.0)).ravel() for c in columns], axis=1)
 
 
@@ -140,8 +140,10 @@ def _mixtures(item: ContactItem) -> list[np.ndarray]:
 
 
 def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 6) direction w of the measured contact wrench, and `w (w' K^-1 w)^-1`: how the hand, held to its path by
-    springs K, answers where the wrench binds it and it is off along w.
+    """Return the direction w (m, 6) of the measured contact wrench, and `w (w' K^-1 w)^-1`.
+
+    The latter is the response of the hand, held to its path by springs K, to a path error along w where contact
+    constrains it.
     """
     contact = item.phase.contact
     force = np.linalg.norm(contact[:, :3], axis=1)
@@ -152,7 +154,7 @@ def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 3) m of the flange in the base and (m, 3) its rotation vector, block by block."""
+    """Return the flange in the base block by block: position (m, 3) m and rotation vector (m, 3)."""
     path = item.path
     at = path.place[item.phase.rows(path.time), :3]
     frame = Rotation.from_quat(path.frame, scalar_first=True)
@@ -160,7 +162,7 @@ def _place(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-    """(m, k) of each item: errors of size 1 that change slowly over the poses, the same function for all items."""
+    """Return for each item (m, k) unit errors that vary slowly over the poses, as one function for all items."""
     every = np.concatenate(
         [np.concatenate([p / RULES.kinematics_far, r / RULES.kinematics_twist], axis=1) for p, r in places]
     )
@@ -172,8 +174,9 @@ def _smooth(places: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]
 
 
 def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
-    """Where the kinematics are off along each axis of the base: as the model answers, or as the measured contact does,
-    by the greater.
+    """Return the wrench due to kinematic errors along each base axis.
+
+    It is the larger of the model's response and that of the measured contact.
     """
     axes = _turn(item).inv().as_matrix()
     w, held = _bound(item)
@@ -181,7 +184,7 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
     model = np.einsum("aj,jmc->amc", start, item.answer[:3])
     measured = held[None] * (RULES.kinematics_place * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
     some = _larger(model, measured)
-    bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: it is no free motion
+    bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: false acceleration
     mass, centre = _tool(item)
     out = []
     for a in range(3):
@@ -192,15 +195,16 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
 
 
 def _turned(item: ContactItem) -> list[np.ndarray]:
-    """Give the same of the hand's turning, one error over the recording."""
+    """Return the wrench due to rotation errors of the hand, one constant error per recording."""
     w, held = _bound(item)
     measured = held[None] * (RULES.kinematics_turn * w[:, 3:]).T[:, :, None]
     return list(_larger(item.answer[3:], measured))
 
 
 def _gives(item: ContactItem) -> np.ndarray:
-    """Where a part wedges in walls that give way by as much as one contact does: work done over the net force is how
-    far it goes along that.
+    """Return the wrench of a part wedged between compliant walls that yield by as much as one contact does.
+
+    The displacement along the net force is the work done divided by that force.
     """
     w, held = _bound(item)
     force = np.maximum(np.linalg.norm(item.phase.contact[:, :3], axis=1), TOUCH)
@@ -208,12 +212,12 @@ def _gives(item: ContactItem) -> np.ndarray:
 
 
 def _larger(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(k, m, 6) in each block that of two answers which is longer."""
+    """Return in each block the longer of two responses, (k, m, 6)."""
     return np.where((np.linalg.norm(b, axis=2) > np.linalg.norm(a, axis=2))[:, :, None], b, a)
 
 
 def _late(item: ContactItem) -> np.ndarray:
-    """Give readings that are older than their time says."""
+    """Return the wrench error of readings older than their time stamps."""
     return RULES.read_late * np.gradient(item.measured, item.period, axis=0)
 
 
@@ -229,8 +233,9 @@ def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
 
 
 def _stuck(item: ContactItem) -> list[np.ndarray]:
-    """While a contact sticks: where exactly it came to stick, by its place or by the blows of the slide before. The
-    hand's springs push along the surface by as much.
+    """Return the wrench due to the uncertain sticking point of a contact: its position, or impacts of the slide.
+
+    The hand's springs push along the surface by that displacement.
     """
     phase, turn = item.phase, _turn(item)
     blows = np.linalg.norm(phase.scatter(item.path.wrench[:, :3]), axis=1)
@@ -248,7 +253,7 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
 
 
 def _chatters(item: ContactItem) -> list[np.ndarray]:
-    """Where a slide chatters, its blows push against it and up, by the same share of their size all along.
+    """Return the wrench of a chattering slide: its impacts push back and up, by a constant share of their size.
 
     In the model every slide does, however smooth it is: a convex contact parts as it slides (MuJoCo 4.0 manual,
     Computation, Contact), and a tool whose mass is off its axis then swings aside with every hop: it drags across, too.
@@ -268,7 +273,7 @@ def _chatters(item: ContactItem) -> list[np.ndarray]:
 
 
 def _slipped(item: ContactItem) -> list[np.ndarray]:
-    """From each blow on, or each press that comes near what the grip holds: by how much the part slipped in it."""
+    """Return the wrench of a part that slips in the grip, from each impact or press near the grip's limit on."""
     phase, block = item.phase, item.phase.size
     along = np.abs(item.path.wrench[: len(phase.time) * block, 2].reshape(-1, block)).max(axis=1)
     hard = along > RULES.grip_nearly * _grip(item.hand)
@@ -278,7 +283,7 @@ def _slipped(item: ContactItem) -> list[np.ndarray]:
 
 
 def _grip(scene: Scene) -> float:
-    """N, at which the held part slips; infinite where it cannot."""
+    """Return the force at which the held part slips, N; infinite if it cannot."""
     if not scene.slip:
         return np.inf
     model = compiled(scene)
@@ -293,7 +298,7 @@ def _turn(item: ContactItem) -> Rotation:
 
 
 def _at_tip(item: ContactItem, push: np.ndarray) -> np.ndarray:
-    """(m, 6) wrench at the flange of forces (m, 3) N at the tool's tip, flange axes."""
+    """Return the wrench (m, 6) at the flange of forces (m, 3) N at the tool's tip, flange axes."""
     return np.concatenate([push, np.cross([0.0, 0.0, item.source.scene.tip], push)], axis=1)
 
 

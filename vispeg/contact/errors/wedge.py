@@ -1,4 +1,4 @@
-"""How far a held part turns in a goal where it wedges, because walls give way: by what net force, nobody reads.
+"""Rotation of a wedged part in compliant walls, due to a normal force that the sensor does not measure.
 
 A rocked part bears on the mouth and, the other way, on the wall at its tip. A sensor reads the difference of the two
 forces; their sum, many times as large, shows in the couple alone: `N1 + N2 = 2 M / h`, `N1 - N2 = F` over a depth h
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def softness(scene: Scene) -> float:
-    """m/N: what one contact of the held part gives way, barely pressed: `(1 - d) w / (d k)`.
+    """Return the compliance in m/N of one contact of the held part at low force: `(1 - d) w / (d k)`.
 
     With `k = d / (d1 T z)^2` of solref (T, z) and solimp (d, d1, ..), and the inverse weight w of its body. Source:
     MuJoCo 4.0 manual, Modeling, Solver parameters.
@@ -35,7 +35,7 @@ def softness(scene: Scene) -> float:
 
 
 def wedging(item: ContactItem) -> np.ndarray:
-    """(m,) N: root of `N1^2 + N2^2` of the forces across a part that wedges; 0 where it does not."""
+    """Return root of `N1^2 + N2^2` of the forces across a wedged part, (m,) N; 0 where it does not wedge."""
     scene, contact = item.source.scene, item.phase.contact
     tip = tips(item.path, scene)[item.phase.rows(item.path.time)]
     depth, over = -tip[:, 2], np.hypot(tip[:, 0], tip[:, 1]) < 2 * scene.config.apothem

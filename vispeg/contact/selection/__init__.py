@@ -1,1 +1,1 @@
-"""The search over effects of contact: profiles, fits, what stays, and its intervals."""
+"""Search over effects of contact: screening profiles, fits, acceptance and intervals."""

@@ -1,8 +1,7 @@
 """Give near-confounded competitors the same parameters as the chosen effect before they are judged worse.
 
-A screen asks the sizes of each parameter by itself, and frees what promises something. What it freed of one effect it
-may not have freed of another that acts alike: a grip that gives way along x alone is no rival of a fixture that gives
-way along x and y.
+Screening tests the sizes of each parameter separately and frees the promising ones. It may free a parameter of one
+effect and not of a similar one: a grip compliant along x alone cannot compete with a fixture compliant along x and y.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How much of a squared residual is of form: what blocks next to one another share, and no white noise makes."""
+"""Part of a squared residual due to error of form: correlated between adjacent blocks, unlike white noise."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def form(items: Sequence[ContactItem], residual: np.ndarray) -> float:
 
 
 def _white(residual: np.ndarray, phase: Phases) -> float:
-    """Squared residual (m, 6) that white noise would make of an item, as large as its successive differences say."""
+    """Return the squared residual (m, 6) expected of white noise with an item's successive differences."""
     valid, code = phase.valid, phase.code
     next_to = valid[1:] & valid[:-1] & (code[1:] == code[:-1])
     steps = np.diff(residual, axis=0)[next_to]

@@ -1,4 +1,4 @@
-"""A soft layer on the fixture, such as a gasket or tape: no effect of the library, and yet it looks as two of them."""
+"""A soft layer on the fixture, such as a gasket or tape: not in the library, but it looks like two effects of it."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from vispeg.worlds.world import World
 
 
 def judged(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
-    """`ambiguous` in place of `identified` where a softer contact is met sooner: a layer is that on top, and where
-    walls are touched little no recording tells it from the two.
+    """Change `identified` to `ambiguous` for a softer contact with a part that is met sooner, as with a layer.
+
+    If walls are hardly touched, no recording distinguishes a layer from the two.
 
     Args:
         verdict: of the search.
         world: the corrected model.
-        n_fixed: effects that it was given.
+        n_fixed: number of effects given by the user.
     """
     if verdict.verdict != "identified":
         return verdict
@@ -31,6 +32,6 @@ def judged(verdict: Verdict, world: World, n_fixed: int) -> Verdict:
 
 
 def _higher(placed: EffectInstance) -> bool:
-    """Whether it is the pose of a part that meets its counterpart sooner by all of its interval."""
+    """Return whether it is a pose with which a part meets its counterpart sooner over the whole interval."""
     z = placed.params.get("z") if effect(placed.effect).posed else None
     return z is not None and (z.value if z.low is None else z.low) > 0.0

@@ -22,14 +22,14 @@ from vispeg.core.rules import RULES
 from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
-ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # of a half interval by derivatives, until the residual rises
-CLOSER = 2  # times that the end is then looked at from nearer, for what begins to slip rises at once
+ROUNDS = ((1.0,), (2.0,), (4.0, 8.0), (16.0, 64.0))  # multiples of a half interval, until the residual rises
+CLOSER = 2  # further evaluations near the end, as the residual may rise abruptly when slip begins
 FLAT = 1e-12
 
 
 @dataclass(frozen=True)
 class Ray:
-    """A straight way from a fit along which one coordinate goes to one side, and the others follow or stay.
+    """A ray from a fit along which one coordinate moves to one side, and the others follow or stay.
 
     Attributes:
         axis: the coordinate.
@@ -43,7 +43,7 @@ class Ray:
 
 
 class Ways:
-    """How the squared residual rises along rays from a fit.
+    """Rise of the squared residual along rays from a fit.
 
     Attributes:
         rays: where to.
@@ -59,7 +59,7 @@ class Ways:
         self.best, self.least = fit.u, 0.0
 
     def ask(self, wanted: Sequence[tuple[int, float]]) -> None:
-        """Look at shares of rays, (ray, share) each."""
+        """Evaluate shares of rays, (ray, share) each."""
         low, high = self.fit.space.bounds
         at = [np.clip(self.fit.u + share * self.rays[k].direction, low, high) for k, share in wanted]
         residuals = self.evidence.residuals([self.fit.space.at(u) for u in at])
@@ -70,7 +70,7 @@ class Ways:
                 self.best, self.least = u, rise
 
     def open(self) -> list[int]:
-        """Rays that have neither risen enough nor come to a bound."""
+        """Return the rays that have neither risen enough nor reached a bound."""
         ends = [points[-1] for points in self.points]
         return [
             k
@@ -80,7 +80,7 @@ class Ways:
 
 
 def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
-    """Give the fitted world with these intervals, and the coordinates (naxis,) with the least residual on the way."""
+    """Return the fitted world with these intervals, and the coordinates (naxis,) of the least residual found."""
     low, high = fit.space.bounds
     ways = Ways(evidence, fit)
     for shares in ROUNDS:
@@ -103,8 +103,9 @@ def intervals(evidence: ContactEvidence, fit: Fit) -> tuple[World, np.ndarray]:
 
 
 def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.ndarray) -> list[int]:
-    """Those of some coordinates that may as well be at their `null` (naxis,), the least needed first: the squared
-    residual says no otherwise where the others move along as the derivatives say, or stay.
+    """Return coordinates that may be at their `null` (naxis,), the least needed first.
+
+    The squared residual must not rise by more than chance, where the others follow by the derivatives, or stay.
     """
     low, high = fit.space.bounds
     asked, points = [], []
@@ -120,7 +121,7 @@ def absent(evidence: ContactEvidence, fit: Fit, axes: Sequence[int], null: np.nd
 
 
 def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
-    """Both ways along each coordinate, the others moving along and, as derivatives may mislead them, staying."""
+    """Return rays both ways along each coordinate; the others follow the derivatives or, on further rays, stay."""
     n = len(fit.u)
     info = fit.jacobian.T @ fit.jacobian
     size = np.sqrt(np.maximum(np.diag(info), FLAT))
@@ -140,9 +141,9 @@ def _rays(evidence: ContactEvidence, fit: Fit) -> list[Ray]:
 
 
 def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
-    """(naxis,) drop of the squared residual where each recording has its own value of a coordinate, per value more.
+    """Return the drop of the squared residual (naxis,) per extra value if each recording has its own coordinate value.
 
-    To first order; `sizes` are the recordings' parts of the residual. 0 where only one of them tells the coordinate.
+    To first order; `sizes` are the recordings' parts of the residual. 0 if only one of them determines the coordinate.
     """
     of = np.repeat(np.arange(len(sizes)), sizes)[:, None] == np.arange(len(sizes))
     unit = fit.jacobian / np.maximum(np.linalg.norm(fit.jacobian, axis=0), FLAT)
@@ -157,29 +158,29 @@ def disagreement(fit: Fit, sizes: Sequence[int]) -> np.ndarray:
 
 
 def _left(columns: np.ndarray, residual: np.ndarray) -> float:
-    """Squared residual that no sum of columns takes."""
+    """Return the squared residual that no combination of columns explains."""
     change, *_ = np.linalg.lstsq(columns, residual, rcond=1e-6)
     return float(np.sum((residual - columns @ change) ** 2))
 
 
 def _ended(fit: Fit, ray: Ray, share: float) -> bool:
-    """Whether the coordinate has come to its bound."""
+    """Return whether the coordinate has reached its bound."""
     low, high = fit.space.bounds
     at = fit.u[ray.axis] + share * ray.direction[ray.axis]
     return bool(at <= low[ray.axis] or at >= high[ray.axis])
 
 
 def _near_end(way: Sequence[tuple[float, float]], rise: float) -> list[float]:
-    """Where a way seems to come to `rise`, and halfway on to the next point, which is beyond it; none if none is."""
+    """Return where a way seems to reach `rise`, and halfway to the next point beyond; empty if there is none."""
     end = _end(way, rise)
     beyond = [share for share, _ in way if share > end]
     return [end, 0.5 * (end + beyond[0])] if beyond else []
 
 
 def _end(way: Sequence[tuple[float, float]], rise: float) -> float:
-    """Give the share at which a way last comes to `rise`; that of its end, and of a bound after it, where it does not.
+    """Return the share at which a way last reaches `rise`; otherwise that of its end, or of a bound after it.
 
-    Between points the root of the rise is taken as straight, as it is where a residual is.
+    Between points the root of the rise is interpolated linearly, which is exact for a linear residual.
     """
     within = max(k for k, (_, r) in enumerate(way) if r <= max(rise, 0.0))
     if within == len(way) - 1:

@@ -1,6 +1,7 @@
-"""Screening by profile: each effect at finite sizes and with both signs, all in one batch.
+"""Screen by profile: each effect at finite sizes and with both signs, all in one batch.
 
-No derivatives: where nothing touches they vanish, though a size that makes it touch would explain everything.
+Derivatives are not used: they vanish where nothing touches, though a size that makes contact might explain
+everything.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vispeg.robots.scene import Scene
 from vispeg.worlds.places import ALL
 from vispeg.worlds.world import World
 
-BLOWS = "impact"  # the stage of what blows tell
+BLOWS = "impact"  # the stage of effects found from impacts
 
 
 def looked_for() -> list[Effect]:
@@ -29,15 +30,16 @@ def looked_for() -> list[Effect]:
 
 
 def place_of(kind: Effect, scene: Scene) -> str:
-    """Where an effect is looked for: of several places the one that rules; "" where it has none."""
+    """Return the place at which an effect is sought, the dominant one of several; "" if it has none."""
     targets = kind.targets(scene)
     return ALL if kind.shared and targets else scene.held if scene.held in targets else (targets or [""])[0]
 
 
 def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
-    """Every (effect, place) that is not yet in the world; what blows alone tell is `vispeg.contact.again.damping`.
+    """Return every (effect, place) that is not yet in the world, except those that only impacts show.
 
-    What a force sensor makes of a wrench is left out where none was read by one.
+    For impacts see `vispeg.contact.again.damping`. Effects of a force sensor are left out if none measured the
+    wrench.
     """
     scene, read = evidence.items[0].source.scene, any(i.source.torques is None for i in evidence.items)
     out = []
@@ -51,7 +53,7 @@ def places(evidence: ContactEvidence, world: World) -> list[tuple[str, str]]:
 
 
 def tries(name: str, where: str) -> list[tuple[str, EffectInstance]]:
-    """Every parameter of an effect at every size, one parameter at a time."""
+    """Return every parameter of an effect at every size, one parameter at a time."""
     return [(k, EffectInstance.of(name, where, **{k: v})) for k, values in effect(name).sizes.items() for v in values]
 
 
@@ -111,7 +113,7 @@ def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[st
 
 
 def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
-    """Give the sizes of each parameter of an effect by their sign, the one nearest to none first."""
+    """Return the sizes of each parameter of an effect by sign, the nearest to null first."""
     ways: dict[tuple[str, bool], list[tuple[float, EffectInstance]]] = {}
     for k, placed in tries(name, where):
         size = size_of(name, k, placed)
@@ -120,7 +122,7 @@ def outward(name: str, where: str) -> list[list[tuple[str, EffectInstance]]]:
 
 
 def size_of(name: str, parameter: str, placed: EffectInstance) -> float:
-    """How far a value is from none; of a scale its logarithm."""
+    """Return the distance of a value from null; for a scale its logarithm."""
     param, value = effect(name).params[parameter], placed.params[parameter].value
     return float(np.log(value / param.null)) if param.scale == "log" else value - param.null
 
@@ -131,12 +133,12 @@ def _goes_on(t: Probe) -> bool:
 
 
 def _hopeful(gain: float, best: float) -> bool:
-    """Whether a size may turn out to be the best one of its effect."""
+    """Return whether a size may be the best one of its effect."""
     return gain >= (RULES.size_hope * best if best > 0 else best)
 
 
 def strongest(probes: Sequence[Probe]) -> list[Score]:
-    """Give the best size of each effect, best first; one that nothing excites has the gain -inf."""
+    """Return the best size of each effect, best first; an effect that nothing excites has the gain -inf."""
     out: dict[tuple[str, str], Score] = {}
     for p in probes:
         score = Score(p.placed, p.gain)
@@ -146,7 +148,7 @@ def strongest(probes: Sequence[Probe]) -> list[Score]:
 
 
 def promises(probes: Sequence[Probe]) -> dict[tuple[str, str], float]:
-    """(effect, place): what the best of its sizes promises; sizes are few, and a fit finds those between them."""
+    """Return for each (effect, place) the gain promised by its best size; a fit finds sizes between the tried ones."""
     out: dict[tuple[str, str], float] = {}
     for p in probes:
         out[p.key] = max(p.promise, out.get(p.key, -np.inf))

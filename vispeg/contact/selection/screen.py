@@ -92,7 +92,7 @@ class Screen:
 
 
 def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray:
-    """(size, k) orthonormal, of the changes whose squared length is over `least`."""
+    """Return an orthonormal basis (size, k) of the changes with a squared norm over `least`."""
     felt = [c for c in changes if c @ c > least]
     if not felt:
         return np.zeros((size, 0))
@@ -101,7 +101,7 @@ def _basis(changes: Sequence[np.ndarray], size: int, least: float) -> np.ndarray
 
 
 def _promised(base: np.ndarray, r: np.ndarray, times: float) -> float:
-    """Give the drop of the squared residual at the best size along a straight line through one; 0 where it rises."""
+    """Return the drop of the squared residual at the best size on a straight line through one; 0 if it rises."""
     change = r - base
     along = float(base @ change)
     return times * along**2 / max(float(change @ change), 1e-12) if along < 0 else 0.0

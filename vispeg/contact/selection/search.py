@@ -1,4 +1,4 @@
-"""The discovery loop over contact: profile, Gauss-Newton on the best and on their pairs, two likelihood ratios."""
+"""Contact search: profile, Gauss-Newton fits of the best effects and their pairs, two likelihood-ratio tests."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
 
-SHORT = 4  # iterations of what races beside other effects
-NONE = -1e300  # the gain of what changes nothing, as JSON can say it
+SHORT = 4  # iterations of a fit that competes with others
+NONE = -1e300  # gain of a size that changes nothing, finite for JSON
 SCENE = ("contact", "task")  # families of what stands in the cell
 
 
@@ -44,7 +44,7 @@ class ContactSearch(Search):
     """A search whose candidates are effects of contact, tool and wrench sensor."""
 
     evidence: ContactEvidence
-    runs = False  # through: what comes in by itself, in the viewer, has its intervals at once
+    runs = False  # the viewer adds effects one by one, with intervals at once
     least: Mapping[tuple[str, str], Mapping[str, float]] = {}  # of each effect's parameters the size that shows
     n_fixed: int | None = None  # effects of a world that were given with it: all, until a search starts
 
@@ -59,11 +59,11 @@ class ContactSearch(Search):
         return {}
 
     def missing(self, world: World) -> list[MissingTorque]:
-        """No torque of a joint is looked at."""
+        """Return nothing: joint torques are not used."""
         return []
 
     def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
-        """Drop of the squared residual that `count` parameters of an effect which is not there hardly ever reach.
+        """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach.
 
         Errors hang together over some blocks, a worse model leaves more of them, and the best of the library is taken
         (Bonferroni). Source: the likelihood ratio's law, Wilks 1938, Annals of Mathematical Statistics 9(1).
@@ -84,9 +84,9 @@ class ContactSearch(Search):
         return self.need(min(1.0, float(np.mean(residual**2))))
 
     def beyond(self, cost: float, quantile: float) -> float:
-        """Drop of the squared residual beyond a quantile of chi squared, where a fit leaves `cost` variances of floors.
+        """Return the drop beyond a chi-squared quantile, if a fit leaves `cost` variances of floors.
 
-        Never less than contacts that come and go make.
+        It is at least the roughness of contacts that begin and end.
         """
         return max(
             self.evidence.correlated * self.evidence.variance(cost) * quantile, RULES.chatter * self.evidence.rough
@@ -236,13 +236,13 @@ class ContactSearch(Search):
         return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
 
     def held_form(self, world: World) -> float:
-        """See `vispeg.contact.selection.form.form`, of the held-out recordings."""
+        """See `vispeg.contact.selection.form.form`, for the held-out recordings."""
         judged = self.judge.evidence
         assert isinstance(judged, ContactEvidence)
         return form(judged.items, judged.residuals([world])[0])
 
     def confirms(self, cost: float = 1.0) -> float:
-        """Drop of the held-out squared residual that an effect which is not there reaches once in 100 times."""
+        """Return the drop of the held-out squared residual that an absent effect reaches once in 100 times."""
         return self.beyond(cost, float(stats.chi2.isf(2 * RULES.contact_level, 1)))
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:

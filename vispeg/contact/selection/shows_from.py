@@ -1,4 +1,4 @@
-"""From which size on each effect shows in the fitted recordings and, at that size, in the held-out ones."""
+"""Minimum detectable size of each effect in the fitted recordings and, at that size, in the held-out ones."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], di
 
 
 def within(name: str, parameter: str, size: float) -> float:
-    """Give a size, or infinity where the parameter's range ends before it."""
+    """Return a size, or infinity if it is beyond the parameter's range."""
     param = effect(name).params[parameter]
     if param.scale == "log":
         return size if size <= max(param.high / param.null, param.null / param.low) else np.inf
@@ -92,12 +92,12 @@ def within(name: str, parameter: str, size: float) -> float:
 
 
 def value(name: str, parameter: str, size: float) -> float:
-    """Give the value of an effect's parameter that is `size` from none, as `shown_from` says it."""
+    """Return the value of an effect's parameter at distance `size` from null, as in `shown_from`."""
     param = effect(name).params[parameter]
     return float(np.clip(param.null * size if param.scale == "log" else param.null + size, param.low, param.high))
 
 
 def further(name: str, parameter: str, size: float, times: float) -> float:
-    """Give a size so many times as far from none; infinite where the parameter's range ends before it."""
+    """Return a size `times` as far from null; infinite beyond the parameter's range."""
     log = effect(name).params[parameter].scale == "log"
     return within(name, parameter, float(size**times if log else size * times))

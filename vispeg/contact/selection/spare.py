@@ -1,4 +1,4 @@
-"""Which effects of contact the others can do without, and which may as well not be there."""
+"""Removal of contact effects that the others make superfluous, or that may be absent."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> No
 
 
 def includes_none(placed: EffectInstance) -> bool:
-    """Whether the interval of every magnitude that was fitted holds the value at which the effect is not there.
+    """Return whether the interval of every fitted magnitude includes null.
 
     For a pose, the interval includes the arm's repeatability.
     """
@@ -71,7 +71,7 @@ def includes_none(placed: EffectInstance) -> bool:
 
 
 def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[str, float]]) -> bool:
-    """Whether every magnitude that shows at some size (`vispeg.contact.selection.shows_from`) is under that size."""
+    """Return whether every magnitude with a detectable size (`vispeg.contact.selection.shows_from`) is below it."""
     kind, sizes = effect(placed.effect), least.get((placed.effect, placed.where), {})
     under = []
     for k in kind.magnitudes:

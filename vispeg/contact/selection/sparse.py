@@ -1,4 +1,4 @@
-"""A fit without the parameters that may as well be absent: a fixture that gives way in x alone has no pitch."""
+"""Fit without parameters that may be absent: e.g. a fixture compliant in x alone needs no pitch compliance."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _idle(evidence: ContactEvidence, fit: Fit, n_fixed: int) -> list[int]:
 
 
 def _without(evidence: ContactEvidence, fit: Fit, gone: Sequence[int]) -> World:
-    """Give the fit's world with some of its coordinates at null, where they stay."""
+    """Return the fit's world with some of its coordinates fixed at null."""
     effects = list(fit.world.effects)
     for a in (fit.space.axes[i] for i in gone):
         effects[a.index] = effects[a.index].with_values(**{a.name: a.param.null})
