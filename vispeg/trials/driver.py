@@ -1,7 +1,7 @@
-"""What the run loop needs of a robot: four calls. A class of your own with these is a driver.
+"""The interface of a robot to the run loop: four methods. Any class of your own with these is a driver.
 
-The robot holds a commanded flange pose by itself, with the law and gains that the policy was trained with
-(`interface.controller`), and goes on doing so between calls.
+The robot itself holds the commanded flange pose, also between calls, with the control law and gains that the policy was
+trained with (`interface.controller`).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from vispeg.recordings.cell import WrenchSensor
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What the robot measures at one moment.
+    """The robot's measurements at one moment.
 
     Attributes:
-        time: s, on the robot's own clock, which need not be ours.
+        time: s, on the robot's own clock, which may differ from the host's.
         q, dq: (nj,) rad, rad/s.
-        wrench: (6,) N and N m, as `Connected.wrench` says that it is to be read; None of a robot that measures none.
-        pictures: of the cameras that were asked for, by name.
+        wrench: (6,) N and N m, in the convention of `Connected.wrench`; None if the robot measures none.
+        pictures: camera name -> picture, for the requested cameras.
     """
 
     time: float
@@ -37,13 +37,13 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Connected:
-    """What a driver says of its robot as an episode begins.
+    """What a driver states about its robot when an episode begins.
 
     Attributes:
-        wrench: how the wrench is to be read; by default what the tool puts on the flange, in the flange's axes, raw.
-            None: the robot measures none, so that no limit of force can act and no policy that is told it can run.
-        start: what is known of the episode's start beside the joints: `goal_m`, `believed_m`, `effects`, as trial.yaml
-            has them.
+        wrench: convention of the wrench; by default of the tool on the flange, in flange axes, raw. None if the robot
+            measures none: then no force limit can act, and policies that observe the wrench cannot run.
+        start: what is known about the episode's start besides the joints: `goal_m`, `believed_m`, `effects`, as in
+            trial.yaml.
         world: name and hash of a simulated robot's world.
     """
 
@@ -56,13 +56,13 @@ class Driver(Protocol):
     """A robot."""
 
     def connect(self, interface: Interface, seed: int) -> Connected | None:
-        """Note that an episode begins: the robot holds the pose that it is in. `seed` numbers the episodes."""
+        """Begin an episode: the robot holds its current pose. `seed` is the episode's number."""
         ...
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """Give the newest reading, with pictures of these cameras. Called once a control period: returns at once.
+        """Return the newest reading, with pictures of these cameras. Called once per control period; must not block.
 
-        Raises EOFError where there will be no more, as at the end of a log: the episode has taken its time.
+        Raises EOFError if no more readings will come, as at the end of a log; the episode then ends as a timeout.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Episodes of an environment, each kept as a trial."""
+"""Record the episodes of an environment as trials."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from vispeg.worlds.model_file import without_origin
 
 
 class Kept:
-    """An environment whose episodes become folders.
+    """An environment whose episodes are written to folders.
 
     Args:
-        env: that is stepped; `vec`, or what wraps it.
+        env: the environment to step: `vec`, or a wrapper of it.
         vec: the environment itself, without autoreset.
         who: the policy.
-        folder: of the trials.
-        stem: what their names begin with, before the seed.
-        seeds: whose episodes are kept.
-        world, world_hash: under which they stand.
+        folder: folder of the trials.
+        stem: prefix of their names, before the seed.
+        seeds: seeds of the episodes to record.
+        world, world_hash: name and hash of the world, written to each trial.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Kept:
         self._starts: dict[int, StartPart] = {}
 
     def reset(self, *, seed: Any = None, options: Mapping[str, Any] | None = None) -> Any:
-        """As the environment's; the rows that begin are kept from there on."""
+        """Reset the environment, and begin to record the rows that are reset."""
         result = self.env.reset(seed=seed, options=options)
         self._seen, sim = result[0], self.vec.sim
         rows = np.flatnonzero((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
@@ -75,7 +75,7 @@ class Kept:
         return result
 
     def step(self, actions: np.ndarray) -> Any:
-        """As the environment's; episodes that end are written."""
+        """Step the environment, and write the episodes that end."""
         sim, acting = self.vec.sim, True
 
         def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:

@@ -1,8 +1,8 @@
-"""The driver of an arm that LeRobot knows: `--robot lerobot:TYPE`, or `lerobot:TYPE:FILE.yaml` (docs/run.md).
+"""The driver for arms supported by LeRobot: `--robot lerobot:TYPE`, or `lerobot:TYPE:FILE.yaml` (docs/run.md).
 
-LeRobot's `Robot` says where the joints stand and what cameras see, and takes joint angles: no time, no velocities, no
-wrench. So a reading is stamped when it comes, velocities are the slope of the last angles, and the flange pose that the
-policy asks for becomes joint angles here. Nothing is sent before the policy's first command.
+LeRobot's `Robot` returns joint positions and camera pictures and accepts joint angles; it has no time stamps,
+velocities or wrench. So readings are stamped on arrival, velocities are the slope of the last angles, and the flange
+pose that the policy commands is converted to joint angles here. Nothing is sent before the policy's first command.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from vispeg.render.image_kinds import RGB, camera_of, kind_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.joint_goals import JointGoals
 
-WAIT = 5.0  # s for an answer: a bus of motors and a camera take some hundredths
-LEAVE = 5.0  # s in which it may take leave of the arm
-BLIND = 0.5  # s without a picture: cameras are slower than joints
-FRAMES = 30.0  # pictures a second that are asked for: as many as most cameras take
-SILENCE = 0.25  # s without a reading, as long as the run loop waits for joints
-POSITION = ".pos"  # behind a motor's name, of its position
+WAIT = 5.0  # s, timeout of an answer: a motor bus and a camera take some hundredths of a second
+LEAVE = 5.0  # s, timeout for disconnecting from the arm
+BLIND = 0.5  # s, longest time without a picture: cameras are slower than joints
+FRAMES = 30.0  # Hz, rate at which pictures are requested: that of most cameras
+SILENCE = 0.25  # s, longest time without a reading, as in the run loop
+POSITION = ".pos"  # suffix of a motor's name for its position
 
 Name = Annotated[str, Field(min_length=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -69,7 +69,7 @@ class MotorPart(_Part):
 
     @property
     def line(self) -> tuple[float, float]:
-        """Give `a`, `b` of the angle `a x + b` rad at the motor's position x."""
+        """Return `a`, `b` of the joint angle `a x + b` rad at motor position x."""
         if self.range_rad is not None:
             low, high = self.range_rad
             return (high - low) / 200.0, (high + low) / 2.0
@@ -96,14 +96,14 @@ class CameraPart(_Part):
 
 
 class Wiring(_Part):
-    """What a `lerobot:TYPE:FILE.yaml` says; without a file all defaults.
+    """Content of the file in `lerobot:TYPE:FILE.yaml`; all defaults without a file.
 
     Attributes:
         config: fields of LeRobot's configuration of this type of robot, such as `port`, `id`, `cameras`.
         joints: of the arm, by the model's names.
         cameras: by the policy's names.
-        rate_hz: how often the arm is read and commanded, at most; None for the policy's control rate.
-        velocity_window_s: over which the slope of the angles is their velocity.
+        rate_hz: highest rate at which the arm is read and commanded, Hz; None for the policy's control rate.
+        velocity_window_s: window over which velocities are estimated as the slope of the angles, s.
     """
 
     config: dict[str, Any] = {}
@@ -121,14 +121,14 @@ def read_wiring(file: str | Path) -> Wiring:
 
 
 class Motors:
-    """Joint angles as the numbers of a robot's motors, and back.
+    """Conversion between joint angles and the motor values of a robot.
 
     Args:
-        wiring: which motor is which joint's, and in which unit.
-        joints: of the arm.
-        state: names of the numbers that the robot says.
-        action: names of those that it takes.
-        file: of the wiring, for errors.
+        wiring: motor and unit of each joint.
+        joints: joint names of the arm.
+        state: names of the values that the robot reports.
+        action: names of the values that it accepts.
+        file: file of the wiring, for errors.
 
     Raises:
         UserError: a joint or motor that is not there, or two joints of one motor.
@@ -157,11 +157,11 @@ class Motors:
         self.unknown = [name for name in action if name not in state]
 
     def angles(self, state: np.ndarray) -> np.ndarray:
-        """Give the joints' angles (nj,) rad of what the robot says."""
+        """Convert the robot's reported values to joint angles (nj,) rad."""
         return self.slope * state[self.read] + self.zero
 
     def action(self, q: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Give what to send for angles (nj,) rad; motors that are no joint's stay where the state `before` has them."""
+        """Convert angles (nj,) rad to values to send; motors of no joint keep their value in the state `before`."""
         out = np.zeros(len(self.others))
         for i, at in self.others:
             out[i] = before[at]
@@ -170,10 +170,10 @@ class Motors:
 
 
 class Slope:
-    """Velocities of joints whose angles alone are measured: the slope of a line through the last of them.
+    """Estimates joint velocities from angles alone, as the slope of a line through the latest ones.
 
-    Steps of an encoder, 1.5 mrad of an STS3215, over 5 ms would be .3 rad/s; over a window T of n readings their spread
-    is that of a step times sqrt(12 / n) / T. It is late by half the window.
+    A single encoder step, 1.5 mrad for an STS3215, over 5 ms would be 0.3 rad/s; over a window T with n readings the
+    standard deviation is that of one step's rounding times sqrt(12 / n) / T. The delay is half the window.
 
     Args:
         window: s.
@@ -183,7 +183,7 @@ class Slope:
         self.window, self._past = window, deque[tuple[float, np.ndarray]]()
 
     def add(self, time: float, q: np.ndarray) -> np.ndarray:
-        """Note angles (nj,) rad at a moment, s; return their velocities, rad/s."""
+        """Add angles (nj,) rad at a time, s; return the velocities, rad/s."""
         self._past.append((time, q))
         while time - self._past[0][0] > self.window + 1e-9:
             self._past.popleft()
@@ -256,7 +256,7 @@ class LeRobotRobot:
         return out
 
     def _go(self) -> None:
-        """Read and command the arm until it is over."""
+        """Read and command the arm until the run ends."""
         period = 1.0 / self.wiring.rate_hz if self.wiring.rate_hz else self._interface.controller.period_s
         due = before = time.monotonic()
         while not self._over.is_set():
@@ -268,9 +268,9 @@ class LeRobotRobot:
             before = now
             try:
                 self._tick(now, action)
-            except UserError as error:  # a packet that a bus lost is no reason to stop yet
+            except UserError as error:  # a single lost packet is no reason to stop
                 self._why = str(error)
-            except TimeoutError as error:  # an answer that comes now would be taken for the next one
+            except TimeoutError as error:  # a late answer would be taken for the next one
                 self._why = str(error)
                 return
 
@@ -281,7 +281,7 @@ class LeRobotRobot:
         return self._motors.action(self._goals.towards(self._pose, min(dt, SILENCE)), self._state)
 
     def _tick(self, now: float, action: np.ndarray | None) -> None:
-        """Send, and read."""
+        """Send the action, if any, and read the state."""
         look = bool(self._eyes) and now - self._seen[0] >= 1.0 / FRAMES
         asked: dict[str, Any] = {} if action is None else {"action": action}
         told = self._link.ask(asked | ({"look": 1} if look else {}), WAIT)
@@ -304,7 +304,7 @@ class LeRobotRobot:
         return Picture(np.ascontiguousarray(image), None, camera)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """See Driver. Raises TimeoutError: nothing came for a while, and why."""
+        """See Driver. Raises TimeoutError: no reading for too long; the error gives the reason."""
         newest, (at, pictures) = self._newest, self._seen
         assert newest is not None
         now = time.monotonic()
@@ -323,14 +323,14 @@ class LeRobotRobot:
             self._pose = np.array(pose, float)
 
     def stop(self) -> None:
-        """See Driver: holds the angles that the arm is in, where it was commanded at all."""
+        """See Driver: holds the current angles if the arm was ever commanded."""
         with self._lock:
             if self._goals is not None and self._newest is not None:
                 self._goals = JointGoals(self._interface, self._newest.q)
                 self._pose = self._interface.flange(self._newest.q)
 
     def close(self) -> None:
-        """Take leave of the arm."""
+        """Disconnect from the arm."""
         self._over.set()
         if self._thread is not None:
             self._thread.join(WAIT)

@@ -1,4 +1,4 @@
-"""What stops the arm: joints, speed, force and workspace, looked at in every control period."""
+"""Safety limits that stop the arm: joints, speed, force and workspace, checked in every control period."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from vispeg.interface.observer import Observer
 
 JOINT, VELOCITY, SPEED = "joint limit", "joint velocity", "speed limit"
 FORCE, WORKSPACE, WATCHDOG, STOPPED = "force limit", "workspace", "watchdog", "stopped"
-ABOVE, BELOW = 0.30, 0.02  # m: room above the goal, and below where the task wants the tip
-SPEED_MS = 0.25  # m/s: the reduced speed of ISO 10218-1, at which a person may stand beside an arm
+ABOVE, BELOW = 0.30, 0.02  # m: height of the workspace above the goal, and its depth below the tip's target
+SPEED_MS = 0.25  # m/s: reduced speed of ISO 10218-1, for a person next to the arm
 REACH = 0.15  # m: twice the farthest that episodes begin, and that goals are moved, to the side in the built-in worlds
 
 
@@ -22,10 +22,10 @@ class Limits:
     """Safety limits of a run, beyond which the arm stops.
 
     Attributes:
-        force: force on the wrist, the tool's weight off, at which the arm stops, N; default: the task's.
+        force: force on the wrist, minus the tool's weight, at which the arm stops, N; default: the task's.
         speed: speed of the tip at which the arm stops, m/s.
-        reach: distance of the tip from the goal, to the side, at which the arm stops, m.
-        no_force_limit: run a robot that measures no force, on which no limit of force can act.
+        reach: horizontal distance of the tip from the goal at which the arm stops, m.
+        no_force_limit: run a robot that measures no force, where no force limit can act.
     """
 
     force: float | None = None
@@ -42,7 +42,7 @@ class Limits:
             raise UserError("contradict each other", key="--force, --no-force-limit", expected="one of them")
 
     def fit(self, interface: Interface, felt: bool) -> None:
-        """Raise UserError where a robot that measures forces, or none (not `felt`), cannot be run within these."""
+        """Raise UserError if these limits cannot protect the robot; `felt` tells whether it measures forces."""
         if felt and self.no_force_limit:
             raise UserError("is for robots that measure no force", key="--no-force-limit", expected="--force")
         if not felt and interface.feels:
@@ -53,8 +53,8 @@ class Limits:
             raise UserError(what, key="--robot", expected="--no-force-limit, where that is safe")
 
     def shares(self, interface: Interface, seen: Observer, force: float | None) -> dict[str, float]:
-        """Give how much of each limit is used by the arm as it is seen now, with this force (N) on the wrist if it is
-        measured: 1 at the limit, the first beyond it is why the arm stops.
+        """Return each limit's used share in the current state, with this force (N) on the wrist if measured. It is 1
+        at the limit; the first limit above 1 is the reason to stop.
         """
         arm, (q, dq) = interface.arm, seen.measured
         low, high = np.array(arm.low_rad), np.array(arm.high_rad)
@@ -71,13 +71,13 @@ class Limits:
         return {name: max(0.0, float(share)) for name, share in out.items()}
 
     def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
-        """Give the limit that the arm is beyond as it is seen now, see `shares`; or None."""
+        """Return the limit that the arm exceeds in the current state, see `shares`; None if none."""
         if not all(np.isfinite(x).all() for x in (*seen.measured, force or 0.0)):
             return WATCHDOG
         return next((name for name, share in self.shares(interface, seen, force).items() if share > 1), None)
 
     def inside(self, interface: Interface, seen: Observer, tip: np.ndarray) -> bool:
-        """Whether a tip (3,) m is where it may be: a cylinder over the goal as it is believed."""
+        """Test whether a tip (3,) m is within the workspace: a cylinder above the believed goal."""
         return self._workspace(interface, seen, tip) <= 1
 
     def _workspace(self, interface: Interface, seen: Observer, tip: np.ndarray) -> float:

@@ -1,6 +1,6 @@
-"""A run as it goes on, for others to see: a file in the folder of its trials, and one by which they stop it.
+"""Publish a running run to other processes: a status file in the folder of its trials, and a file that stops it.
 
-The loop hands over what it has and goes on; a thread writes the newest of it. `TRIALS/.live` is gone when the run is.
+The loop hands over its state without waiting; a thread writes the newest one. `TRIALS/.live` is removed after the run.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from vispeg.render.image_kinds import grey_depth
 from vispeg.trials.loop import Step
 
 FOLDER, STATE, STOP = ".live", "state.json", "stop-"
-WIDEST = 320  # px of a picture: more is thinned out
-QUALITY = 80  # of its JPEG
-LOOKS = 0.02  # s between looks for who wants it stopped
-RECENT = 5.0  # s within which a run on another machine has written something, if it is there
+WIDEST = 320  # px: wider pictures are subsampled
+QUALITY = 80  # JPEG quality
+LOOKS = 0.02  # s between checks for a request to stop
+RECENT = 5.0  # s since its last write within which a run on another machine counts as alive
 ID = r"^[0-9a-f]{16}-[0-9]+$"
 
 Numbers = list[Annotated[float, Field(allow_inf_nan=False)]]
 
 
 class State(BaseModel):
-    """Where a run stands.
+    """State of a run.
 
     Attributes:
-        id: of the episode.
-        pid, host: of its process.
-        at: when this was written, s since 1970.
-        policy, robot: who runs, and on what.
+        id: id of the episode.
+        pid, host: process id and host of the run.
+        at: time of writing, s since 1970.
+        policy, robot: names of the policy and the robot.
         trial: folder of the episode; the `episode`-th of `episodes`.
         phase: `rest` before the policy acts, `acts`, or `over`.
-        outcomes: of the run's episodes that are over.
+        outcomes: outcomes of the run's finished episodes.
         step, of, late_s, missed, tip_m, force_n, pose, target, wrench, shares: as in `vispeg.trials.loop.Step`.
         pictures: by camera, JPEG in base64.
     """
@@ -80,7 +80,7 @@ class State(BaseModel):
 
     @property
     def running(self) -> bool:
-        """Whether its process is there."""
+        """Whether the process of the run is alive."""
         if self.host != socket.gethostname():
             return time.time() - self.at < RECENT
         try:
@@ -93,12 +93,12 @@ class State(BaseModel):
 
 
 class Live:
-    """A run that others may see; to be used with `with`.
+    """Publishes a run to other processes; a context manager.
 
     Args:
         place: folder of the trials.
-        policy, robot: who runs, and on what.
-        episodes: of the run.
+        policy, robot: names of the policy and the robot.
+        episodes: number of episodes of the run.
     """
 
     def __init__(self, place: Path, policy: str, robot: str, episodes: int):
@@ -124,25 +124,25 @@ class Live:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def begin(self, trial: str, episode: int) -> None:
-        """Note that an episode begins, the `episode`-th, which will be called `trial`."""
+        """Publish that the `episode`-th episode begins; its trial will be named `trial`."""
         self._said |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
         with self._coming:
             self._stop, self._asked = self._folder / f"{STOP}{self._said['id']}", False
         self._tell({**self._said, "phase": "rest"}, {})
 
     def step(self, step: Step) -> None:
-        """Note a step."""
+        """Publish a step."""
         told = {"step": step.number, "of": step.of, "late_s": step.late, "missed": step.missed, "tip_m": step.tip}
         told |= {"force_n": step.force, "pose": step.pose, "target": step.target, "wrench": step.wrench}
         self._tell({**self._said, **told, "phase": "acts", "shares": step.shares}, step.pictures)
 
     def end(self, outcome: str) -> None:
-        """Note how an episode ended."""
+        """Publish how an episode ended."""
         self._said["outcomes"] = [*self._said["outcomes"], outcome]
         self._tell({**self._said, "phase": "over"}, {})
 
     def stopped(self) -> bool:
-        """Whether somebody asked for the end of this episode."""
+        """Whether another process has requested the end of this episode."""
         return self._asked
 
     def _tell(self, said: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
@@ -169,7 +169,7 @@ class Live:
 
 
 def encoded(picture: Picture) -> str:
-    """Give a picture as JPEG in base64: its colours, else its depth in grey."""
+    """Encode a picture as JPEG in base64: its colour, else its depth in grey."""
     import cv2
 
     whole = picture.rgb if picture.rgb is not None else grey_depth(np.asarray(picture.depth))
@@ -180,12 +180,12 @@ def encoded(picture: Picture) -> str:
 
 
 def is_live(place: Path) -> bool:
-    """Whether a run has left word in a folder of trials."""
+    """Test whether a folder of trials has a run's status file."""
     return (place / FOLDER / STATE).is_file()
 
 
 def read_live(place: Path) -> State | None:
-    """Give where the run in a folder of trials stands; None without any. Raises UserError: a file that is none."""
+    """Read the state of the run in a folder of trials; None without a run. Raises UserError: an invalid file."""
     file = place / FOLDER / STATE
     if not is_live(place):
         return None
@@ -199,10 +199,10 @@ def read_live(place: Path) -> State | None:
 
 
 def ask_stop(place: Path, episode: str) -> None:
-    """Ask the run in a folder of trials to end the episode with this id, as its stopping key does.
+    """Request the run in a folder of trials to end the episode with this id, as its stop key does.
 
     Raises:
-        UserError: no run, or another episode.
+        UserError: no run, or it is in another episode.
     """
     state = read_live(place)
     if state is None:

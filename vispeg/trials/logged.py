@@ -1,8 +1,8 @@
-"""A robot that only plays a log again: `--robot log:FOLDER`, a recording by `vispeg convert` or a LeRobot folder.
+"""A robot that replays a log: `--robot log:FOLDER`, a recording made by `vispeg convert` or a LeRobot folder.
 
-What was measured comes back moment by moment, between samples along a straight line, on a clock of its own that waits
-for nobody; what a policy asks for moves nothing. So a run of the policy that another program recorded becomes a trial.
-Where the log says what was commanded, a note says how far the policy asks for something else.
+Measurements are replayed on the log's clock, interpolated linearly between samples; the policy's commands have no
+effect. So a policy's run that another program recorded becomes a trial. If the log has commands, a note states how far
+the policy's commands differ from them.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.limits import Limits
 from vispeg.trials.loop import Clock, How
 
-CUTOFF_HZ = 15.0  # of velocities that are taken from angles, as where torques are
-OTHER = 2e-3  # m: ten times what an arm repeats to; a policy that asks for so much else is not the one that ran
+CUTOFF_HZ = 15.0  # bandwidth of velocities computed from angles
+OTHER = 2e-3  # m, ten times an arm's repeatability: with larger differences, another policy produced the log
 INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
-TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # as such a folder has them
+TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # convention in LeRobot folders
 
 
 @dataclass(frozen=True)
 class Unlimited(Limits):
-    """What has been recorded cannot be stopped."""
+    """No limits: a replay cannot be stopped."""
 
     def fit(self, interface: Interface, felt: bool) -> None:
-        """Raise UserError where the policy is told forces that the log has not."""
+        """Raise UserError if the policy observes forces and the log has none."""
         Limits(no_force_limit=not felt).fit(interface, felt)
 
     def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
@@ -57,15 +57,15 @@ class Unlimited(Limits):
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """What was measured in one episode.
+    """The measurements of one episode.
 
     Attributes:
-        name: for people.
+        name: name shown to the user.
         time: (n,) s from its first sample.
         q, dq: (n, nj) rad, rad/s.
-        wrench: (n, 6) N and N m, or None; `sensor` says how it is to be read.
-        pictures: of each camera: times (n,) s, and what reads each.
-        asked: (n, 3) m, the commanded place of the flange, or None.
+        wrench: (n, 6) N and N m, or None; `sensor` states its convention.
+        pictures: camera name -> times (n,) s and the functions that read each picture.
+        asked: (n, 3) m, the commanded flange position, or None.
         outcome: how it ended, or None.
     """
 
