@@ -1,4 +1,4 @@
-"""What changed between two states of one robot: empty and loaded, before and after a repair.
+"""Find what changed between two states of one robot: empty and loaded, before and after a repair.
 
 The effects of the arm are found in the baseline's recordings alone, and stay fixed. The effects of the change are
 found in the other recordings, added to those of the arm.

@@ -1,4 +1,4 @@
-"""Whether a robot has changed since its model was identified: the named effects, refitted to each recording.
+"""Test whether a robot has changed since identification: refit its named effects to each recording.
 
 Each value is tested by z = (now - then) / sqrt(s_now^2 + s_then^2), where s is the width of the 95 % interval over
 3.92, with Holm's procedure over all values and recordings. If the mean squared whitened residual of a recording is

@@ -1,4 +1,4 @@
-"""What diagnosis.json holds, as types: docs/formats.md says what the values mean."""
+"""Types of diagnosis.json; docs/formats.md describes the values."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Channel(TypedDict):
 
 
 class Candidate(Place):
-    """What else was tried, and why it was refused."""
+    """A rejected candidate and the reason."""
 
     tried_beside: NotRequired[list[Place]]
     heldout_gain: float
@@ -117,7 +117,7 @@ class Recordings(TypedDict):
 
 
 class NextMotion(TypedDict):
-    """What to record next: a motion that is written beside the record, or one in words, with how a person does it."""
+    """Next recording: a motion written beside the record, or one described in words with instructions for a person."""
 
     motion: str
     why: str
@@ -152,7 +152,7 @@ class ShowsFrom(Place):
 
 
 class Summary(TypedDict):
-    """What every diagnosis says, and what a change says of its baseline."""
+    """Fields common to every diagnosis, and to the baseline of a change."""
 
     verdict: str
     reason: str
@@ -235,7 +235,7 @@ class ProposalRecord(TypedDict):
 
 
 class ChannelRecord(TypedDict):
-    """What one channel of several said: its name, the other channels' effects that it was given, and its own record."""
+    """Result of one of several channels: its name, effects given by the other channels, and its own record."""
 
     channel: str
     given: list[Place]

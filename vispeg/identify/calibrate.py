@@ -61,7 +61,7 @@ def calibrate(
     say: Callable[[str], None] | None = None,
     evaluate: Submit | None = None,
 ) -> Calibration:
-    """Fits the effects at `free` (indices into `world.effects`); the rest of the world stays.
+    """Fit the effects at `free` (indices into `world.effects`); the rest of the world stays.
 
     Args:
         evidence: of the fitted recordings.

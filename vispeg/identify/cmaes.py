@@ -20,9 +20,10 @@ def minimise(
     rng: np.random.Generator,
     trace: Trace | None = None,
 ) -> np.ndarray:
-    """Give the best point found (Hansen's `cma`; N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772).
+    """Return the best point found, by Hansen's `cma`.
 
     Populations whose costs are in the trace are drawn again but not evaluated, which restores the search's state.
+    Source: N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772.
 
     Args:
         costs: of a whole population of points (n,), finite.

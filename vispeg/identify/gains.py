@@ -23,7 +23,7 @@ def servo(robot: RobotModel, centre: np.ndarray, rate_hz: float) -> tuple[np.nda
 
     The iiwa14 has a table; others get a natural frequency of `STIFFNESS` at their apparent inertia J about `centre`.
     Damping stays under 0.3 J rate, far from the limit 2 J rate of a held command, and under the stable damping in
-    postures around `centre` (`bearable`); stiffness is then limited to keep the damping ratio.
+    postures around `centre` (`bearable`); stiffness is limited to a damping ratio of 0.5 or more.
     """
     inertia = 1.0 / np.diagonal(_mobility(robot, centre[None])[0])
     if robot.name == "iiwa14" and len(inertia) == len(IIWA_KP):

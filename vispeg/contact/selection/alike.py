@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def alike(name: str, other: str) -> bool:
-    """Whether a motion is needed to tell two kinds of effect apart."""
+    """Return whether a motion is needed to distinguish two kinds of effect."""
     return name in effect(other).told_from or other in effect(name).told_from
 
 

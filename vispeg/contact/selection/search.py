@@ -50,7 +50,7 @@ class ContactSearch(Search):
 
     @property
     def few(self) -> int:
-        """Any number: linear algebra judges no exchange here."""
+        """Any number: the linear model judges no exchange here."""
         return 99
 
     @cached_property
@@ -99,9 +99,9 @@ class ContactSearch(Search):
         return len(state.world.effects) - n_fixed < self.evidence.most_effects
 
     def start(self, world: World, n_fixed: int | None = None) -> State:
-        """As for joints; effects after the first `n_fixed` are refitted in screening.
+        """Return the state at the start, as for joints; effects after the first `n_fixed` are refitted in screening.
 
-        What these were not fitted in before stays out.
+        Parameters that these effects were not fitted with before stay at null.
         """
         self.n_fixed = len(world.effects) if n_fixed is None else n_fixed
         for e in world.effects[self.n_fixed :]:
@@ -163,7 +163,7 @@ class ContactSearch(Search):
         return [self.lately[w.label] for w in worlds]
 
     def step(self, state: State, n_fixed: int) -> list[Trial]:
-        """Profiles the library, fits the best and, where none of them reaches the floor, their pairs."""
+        """Screen the library, fit the best effects and, if none of them reaches the floor, their pairs."""
         scores, tested = self.scored(state), self.tested(state)
         promise = promises(self.probed(state.world, places(self.evidence, state.world)))
         scores = sorted(scores, key=lambda s: -max(s.gain, promise[s.key]))
@@ -207,11 +207,11 @@ class ContactSearch(Search):
         return state.screening
 
     def tested(self, state: State) -> int:
-        """Every effect that is not in the world yet."""
+        """Return the number of effects that are not in the world yet."""
         return len(places(self.evidence, state.world))
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add what a trial tried, fitted to its end, without the parameters that may as well be absent."""
+        """Add the effects of a trial, fitted to convergence, without the parameters that may be absent."""
         state.steps.append((trial.bare, [t.bare for t in trials]))
         self.lately = {}
         fit = trial.fit
@@ -224,14 +224,17 @@ class ContactSearch(Search):
             self.bound(state, n_fixed)
 
     def shows(self, state: State, trial: Trial) -> bool:
-        """Whether a trial lowers the squared residual by more than chance; where contacts stick derivatives vanish."""
+        """Return whether a trial lowers the squared residual by more than chance.
+
+        Derivatives are not used, as they vanish where contacts stick.
+        """
         drop = float(state.residual @ state.residual - trial.fit.residual @ trial.fit.residual)
         count = len([a for a in trial.fit.space.axes if a.index >= len(trial.fit.world.effects) - trial.score.count])
         more = form(self.evidence.items, state.residual) if state.fit is not None else 0.0
         return drop > max(self.need(trial.fit.cost, count), more)
 
     def holds(self, state: State, trial: Trial) -> bool:
-        """Return the gain on the held-out recordings, to which nothing is fitted, for one effect."""
+        """Return whether the gain of one effect shows in the held-out recordings, to which nothing is fitted."""
         more = self.held_form(state.world) if state.fit is not None else 0.0
         return float((state.loss - trial.loss).sum()) > max(self.confirms(self.judge.mean(trial.loss)), more)
 
@@ -263,7 +266,7 @@ class ContactSearch(Search):
         return gain.mean * self.judge.size.sum() > self.confirms(self.judge.mean(state.loss))
 
     def pairs(self, trials: Sequence[Trial]) -> list[Score]:
-        """Give the pairs of the best effects, each at the value that it had alone."""
+        """Return the pairs of the best effects, each at the value that it had alone."""
         order = sorted(trials, key=lambda t: float(t.loss.sum()))[: RULES.contact_paired]
         return [Score(_fitted(a), a.score.gain, (_fitted(b),)) for a, b in combinations(order, 2)]
 

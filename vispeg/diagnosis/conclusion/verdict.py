@@ -27,7 +27,7 @@ def decide(
     n_read: int = 0,
     errors: tuple[float, float] | None = None,
 ) -> Verdict:
-    """Give the verdict.
+    """Return the verdict.
 
     Args:
         before, after: held-out mean squared whitened residual of the user's model and of the final one; 1 is the floor.

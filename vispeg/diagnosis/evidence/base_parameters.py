@@ -1,4 +1,4 @@
-"""What linear least squares leaves: all inertial parameters of all links, with friction and bias in every joint.
+"""Residual of linear least squares over all links' inertial parameters, with friction and bias in every joint.
 
 Torque along a measured motion is linear in a link's mass, mass times centre, and inertia about the link's frame, so the
 best rigid arm with Coulomb and viscous friction is one linear fit. Its held-out error is a benchmark for a diagnosis:

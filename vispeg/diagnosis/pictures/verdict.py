@@ -27,7 +27,7 @@ def decide(
     moved: tuple[str, float] | None = None,
     field: float = 0.0,
 ) -> Verdict:
-    """Give the verdict.
+    """Return the verdict.
 
     Args:
         before, after: held-out misplacement of the borders, RMS px; 0 if no border is in view.
