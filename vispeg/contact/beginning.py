@@ -74,10 +74,10 @@ def _paths(t: Touching, felt: Touch) -> list[tuple[Path, Phases | None]]:
 
 
 def _refuse_foreign(t: Touching, paths: Sequence[tuple[Path, Phases | None]]) -> None:
-    """Raise UserError where the wrench is farther off the tool's weight than an error of mass or zero is.
+    """Raise UserError if the wrench differs from the tool's weight by more than errors of mass or zero explain.
 
-    It is read at rest in free air. Where no episode seems to begin there, the sensor's noise itself may pass for
-    contact, because it is in millinewtons: then the start reads the weight times a thousand.
+    It is read at rest in free air. If no episode seems to begin there, the wrench may be in millinewtons, so that
+    noise looks like contact: then the start reads the weight times a thousand.
     """
     if t.torques is not None:
         return

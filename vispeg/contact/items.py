@@ -94,11 +94,11 @@ def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarra
 
 
 def pushed(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """(m, 6, 6) what is left of the wrench as read, by row, where one channel, by column, reads one more than there is.
+    """Return what remains of the wrench, by row, if one channel, by column, reads one unit too much, (m, 6, 6).
 
-    In free air that is all of it. A contact takes up what pushes against it: there a wrong reading hardly moves the
-    hand, and a hand that is off its path is off for another reason. `nominal` is how the believed model went; where it
-    touches what the tool did not, nothing is taken up.
+    In free air all of it remains. A contact absorbs forces that push against it, so there a wrong reading hardly
+    moves the hand, and a displaced hand has another cause. `nominal` is the drive of the believed model; where it
+    touches and the tool did not, nothing is absorbed.
     """
     size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
     wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)

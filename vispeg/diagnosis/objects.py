@@ -68,7 +68,7 @@ class ObjectSearch(Loop[Tossed, Tried]):
     Args:
         evidence: to fit.
         judge: of the held-out tosses.
-        say: is told what is being done.
+        say: called with progress messages.
     """
 
     def __init__(self, evidence: Restarts, judge: Judge, say: Callable[[str], None], progress: Progress | None = None):
@@ -159,9 +159,9 @@ class ObjectSearch(Loop[Tossed, Tried]):
 def shows_from(search: ObjectSearch, world: World) -> list[ShowsFrom]:
     """Return for each effect that a world lacks the parameter values that held-out tosses do not show.
 
-    Of the sizes that the search tries, on each side of none: up to the first that passes its tests of the held-out
-    error with the probability `POWER`; nearer by as much as that passes easily, its trace growing as its distance, but
-    not nearer than one that does not pass.
+    On each side of null these reach up to the first tried size that passes the search's held-out tests with
+    probability `POWER`. If it passes easily, the limit is scaled down, the trace growing linearly, but not below a
+    size that fails.
     """
     judge, places = search.judge, search.candidates(world)
 

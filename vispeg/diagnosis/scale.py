@@ -1,4 +1,4 @@
-"""The one scale on which errors are told: multiples of the noise floor, both as RMS.
+"""Text for errors as multiples of the noise floor, both as RMS.
 
 Tests and thresholds work on mean squares in noise variances; what a person reads is their root.
 """

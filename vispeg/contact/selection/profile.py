@@ -102,10 +102,10 @@ def probed(
 
 
 def _beside(p: Probe, hopeful: dict[tuple[str, str], float], best: dict[tuple[str, str], float]) -> Probe:
-    """Scale a probe from a part of the recordings by its share of the effect's best probe, for comparison with probes
-    on all.
+    """Scale a probe from a part of the recordings by its share of the effect's best probe, for comparison.
 
-    A part that begins in contact sees a wrong height many times as strongly as all of it does.
+    Raw gains do not compare with those on all recordings: a part that begins in contact is many times as sensitive to
+    a wrong height.
     """
     if p.key not in best or p.gain <= 0 or hopeful[p.key] <= 0:
         return p

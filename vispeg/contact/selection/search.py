@@ -249,8 +249,10 @@ class ContactSearch(Search):
         return self.beyond(cost, float(stats.chi2.isf(2 * RULES.contact_level, 1)))
 
     def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Two likelihood ratios: contact acts in few blocks, of which ranks and shares of all say little. And what is
-        read, with nothing of it taken off, must not be described worse.
+        """Return why a trial must be refused, by two likelihood ratios; "" if it passes.
+
+        Contact acts in few blocks, so ranks and shares over all blocks say little. The error of the raw readings,
+        before nuisances are removed, must not rise either.
         """
         if absent:
             return "it lowers the squared residual by no more than chance"

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 
 def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], dict[str, float]]:
-    """`shown_from` beside a world, of one parameter alone and with the probability `power`; greater where the held-out
-    recordings ask for more, and of a pose by what its interval allows for, so that it leaves out none as surely.
+    """Return the minimum detectable size of each parameter alone, added to a world, with probability `power`.
+
+    It is larger if the held-out recordings need more, and for a pose by its interval's allowance for repeatability,
+    so that the interval excludes null with the same probability.
     """
     where = places(search.evidence, world)
     least = shown_from(search.probed(world, where), surely(search.evidence, search.need()))
@@ -49,20 +51,20 @@ def least_sizes(search: ContactSearch, world: World) -> dict[tuple[str, str], di
 
 
 def surely(evidence: ContactEvidence, drop: float) -> float:
-    """Squared trace d^2 of an effect that lowers the squared residual by more than `drop` with the probability `power`.
+    """Return the squared trace d^2 that lowers the squared residual by over `drop` with probability `power`.
 
-    A fit lowers it by d^2 + 2 d e, e being an error along the trace, of the variance that acceptance goes by.
+    A fit lowers it by d^2 + 2 d e, where e is an error along the trace, with the variance used for acceptance.
     """
     error = float(stats.norm.ppf(RULES.power) * np.sqrt(evidence.correlated * evidence.variance(1.0)))
     return float((error + np.sqrt(error**2 + drop)) ** 2)
 
 
 def shown_from(probes: Sequence[Probe], need: float) -> dict[tuple[str, str], dict[str, float]]:
-    """(effect, place): of each parameter the least distance from none (of a scale its factor) that moves the squared
-    residual by `need`; infinite where none in its range does.
+    """Return for each (effect, place) the least distance of each parameter from null that is detectable.
 
-    Of each sign from the nearest size that does, its trace growing as its distance, and not nearer than one that does
-    not.
+    Detectable is a change of the squared residual by `need`. The distance of a scale is its factor; it is infinite if
+    no size in the range is detectable. For each sign it is scaled down from the nearest detectable size, the trace
+    growing linearly, but not below a size that is not detectable.
     """
     out: dict[tuple[str, str], dict[str, float]] = {}
     ways: dict[tuple[tuple[str, str], str, bool], list[tuple[float, float]]] = {}

@@ -1,4 +1,4 @@
-"""Search effects by image edges: each must be confirmed by a second recording and needed beside the others."""
+"""Search effects by image edges: a second recording must confirm each, and the others must not replace it."""
 
 from __future__ import annotations
 
