@@ -160,9 +160,7 @@ def part(first: Ends, second: Ends, rng: np.random.Generator, draws: int = 4000)
 
 
 def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> Difference:
-    """Give the test that a kind's share of the episodes is the same; less `of_failures` times the share of all
-    failures.
-    """
+    """Test whether a category's share of the episodes, minus `of_failures` times the failure rate, is the same."""
     sides = [
         {
             t: {episode: float(end == name) - of_failures * (end != "success") for episode, end in row.items()}
@@ -175,7 +173,7 @@ def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> D
 
 
 def _over_networks(first: Ends, second: Ends, shares: Mapping[str, float]) -> tuple[float | None, str]:
-    """Give the p-value that every network's failures are of the same kinds on both sides, or why there is none."""
+    """Return the p-value for equal categories of every network's failures on both sides, or why there is none."""
     if len(shares) < 2:
         return 1.0, ""
     tests = [_shares(first, second, name, share) for name, share in shares.items()]

@@ -459,9 +459,7 @@ def _rest(y: np.ndarray) -> float:
 
 
 def _least(n: int) -> float:
-    """Give the variance with which a mean of n outcomes that are all alike is known: Tango's interval at no
-    discordance.
-    """
+    """Return the variance of a mean of n identical outcomes, as in Tango's interval without discordant pairs."""
     z = float(norm.ppf(1 - ALPHA / 2))
     return (z / (n + z * z)) ** 2
 
@@ -470,7 +468,7 @@ def _least(n: int) -> float:
 
 
 def mcnemar(first_only: int, second_only: int) -> float:
-    """Give the two-sided exact p-value that two paired rates are equal, from the discordant pairs."""
+    """Return McNemar's two-sided exact p-value for equal paired rates, from the counts of discordant pairs."""
     pairs = first_only + second_only
     return float(binomtest(first_only, pairs).pvalue) if pairs else 1.0
 

@@ -44,7 +44,7 @@ def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, objec
 
 
 def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
-    """Give a note where there are fewer of a thing (in the singular) than the protocol asks for.
+    """Word a note if there are fewer of a thing (named in the singular) than the protocol requires.
 
     Args:
         count, wanted: how many.

@@ -81,7 +81,7 @@ def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Read
 
 
 def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
-    """Give the readings with what is stated of the instruments, in place of what they had for those columns.
+    """Return the readings with the stated resolution and accuracy of instruments, replacing those of these columns.
 
     Raises:
         UserError: an unknown name or a number below 0.

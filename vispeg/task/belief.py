@@ -97,12 +97,12 @@ def model_cell(world: World) -> Believed:
 
 
 def bench_of(world: World) -> Scene:
-    """Give what a model without a task's cell shows: its robot's own file, the arm in it and what stands about."""
+    """Return the scene of a model without a task's cell: the arm and the surroundings in its robot's own file."""
     return bench(load(world.robot, tool=world.tool))
 
 
 def scene_of(world: World, rec: Recording) -> Scene:
-    """Give what stands before the cameras of a recording as a model has it: the model's cell, or its robot's own bench.
+    """Return the scene that a recording's cameras see according to a model: its cell, or its robot's own bench.
 
     Raises:
         UserError: as `believed`.
@@ -119,7 +119,7 @@ def _same(robot: str, other: str) -> bool:
 
 
 def fixed(world: RandomizedWorld) -> list[EffectInstance]:
-    """Give the effects of a world that are the same in every episode; what is drawn is nobody's belief."""
+    """Return the effects of a world that are the same in every episode; randomized effects are no part of a belief."""
     same = [r for r in world.ranges if r.chance == 1.0 and all(isinstance(v, int | float) for v in r.params.values())]
     return [*world.base.effects, *(EffectInstance.of(r.effect, r.where, **dict(r.params)) for r in same)]  # type: ignore[arg-type]
 
@@ -161,7 +161,7 @@ def of_world(name: str) -> World:
 
 
 def robot_of_world(world: World) -> RobotModel:
-    """Give what a model's effects are placed on: the scene of its cell or of its robot's own file, or the arm alone."""
+    """Return the model to which effects apply: the scene of its cell or of its robot's own file, or the arm alone."""
     if world.cell is not None:
         return model_cell(world).scene
     scene = bench_of(world)

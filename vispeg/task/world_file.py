@@ -318,10 +318,10 @@ def _digest(file: str) -> str:
 
 
 def parts(source: str | Path) -> dict[str, str]:
-    """Give what a world that loads is put together from: SHA-256 (hex) of what a file adds of its own, and its name.
+    """List the parts of a valid world: SHA-256 (hex) of the content that each file adds -> the file's name.
 
-    Only effects and models count: the names, task and renderer that two worlds share tell neither of the other, and a
-    file that only joins others adds nothing.
+    Only effects and models count: a shared name, task or renderer does not mean that two worlds are related, and a file
+    that only combines others adds nothing.
     """
     names: dict[str, str] = {}
     todo, visited = [_path(source, None)], set()

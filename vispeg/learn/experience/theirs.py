@@ -89,8 +89,7 @@ class Theirs:
         return np.stack([episode[f].reshape(len(episode[f]), -1)[:, i] for f, i in places], axis=1).astype(float)
 
     def read(self, episode: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Give what the policy is told in each frame of an episode, (T, k) float32, and the offset that is meant, (T,
-        d).
+        """Return the policy's observation in each frame of an episode, (T, k) float32, and the intended offset (T, d).
 
         Raises:
             UserError: numbers that are not finite, or no actions of their kind.

@@ -22,9 +22,9 @@ def mlp(inputs: int, hidden: Sequence[int]) -> nn.Sequential:
 
 
 class Scale(nn.Module):
-    """Brings inputs to zero mean and unit spread, by numbers that are set once and then stay.
+    """Normalises inputs to zero mean and unit standard deviation, with constants that are set once.
 
-    Moving statistics would move the targets of a value network too; these are measured on the first random motions.
+    Running statistics would also shift a value network's targets; these constants come from the first random motions.
     """
 
     mean: Tensor

@@ -57,9 +57,7 @@ class View:
 
 @lru_cache(maxsize=256)
 def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
-    """Give what does not change when a camera moves: its frustum, and the inward normals (5, 3) of its sides and
-    front.
-    """
+    """Return a camera's frustum, and the inward normals (5, 3) of its sides and front in camera axes."""
     left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
     frustum = {
         "frustum_center": (left + right) / 2,
