@@ -1,4 +1,4 @@
-"""The policy's loop over a robot: read every control period, act every policy period, stop at a limit."""
+"""Run a policy on a robot: read in every control period, act in every policy period, stop at a limit."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Acts(Protocol):
 
 
 class Clock:
-    """The host's. A simulation that waits for its policy has one of its own."""
+    """The host's clock. A simulation that waits for its policy has a clock of its own."""
 
     def now(self) -> float:
-        """Seconds since any moment."""
+        """Return the time in s since an arbitrary origin."""
         return time.monotonic()
 
     def wait(self, until: float) -> None:
-        """Return at `until`, or at once where that has gone by."""
+        """Sleep until the time `until`; return at once if it has passed."""
         left = until - time.monotonic()
         if left > 0:
             time.sleep(left)
@@ -52,12 +52,12 @@ class Clock:
 
 @dataclass(frozen=True)
 class How:
-    """In which way a policy is run.
+    """Settings of a policy's run.
 
     Attributes:
-        limits: that stop the arm.
+        limits: safety limits that stop the arm.
         shadow: compute and record, do not move the arm.
-        slow: share of the offset of each action that is asked for, 0.05 to 1; an episode gets as many steps more.
+        slow: factor on the offset of each action, 0.05 to 1; an episode gets correspondingly more steps.
         goal: where the goal is believed to be, m in the base; default: what the robot says, else its nominal place.
         silence: s without a new reading after which the arm stops.
         rest: s, on the robot's clock too, for which the arm is recorded at rest before the policy acts.
@@ -77,7 +77,7 @@ class How:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What is shown of a running episode, after each step of the policy.
+    """Status of a running episode after a policy step, for display.
 
     Attributes:
         number, of: the step.
@@ -86,7 +86,7 @@ class Step:
         late: s after it was due; `missed` deadlines so far.
         pose, target: (7,) flange as measured and as it is to be, m and w x y z in the base.
         wrench: (6,) N and N m that the policy was told; None likewise.
-        shares: of each limit that are used.
+        shares: limit -> its used share, 1 at the limit.
         pictures: that it saw, by camera.
     """
 
@@ -105,7 +105,7 @@ class Step:
 
 @dataclass
 class Watchdog:
-    """Stops the robot from a thread of its own where the loop has not come round for a while."""
+    """Stops the robot from a separate thread if the loop hangs."""
 
     stop: Callable[[], object]
     silence: float
@@ -122,7 +122,7 @@ class Watchdog:
         return self
 
     def beat(self) -> None:
-        """Note that the loop has come round."""
+        """Report that the loop is alive."""
         self._last = time.monotonic()
 
     def __exit__(self, *_: object) -> None:
@@ -158,16 +158,16 @@ def run_episode(
 
     Args:
         policy: acts on one robot.
-        interface: the meaning of its numbers.
+        interface: meaning of the policy's observations and actions.
         robot: is read and commanded; stopped whatever happens.
         who: the policy, for the trial.
         seed: of the episode: its number, or what a simulated robot draws its start from.
         how: see How.
         name: of the robot, for the trial.
-        clock: by which the loop goes.
-        show: is shown every step.
-        key: whether a person wants the arm to stop; asked in every control period.
-        watch: whether a thread watches over the loop; the main thread's alone.
+        clock: clock of the loop.
+        show: called after every step.
+        key: returns whether a person wants the arm to stop; called in every control period.
+        watch: whether a thread watches the loop; only possible in the main thread.
 
     Raises:
         UserError: a picture that the policy sees is missing or unfit, joints that are not this arm's, a robot without
@@ -199,7 +199,7 @@ def run_episode(
 
 
 class _Loop:
-    """One episode on its way."""
+    """One episode in progress."""
 
     def __init__(
         self,
@@ -229,7 +229,7 @@ class _Loop:
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
-        """Until the end; returns the limit that ended it, `success` for the goal reached, None for time."""
+        """Run to the end; return the limit that ended the episode, `success` at the goal, None for a timeout."""
         i, period = self.interface, self.interface.controller.period_s
         self.policy.reset(1)
         rest = round(self.how.rest / period)
@@ -291,7 +291,7 @@ class _Loop:
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
 
     def _wrench(self, reading: Reading) -> np.ndarray:
-        """Give what the tool puts on the flange, in its axes and about its origin, its weight included."""
+        """Return the wrench of the tool on the flange, weight included, in flange axes about the flange's origin."""
         sensor = self.connected.wrench
         if sensor is None:
             return np.zeros(6)
@@ -305,7 +305,7 @@ class _Loop:
         return out
 
     def _force(self, wrench: np.ndarray) -> float | None:
-        """Force of contact on the wrist now, N; kept as the greatest. None of a robot that measures none."""
+        """Return the contact force on the wrist, N, and update its peak; None if the robot measures none."""
         if not self.tape.felt:
             return None
         turned = rotated(self.builder.observer.turn, wrench[None, :3])[0]
@@ -334,7 +334,7 @@ class _Loop:
         return None
 
     def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
-        """Give the episode as a trial. Raises UserError: it ended before it began."""
+        """Return the episode as a trial. Raises UserError: it ended before it began."""
         if self.first is None:
             raise UserError("the robot gave no reading", key="--robot", got=name)
         if not len(self.tape.late):
