@@ -13,11 +13,11 @@ from vispeg.diagnosis.evidence.signatures import at_bound
 from vispeg.diagnosis.findings import Trial
 from vispeg.diagnosis.selection.bic import bic_gain
 from vispeg.diagnosis.selection.judge import Judge, parameters
-from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.searching import Testing
 from vispeg.diagnosis.selection.state import State, without
 
 
-def ranked(search: Searching, state: State, trials: list[Trial], tested: int) -> list[Trial]:
+def ranked(search: Testing, state: State, trials: list[Trial], tested: int) -> list[Trial]:
     """Return the trials with reasons for those that fail a test; accepted first, the simplest of equal ones leading."""
     level, out = threshold([t.gain.z for t in trials], tested), []
     for t in trials:
@@ -26,7 +26,7 @@ def ranked(search: Searching, state: State, trials: list[Trial], tested: int) ->
     return in_order(search.judge, state, out)
 
 
-def refusal(search: Searching, state: State, t: Trial, level: float, absent: bool) -> str:
+def refusal(search: Testing, state: State, t: Trial, level: float, absent: bool) -> str:
     """Return why a trial fails a criterion, "" if it passes; `level` is the required standard errors of its gain."""
     if t.gain.mean <= 0:
         return "the held-out error does not fall"

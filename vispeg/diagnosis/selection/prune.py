@@ -16,7 +16,7 @@ from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.diagnosis.findings import Gain
 from vispeg.diagnosis.selection.cross import reduced
 from vispeg.diagnosis.selection.judge import present
-from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.searching import Searching, Testing
 from vispeg.diagnosis.selection.state import State, without
 
 
@@ -101,13 +101,13 @@ def _refused(search: Searching, state: State, n_fixed: int) -> list[int]:
     return [places[k]]
 
 
-def needed(search: Searching, state: State, k: int, gain: Gain) -> bool:
+def needed(search: Testing, state: State, k: int, gain: Gain) -> bool:
     """Return whether an effect lowers the held-out error beyond chance, and visibly."""
     sure = RULES.drop_member if state.grouped(state.world.effects[k]) else RULES.drop_single
     return gain.z >= sure and _matters(search, state, k, gain)
 
 
-def _matters(search: Searching, state: State, k: int, gain: Gain) -> bool:
+def _matters(search: Testing, state: State, k: int, gain: Gain) -> bool:
     """Return whether an effect removes a visible share: of all the error, or for a group's member of its joint's."""
     placed, joints = state.world.effects[k], search.evidence.items[0].robot.joints
     local = gain.joints[joints.index(placed.where)] if placed.where in joints and state.grouped(placed) else 0.0

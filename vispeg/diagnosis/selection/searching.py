@@ -20,27 +20,54 @@ from vispeg.identify.fit import Fit, Race
 from vispeg.worlds.world import World
 
 
-class Searching(Protocol):
-    """A search over the fitted recordings, with its judge.
+class Testing(Protocol):
+    """Tests that a trial of a search has to pass.
 
     Attributes:
         judge: judge on the held-out recordings.
-        cross: losses of the fitted recordings, each predicted from the others.
-        progress: caches answers.
-        say: called with progress messages.
-        least_share: share of what the accepted effects removed that a later one must remove.
     """
 
     judge: Judge
-    cross: Cross
-    progress: Progress
-    say: Callable[[str], None]
-    least_share: float
 
     @property
     def evidence(self) -> Evidence:
         """Fitted evidence."""
         ...
+
+    @property
+    def least_share(self) -> float:
+        """Share of what the accepted effects removed that a later one must remove."""
+        ...
+
+    def shows(self, state: State, trial: Trial) -> bool:
+        """Return whether the effects of a trial are present."""
+        ...
+
+    def holds(self, state: State, trial: Trial) -> bool:
+        """Return whether a trial's effects show in the held-out recordings alone."""
+        ...
+
+    def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
+        """Return why a trial must be refused; "" if it passes."""
+        ...
+
+    def needed(self, state: State, index: int, gain: Gain) -> bool:
+        """Return whether the held-out recordings need the effect at `index`."""
+        ...
+
+
+class Searching(Testing, Protocol):
+    """A search over the fitted recordings, with its judge.
+
+    Attributes:
+        cross: losses of the fitted recordings, each predicted from the others.
+        progress: caches answers.
+        say: called with progress messages.
+    """
+
+    cross: Cross
+    progress: Progress
+    say: Callable[[str], None]
 
     @property
     def few(self) -> int:
@@ -131,20 +158,4 @@ class Searching(Protocol):
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
         """Return whether another step may be taken."""
-        ...
-
-    def shows(self, state: State, trial: Trial) -> bool:
-        """Return whether the effects of a trial are present."""
-        ...
-
-    def holds(self, state: State, trial: Trial) -> bool:
-        """Return whether a trial's effects show in the held-out recordings alone."""
-        ...
-
-    def refusal(self, state: State, trial: Trial, level: float, absent: bool) -> str:
-        """Return why a trial must be refused; "" if it passes."""
-        ...
-
-    def needed(self, state: State, index: int, gain: Gain) -> bool:
-        """Return whether the held-out recordings need the effect at `index`."""
         ...
