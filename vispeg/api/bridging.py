@@ -32,6 +32,7 @@ from vispeg.trials.trial import Trial
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
+# HOME plays without the remainder, RANDOM with a random torque of the same size
 FOUND, LEFT, HOME, RANDOM = "as found", "as found, with the remainder", "home", "home, as much at random"
 DIAGNOSIS = "diagnosis.json"
 WIDER = 2.0  # times the remainder: the draws' upper end, so that they lie about it
@@ -76,7 +77,10 @@ def tolerance_mm(config: TaskConfig) -> float | None:
 
 
 def signs_of(config: TaskConfig) -> Sequence[Sign]:
-    """Give the article's signs of which the world states the numbers; none where it does not state them."""
+    """Return the signs of an unbridgeable gap (SVRC's guide, docs/sources.md) that a world's tolerance and arm decide.
+
+    Empty where the world states neither.
+    """
     room, repeats = tolerance_mm(config), config.robot.repeats_mm
     if room is None or repeats is None:
         return ()
@@ -106,7 +110,7 @@ class Bridging:
     seed: int
 
     def arm(self, robot: str) -> World:
-        """Give the found arm: what the world fixes or centres, and what the model names."""
+        """Return the identified arm: the world's effects, ranges at their middle, and those that the model names."""
         drawn = of_arm(self.file.world).middle(scene_of(self.file.task))
         return _searched(robot, (*drawn.effects, *self.named))
 

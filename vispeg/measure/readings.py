@@ -41,7 +41,7 @@ class Readings:
         return self.columns[name]
 
     def place(self) -> np.ndarray | None:
-        """Give the column `place`, (n,), or None."""
+        """Return the column `place`, (n,): the number of the spot at which each reading was taken; None without one."""
         return self.columns.get("place")
 
     def instrument(self, name: str, times: int = 1) -> list[Input]:
@@ -139,8 +139,9 @@ def instrument_law(
 def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) -> None:
     """Raise UserError where the readings rise or fall in their order by more than chance allows.
 
-    Either the first and the last, taken alike, are apart by more than the spread of those between says, or a line
-    through all of them has a slope; at least five readings are needed to tell. Scatter is not less than the digit's.
+    They drift if the first and the last, two readings of one quantity, differ by more than the scatter of the others
+    explains, or if a line through all of them has a slope. Five readings are needed at least. The scatter is at least
+    that of the instrument's digit.
     """
     n = len(values)
     if n < 5:

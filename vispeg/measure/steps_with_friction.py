@@ -1,8 +1,9 @@
 """One servo through all steps of a joint, beside dry friction: q'' = wn^2 (K u + b - q - h s) - 2 z wn q', s = sign q'.
 
 h = friction / stiffness, rad: half the width of the angles at which the joint may come to rest; b is the sag under load
-in each recording. A joint at rest stays there while |K u + b - q| <= h, so that where it rested before tells how much
-of the friction is wound up: what a fit of single steps takes for another gain, and the drag for another damping.
+in each recording. A joint at rest stays there while |K u + b - q| <= h, so the angle at which it rested before a step
+tells how much friction holds it there. A fit of single steps mistakes that part for a different gain, and the drag
+during the motion for a different damping.
 Between two reversals the answer is that of the linear servo about a shifted goal (den Hartog, Trans. ASME 53, 1931).
 The uncertainty is that of the mean over sizes and directions: pseudo-values of the jackknife that leaves one of them
 out, one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9(3), 1981).
@@ -20,11 +21,11 @@ from vispeg.measure import steps
 from vispeg.measure.steps import Servo, Step
 from vispeg.measure.trace import Trace
 
-FINE = 0.1  # rad of the servo's phase in a step of the integration: a reversal is then placed to a hundredth of that
-FINER = 2  # parts of that in which a simulated arm is moved
+FINE = 0.1  # rad of the servo's phase per integration step; a reversal is then located to a hundredth of a step
+FINER = 2  # steps of the simulated arm in each of these
 SAMPLES = 300  # of a step that are compared
 NEAR = 30  # evaluations of the fit of a simulated joint, at most
-SLOPE = 1e-4  # by which the slopes are differences, relative; of the band as a share of the least step
+SLOPE = 1e-4  # relative step of finite differences; for the band, a share of the smallest goal step
 
 # goals (nstep, ngrid) rad over those at rest, the grid's interval s, and by how many rad (nstep,) the joint rested
 # short of where it would be without friction -> angles and speeds (nstep, ngrid + 1)
@@ -57,8 +58,8 @@ class Shared:
         """Fit a simulated joint to the steps themselves.
 
         Args:
-            joint: numbers (4,) of a loop, of which the last is its delay, and a band in rad -> what simulates it, and
-                its gain, angle over goal.
+            joint: takes the four parameters of a position loop (`Servo`'s, the delay last) and the friction band in
+                rad; returns the simulation of the joint, and its gain, angle over goal.
             start: the numbers to begin with.
 
         Returns:

@@ -25,7 +25,7 @@ RATE = 0.05  # share by which a folder's rate may differ: LeRobot's videos have 
 
 
 class Theirs:
-    """The numbers of a data set, told and acted as a policy of ours is told and acts.
+    """Read another program's data set as the observations and actions of one of our policies.
 
     Args:
         data: the data set.
@@ -37,7 +37,7 @@ class Theirs:
         actions: what its actions are.
 
     Raises:
-        UserError: it lacks what the policy is told, or has another rate; actions of no kind.
+        UserError: it lacks a value that the policy observes, has another rate, or its actions are of no known kind.
     """
 
     def __init__(self, data: Dataset, interface: Interface, action: str | None = None):
@@ -92,7 +92,7 @@ class Theirs:
         """Return the policy's observation in each frame of an episode, (T, k) float32, and the intended offset (T, d).
 
         Raises:
-            UserError: numbers that are not finite, or no actions of their kind.
+            UserError: numbers that are not finite, or actions that are not of the kind that the data set declares.
         """
         meant = episode[ACTION].reshape(len(episode[ACTION]), -1)
         o = self._observer(episode, len(meant))

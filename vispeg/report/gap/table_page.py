@@ -1,4 +1,4 @@
-"""Sections that are a title with figures, or a picture with a table: what the smaller pages are made of."""
+"""Sections of the smaller pages: a title with lines of numbers, or a picture with a table."""
 
 from __future__ import annotations
 

@@ -21,7 +21,10 @@ FRAMES = 25.0  # a second, while it plays
 
 
 class Traces:
-    """Elements are added where the page's are being added."""
+    """Curves of measured and predicted values, with the arm at the chosen moment.
+
+    The elements are added to the part of the page that is being built.
+    """
 
     def __init__(self, place: Place):
         gui = place.gui
@@ -47,7 +50,7 @@ class Traces:
         self.play.on_click(lambda _: self._toggle())
 
     def take(self, standing: Standing) -> None:
-        """Show another standing, at the same joint and moment where it has them."""
+        """Show the state of a diagnosis (`Standing`), at the same joint and moment where it has them."""
         self.standing = standing
         self.times.visible = _enlarged(standing)
         if self.ghost is None and self.arm is not None and _enlarged(standing):
@@ -81,7 +84,7 @@ class Traces:
             self.ghost.show(visible and self.standing is not None and _enlarged(self.standing))
 
     def stand(self, visible: bool) -> None:
-        """Whether the arm can be seen: on its own page, and in the middle of those that draw nothing."""
+        """Show or hide the arm in the middle of the window: pages that draw nothing of their own show it, too."""
         self.ground.visible = visible
         if self.arm is not None:
             self.arm.show(visible)
