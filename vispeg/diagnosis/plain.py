@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from vispeg.diagnosis.compare import Comparison
 from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.verdict import decide
@@ -39,7 +37,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
     """
     predicted, joints = evidence.simulated([world]), evidence.items[0].robot.joints
     (error,), (residual,) = evidence.errors([world]), evidence.residuals([world])
-    unit, rows = f"{evidence.unit} RMS", channels(evidence, [np.concatenate([y, y]) for y in predicted], None)
+    unit, rows = f"{evidence.unit} RMS", channels(evidence, predicted, None)
     record: ComparisonRecord = {
         "format": "vispeg-compare/1",
         "ladder": [{"model": label, "fit_error": None, "heldout_error": error, "unit": unit}],

@@ -186,18 +186,20 @@ def moved(state: State) -> list[Moved]:
 
 
 def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
-    """Return floor and held-out error before and after of each channel; of torques also those of `least`."""
+    """Return each channel's floor and held-out errors by the first and the last model; of torques also `least`'s."""
     out, names = [], evidence.items[0].robot.joints
     for j, (kind, unit) in enumerate((c.kind, c.unit) for c in evidence.items[0].channels for _ in names):
         column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]
         size = max(sum(int(v.sum()) for *_, v in column), 1)
-        error = [np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in (0, 1)]
+        error = [
+            np.sqrt(sum(np.sum((m - y[w])[v] ** 2) for m, y, v in column) / size) for w in range(len(predicted[0]))
+        ]
         row: Channel = {
             "channel": kind,
             "joint": names[j % len(names)],
             "floor": float(evidence.floors[j]),
             "before": float(error[0]),
-            "after": float(error[1]),
+            "after": float(error[-1]),
             "unit": f"{unit} RMS",
         }
         if least is not None:

@@ -76,7 +76,6 @@ class BorderEvidence(Evidence):
         freed: effects that the alignment freed in addition to the usual ones.
     """
 
-    held: frozenset[tuple[str, str]] = frozenset()  # parameters that a fit leaves: none
     floor_from = "scatter about the freest model, and what a look shifts edges by"
 
     def __init__(

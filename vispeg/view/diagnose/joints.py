@@ -9,15 +9,14 @@ from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.search import Search
 from vispeg.identify.inverse import evidence_for
 from vispeg.identify.loops.soft import near
-from vispeg.recordings.recording import Recording
-from vispeg.robots.model import RobotModel
-from vispeg.view.diagnose.standing import Field, Track
-from vispeg.view.diagnose.subject import Say, Subject
-from vispeg.view.diagnose.telling import maps, track
+from vispeg.view.diagnose.plain import Plain
+from vispeg.view.diagnose.standing import Field
+from vispeg.view.diagnose.subject import Say
+from vispeg.view.diagnose.telling import maps
 from vispeg.worlds.world import World
 
 
-class Joints(Subject):
+class Joints(Plain):
     """Recordings of joints.
 
     Args:
@@ -40,34 +39,10 @@ class Joints(Subject):
         self.unit, self.columns = self.judged.unit, self.joints
         self.units = (self.unit,) * len(self.columns)
 
-    @property
-    def floor(self) -> float:
-        """RMS of the sensor noise."""
-        return self.judged.floor
-
-    @property
-    def body(self) -> RobotModel:
-        """The arm."""
-        return self.judged.items[0].robot
-
     def begin(self, world: World) -> Beginning:
         """With the steps of encoders; partial effects are fitted anew."""
         return of_joints(world, self.recordings, self.unit)
 
-    def error(self, world: World) -> float:
-        """RMS over joints."""
-        return self.judged.angle_rms(self.judged.residuals([world])[0])
-
-    def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Give a track a segment."""
-        before, after = self.judged.simulated([first]), self.judged.simulated([now])
-        return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
-
     def maps(self, first: World, now: World) -> dict[str, Field]:
         """Missing torque over speed, load, position, phase, time."""
         return maps(self.judged, self.judged.simulated([first]), self.judged.simulated([now]))
-
-    def recorded(self, track: int) -> tuple[Recording, float]:
-        """Give a segment's recording and start."""
-        item = self.judged.items[track]
-        return item.recording, float(item.recording.time[item.segment.rows[0]])
