@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vispeg.channels.channel import Both, Channel, How
+from vispeg.channels.channel import CHANNELS, Both, Channel, How
 from vispeg.channels.joints import Joints
 from vispeg.core.effect import Effect
 from vispeg.core.errors import UserError
@@ -19,8 +19,6 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.objects import is_object
 from vispeg.sim.rollout import Response
 from vispeg.worlds.world import World
-
-JOINTS = Joints()  # what a rollout needs of a recording is what joints need
 
 
 class SignalChannel(Channel):
@@ -48,11 +46,11 @@ class SignalChannel(Channel):
 
     def part(self, world: World) -> World:
         """Give the model as an arm alone can show it."""
-        return JOINTS.part(world)
+        return CHANNELS[Joints.name].part(world)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
         """Give its most informative windows, with the load that the model's cell says it carried."""
-        return JOINTS.read(recording, world, how)
+        return CHANNELS[Joints.name].read(recording, world, how)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
         """Give rollouts of which this signal is compared, and nothing else."""
