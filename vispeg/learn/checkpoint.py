@@ -1,4 +1,4 @@
-"""The whole state of a training run on disk, so that a killed run goes on with the same curve. No pickle."""
+"""Save and load the whole state of a training run, so that a killed run resumes with the same curve. No pickle."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from vispeg.learn.networks.tensors import adam, fill, wake, write
 
 
 class Counters(TypedDict):
-    """State of a run besides its networks.
+    """The state of a run besides its networks.
 
     Keys:
-        command: that began the run; absent of older runs.
-        stage: of the curriculum.
-        best: success and less force of the best policy so far.
-        reached: evaluations in a row that reached the target.
+        command: the command line that began the run; older runs lack it.
+        stage: index of the curriculum's present stage.
+        best: success rate, and mean peak force in N with a minus sign, of the best policy so far.
+        reached: number of latest evaluations in a row that reached the target.
         recent: success and category of the last training episodes.
-        ranges: see `vispeg.learn.methods.ranges.Opening.state`.
+        ranges: what `vispeg.learn.methods.ranges.Opening.state` returns; None where ranges are fully open throughout.
     """
 
     command: NotRequired[str]
@@ -43,11 +43,10 @@ class Counters(TypedDict):
 def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
     """Write weights, optimizers, temperature, replay, random states and counters into an existing folder.
 
-    What is not written is the environments' state: call this just before `AsymmetricSAC.restart`, after which nothing
-    depends on it.
+    The environments' state is not written. So call this just before `AsymmetricSAC.restart`, which resets them.
     """
     for optimizer in _optimizers(model).values():
-        if not optimizer.state:  # nothing was learned yet: the same zeros as after `load_state`
+        if not optimizer.state:  # no update yet: write the zero moments that `load_state` expects
             wake(optimizer)
     write(folder / "state.safetensors", _tensors(model) | _random(model))
     ring = folder / "replay"
@@ -66,10 +65,10 @@ def save_state(folder: Path, model: AsymmetricSAC, counters: Counters) -> None:
 
 
 def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
-    """Put a model made by the same settings into the state that `save_state` wrote; return its counters.
+    """Load the state that `save_state` wrote into a model made with the same settings; return its counters.
 
     Raises:
-        UserError: a file is missing or damaged, or from a model of other shapes.
+        UserError: a file is missing or damaged, or comes from a model with other shapes.
     """
     try:
         state = read_json(folder / "state.json", finite=False)
@@ -99,7 +98,7 @@ def _random(model: AsymmetricSAC) -> dict[str, Tensor]:
 
 
 def _tensors(model: AsymmetricSAC) -> dict[str, Tensor]:
-    """Every tensor that training moves, by name; not copies."""
+    """Return every tensor that training changes, by name; not copies."""
     out: dict[str, Tensor] = {}
     for name in ("actor", "critic", "critic_target"):
         out |= {f"{name}.{key}": value for key, value in getattr(model, name).state_dict().items()}
@@ -120,5 +119,8 @@ def _optimizers(model: AsymmetricSAC) -> dict[str, torch.optim.Optimizer]:
 
 
 def restart_seed(seed: int, step: int) -> int:
-    """Seed of the episodes after a checkpoint: below 2^30, so that rows counted from it meet no held-out seed."""
+    """Return the seed of the episodes after a checkpoint.
+
+    It is below 2^30: seeds counted up from it for the rows never reach the held-out seeds, which start at 2^31.
+    """
     return int(stream(seed, "restart", step).integers(2**30))

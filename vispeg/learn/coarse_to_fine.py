@@ -1,7 +1,7 @@
-"""A coarse policy that sees brings the tip to the goal; a fine contact policy takes over there.
+"""Combine two policies: a coarse one with images brings the tip to the goal, a fine contact policy takes over there.
 
-An episode is handed over for good once the coarse policy thinks the tip to be near the goal's axis. What it saw
-goes along: a fine `state` policy gets the goal as the coarse one estimated it.
+The fine policy takes over for the rest of the episode once the coarse one estimates that the tip is near the goal's
+axis. A fine `state` policy is given the goal's position as the coarse one estimated it.
 """
 
 from __future__ import annotations
@@ -22,15 +22,25 @@ from vispeg.learn.policy import NetPolicy, Policy, load
 from vispeg.learn.record import COARSE, FINE, PAIR, read_record
 from vispeg.learn.shipped import META, policy_folder
 
-NEWEST = 0.5  # weight of the newest sight of the goal; the rest is the average of those before
+NEWEST = 0.5  # weight of the newest estimate of the goal in a running average
 
 
 class CoarseToFine:
-    """Two policies as one. Raises UserError where the fine one reads what the coarse one is not given.
+    """Act as one policy made of a coarse and a fine one.
+
+    Args:
+        coarse: acts until the takeover.
+        fine: acts after it.
+        within: lateral distance of the tip from the estimated goal at which the fine policy takes over, m.
+        meta: the pair's record; None for the coarse policy's.
 
     Attributes:
-        estimate: (n, 3) m, where the coarse policy thinks the tip to be in the goal's frame.
-        fine_has: (n,) bool, the rows that were handed over.
+        estimate: (n, 3) m, the tip in the goal's frame as the coarse policy estimates it; None without an estimate.
+        fine_has: (n,) bool, the rows in which the fine policy acts.
+
+    Raises:
+        UserError: the fine policy reads something that the coarse one's observation lacks, their actions differ in
+            length, or `within` is not positive.
     """
 
     def __init__(self, coarse: NetPolicy, fine: NetPolicy, within: float, meta: Mapping[str, Any] | None = None):
@@ -62,7 +72,8 @@ class CoarseToFine:
         """See Policy."""
         action = self.coarse.act(obs)
         self.estimate = self.coarse.estimate
-        measured = self.unit * obs[VECTOR][:, self.tip][:, :2]  # relative to where the task says that the goal is
+        # m, from the goal's nominal place; from its believed place for a coarse policy of modality `state`
+        measured = self.unit * obs[VECTOR][:, self.tip][:, :2]
         offset = measured if self.estimate is None else self.estimate[:, :2]
         weight = np.where(self.sights == 0, 1.0, NEWEST) * ~self.fine_has
         self.goal += weight[:, None] * (measured - offset - self.goal)
@@ -72,17 +83,23 @@ class CoarseToFine:
         return np.where(self.fine_has[:, None], self.fine.act(observation), action)
 
     def _told(self, vector: np.ndarray) -> np.ndarray:
-        """Give the stacked observations (n, stack d) with positions relative to the goal that was seen."""
+        """Return the stacked observations (n, stack d) with tip positions relative to the estimated goal."""
         out = vector.reshape(len(vector), -1, self.observed.policy_size).copy()
         out[:, :, self.tip][:, :, :2] -= (self.goal / self.unit)[:, None]
         return out.reshape(vector.shape)
 
 
 def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool = False) -> None:
-    """Write both policies' files and when one takes over into one folder, which `open_policy` reads.
+    """Write both policies' files and the distance of takeover into one folder, which `open_policy` reads.
+
+    Args:
+        coarse, fine: the policies' folders, or names of shipped policies.
+        within: see `CoarseToFine`.
+        out: the new folder.
+        overwrite: whether `out` may be replaced.
 
     Raises:
-        UserError: a folder that is no policy's, policies that do not fit, OUT is there.
+        UserError: a folder holds no policy, the two policies do not fit, or `out` exists and may not be replaced.
     """
     both = CoarseToFine(load(coarse), load(fine), within)
     meta = {**both.meta, **worlds(both.coarse.meta, both.fine.meta)}
@@ -94,7 +111,7 @@ def combine(coarse: Path, fine: Path, within: float, out: Path, overwrite: bool 
 
 
 def open_policy(folder: str | Path) -> Policy:
-    """Load the policy of a folder: one network, or a coarse and a fine one. Raises UserError as `load` does."""
+    """Load the policy in a folder: one network, or a coarse and a fine one. Raises UserError as `load` does."""
     path = policy_folder(folder)
     record = read_record(path)
     if "within" not in record:

@@ -1,4 +1,4 @@
-"""What a training run was asked to do, as `config.yaml` in its folder."""
+"""The configuration of a training run, `config.yaml` in its folder."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Stage:
     """One step of a curriculum.
 
     Attributes:
-        settings: of the task in place of its own, such as its tolerance.
+        settings: task settings that this stage replaces, such as the tolerance.
         radius: lateral range of starts, m; None for the task's own.
-        level: how far draws may leave nominal, 0 to 1.
+        level: share of the world's ranges that is drawn from: 0 is the nominal world, 1 the full ranges.
     """
 
     settings: Mapping[str, float] = field(default_factory=dict)
@@ -36,36 +36,40 @@ class Stage:
     level: float = 1.0
 
     def plain(self) -> dict[str, object]:
-        """As the file has it: the settings by their names, beside `radius` and `level`."""
+        """Return the stage as config.yaml holds it: the settings by name, with `radius` and `level`."""
         return {**self.settings, "radius": self.radius, "level": self.level}
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """A run.
+    """The configuration of a training run.
 
     Attributes:
         task: `<label>-<modality>`: the label of the world's task, see vispeg.task.contract.
         recipe: `sac`, `distill` or `distill+sac`.
         world: built-in name or path of a world file.
-        steps: environment steps in all.
-        seed: of everything random.
-        envs: environments stepped together.
-        every: environment steps between evaluations, which are also where a killed run can go on from.
-        episodes: of an evaluation, on seeds that training never draws.
-        target: success rate at which training may stop, reached twice in a row at the last stage; above 1 never.
-        pass_rate: success rate in an evaluation that moves the curriculum on.
-        stages: of the curriculum; the last one is what is trained for.
+        steps: total number of environment steps.
+        seed: seed of everything random.
+        envs: number of environments stepped together.
+        every: environment steps between evaluations; each evaluation also writes the checkpoint that a killed run
+            resumes from.
+        episodes: number of episodes in an evaluation, on seeds that training never draws.
+        target: success rate that ends training early, once two evaluations in a row reach it at the last stage; above
+            1 for never.
+        pass_rate: success rate in an evaluation that moves the curriculum to its next stage.
+        stages: the curriculum's stages; the last one is the task that is trained for.
         settings: TaskConfig fields that replace the world's.
-        sac: the algorithm's numbers.
-        teacher: policy folder of the teacher, for `distill`.
-        dataset: folder of demonstrations in LeRobot's layout: in place of a teacher, or half of each batch of `sac`.
+        sac: settings of soft actor-critic.
+        teacher: the teacher's policy folder, or `expert` for the scripted one; for the recipes with `distill`.
+        dataset: folder of demonstrations in LeRobot's layout: with `distill` in place of a teacher, with `sac` the
+            share `sac.demo_fraction` of each batch.
         distill: DistillSettings fields that replace the defaults.
         device: `cpu`, `cuda` or `auto`.
-        threads: of the physics and of the networks.
-        ranges: how far draws may leave nominal in reinforcement: `full` is the whole ranges from the first step on,
-            `schedule` opens them over the first half of the steps, `adaptive` each as the policy copes with it.
-        wandb: project of Weights & Biases that the curves are sent to; "" for none.
+        threads: number of threads, for the physics and for the networks.
+        ranges: how the world's ranges open during reinforcement learning: `full` draws from the full ranges from the
+            first step on, `schedule` widens them over the first half of the steps, `adaptive` widens each one as the
+            policy succeeds at its edge.
+        wandb: Weights & Biases project that receives the curves; "" for none.
     """
 
     task: str
@@ -110,11 +114,11 @@ class TrainConfig:
 
     @property
     def modality(self) -> str:
-        """What the policy sees."""
+        """The name of the policy's modality."""
         return self.task.partition("-")[2]
 
     def write(self, path: Path) -> None:
-        """Write YAML."""
+        """Write the configuration as YAML; replace the file if it exists."""
         data = {"format": FORMAT, **asdict(self)}
         data["settings"] = {k: list(v) if isinstance(v, tuple) else v for k, v in self.settings.items()}
         data["stages"] = [stage.plain() for stage in self.stages]
@@ -138,7 +142,7 @@ def read_config(path: Path) -> TrainConfig:
     """Read what `TrainConfig.write` wrote.
 
     Raises:
-        UserError: no such file, not YAML, an unknown key, or a value that a run cannot have.
+        UserError: no such file, not YAML, an unknown key, or an invalid value.
     """
     if not path.exists():
         raise UserError("not a training run's folder", file=path, expected="config.yaml in it")
@@ -149,7 +153,7 @@ def read_config(path: Path) -> TrainConfig:
 
 
 def _stage(entry: object) -> object:
-    """Give an entry of `stages` as `Stage` has it; what is no mapping is left to who checks it."""
+    """Return an entry of `stages` with the keys of `Stage`; `typed` refuses what is not a mapping."""
     if not isinstance(entry, Mapping):
         return entry
     settings = {key: value for key, value in entry.items() if key not in ("radius", "level") and value is not None}

@@ -1,4 +1,4 @@
-"""Where networks run, and with them the batches that they are given."""
+"""The device on which networks run and their batches lie."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from vispeg.core.errors import UserError
 
 
 def device_of(asked: str) -> str:
-    """`cpu` or `cuda` for `cpu`, `cuda` or `auto`. Raises UserError where there is no CUDA to be had."""
+    """Return the device for `cpu`, `cuda` or `auto`; `auto` is `cuda` where there is one, else `cpu`.
+
+    Raises:
+        UserError: CUDA was asked for, and PyTorch finds no device.
+    """
     there = torch.cuda.is_available()
     if asked.startswith("cuda") and not there:
         raise UserError("PyTorch finds no CUDA device here", key="device", expected="cpu or auto", got=asked)

@@ -20,7 +20,7 @@ HELD_OUT = 2**31  # seeds from here on are never drawn by training, whose seeds 
 def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Path | None = None) -> MakeEnv:
     """Return a function that makes environments of a world's task, observed in one modality.
 
-    An episode that diverges is written into `dump`, so that it can be played again.
+    An episode that diverges is written into the folder `dump`, if one is named, so that it can be replayed.
     """
 
     def make(rows: int, settings: Mapping[str, Any]) -> VectorEnv:
@@ -36,7 +36,7 @@ def maker(senses: Modality, world: str, sac: SacSettings, threads: int, dump: Pa
 
 
 def describe(env: Any) -> Origin:
-    """Return the entries of a policy's record on the world and task of `env`; empty for other environments."""
+    """Return the entries of a policy's record on the world and task of `env`; empty for one without a task's config."""
     config = getattr(env, "config", None)
     if config is None:
         return {}

@@ -1,6 +1,6 @@
-"""Episodes of a policy on given seeds, as many at a time as the environment has rows."""
+"""Run a policy's episodes on given seeds, as many at a time as the environment has rows."""
 
-# gymnasium's vector environments take a seed a row; their types do not say so.
+# gymnasium's vector environments accept one seed per row, but their type annotations do not.
 # pyright: reportArgumentType=false
 
 from __future__ import annotations
@@ -15,24 +15,33 @@ from gymnasium.vector import VectorEnv
 from vispeg.learn.infos import row_info
 from vispeg.task.result import EpisodeResult
 
-SPARE = 2**30  # from the first seed to those of rows that have none to play
+SPARE = 2**30  # added to the first seed for rows without an episode to play
 
 
 class Acts(Protocol):
-    """What can be evaluated: something with a memory of n rows that may be cleared row by row."""
+    """The interface of what can be evaluated: it acts on n rows, and its memory can be cleared row by row."""
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forgets the episodes so far, of `rows` (bool mask) or of all."""
+        """Clear the memory of `rows` (n,) bool, or of all n rows."""
         ...
 
     def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
-        """Observation arrays (n, ...) -> actions (n, action) float32 within +-1."""
+        """Return actions (n, action) float32 within +-1 for observation arrays (n, ...)."""
         ...
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one episode ended; `info` is the environment's record of it, or its values if there is none."""
+    """How one episode ended.
+
+    Attributes:
+        seed: seed of the episode.
+        success: whether it succeeded.
+        category: what ended it, `timeout` where the environment does not say.
+        reward: sum of the rewards.
+        steps: number of policy steps.
+        info: the environment's record of the episode, or its last info if it has no record.
+    """
 
     seed: int
     success: bool
@@ -43,15 +52,16 @@ class Outcome:
 
 
 def run_episodes(policy: Acts, env: VectorEnv, seeds: Sequence[int]) -> list[Outcome]:
-    """One episode for every seed, in the order of `seeds`.
+    """Play one episode per seed; return the outcomes in the order of `seeds`.
 
-    A row that ends begins the next seed; every episode is waited for, so that short ones are not over-represented.
-    Rows that are left over play episodes that do not count, and are nobody else's: a control may show them to others.
+    A row whose episode ended begins the next seed. Every episode is played to its end, so short ones are not
+    over-represented. Rows without a seed play episodes that do not count, on seeds of their own (`SPARE`), so that a
+    control that shows one row's observations to another never repeats an episode.
 
     Args:
         policy: acts on all rows at once.
-        env: takes `reset(seed=[...], options={"reset_mask": ...})`; its own way of resetting must be `DISABLED`.
-        seeds: of the episodes.
+        env: takes `reset(seed=[...], options={"reset_mask": ...})`; its autoreset mode must be `DISABLED`.
+        seeds: seeds of the episodes.
     """
     n, todo = env.num_envs, list(enumerate(seeds))
     number = np.full(n, -1)  # which episode each row plays, -1 for none
@@ -87,5 +97,5 @@ def run_episodes(policy: Acts, env: VectorEnv, seeds: Sequence[int]) -> list[Out
 
 
 def success_rate(outcomes: Sequence[Outcome]) -> float:
-    """Share of successes, 0 to 1."""
+    """Return the share of successes, 0 to 1; 0 without outcomes."""
     return float(np.mean([outcome.success for outcome in outcomes])) if outcomes else 0.0

@@ -1,4 +1,4 @@
-"""Rows of what gymnasium's vector environments tell beside their observations; without torch."""
+"""Rows of the infos of gymnasium's vector environments; without torch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def row_info(info: Mapping[str, Any], row: int) -> dict[str, object]:
-    """One row of a gymnasium vector info: `name` where its mask `_name` holds, or where there is no mask."""
+    """Return one row of a gymnasium vector info: the entries whose mask `_name` is True in that row, or is absent."""
     entries: dict[str, object] = {}
     for name, value in info.items():
         if name.startswith("_") or not bool(np.asarray(info.get(f"_{name}", np.ones(row + 1, bool)))[row]):

@@ -1,4 +1,4 @@
-"""The meaning of a trained policy's numbers, from its record and the world that it was trained in."""
+"""The meaning of a trained policy's inputs and outputs, from its record and the world that it was trained in."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from vispeg.task.interface import interface_in
 
 
 def interface_of_policy(policy: Policy, world: str | None = None, digest: str = "") -> Interface:
-    """Give what a policy sees and does on the arm of a world.
+    """Return what a policy's observation and action mean on the arm of a world.
 
     Args:
-        policy: as `vispeg.learn.policy.load` gives it.
-        world: by name or file; the one that it was trained in for None.
-        digest: of its folder.
+        policy: a policy from `vispeg.learn.policy.load`.
+        world: name or file of the world; None for the one that the policy was trained in.
+        digest: hash of the policy's folder.
 
     Raises:
-        NoInterface: no such world, or a policy that reads what no robot has.
-        UserError: another observation than the world's task.
+        NoInterface: no such world, or a policy that reads ground truth, which no robot has.
+        UserError: the policy's observation is not that of the world's task.
     """
     senses = modality(policy.modality)
     if senses.knows:

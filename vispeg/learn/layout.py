@@ -1,4 +1,4 @@
-"""What a policy sees and does: names, shapes and units of its observation, checked before anything is loaded."""
+"""The layout of a policy's observation and action: names and shapes, checked before any weights are loaded."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from vispeg.core.errors import UserError
 from vispeg.task.standard_terms import TIP_IN_GOAL
 from vispeg.task.terms import POLICY, PRIVILEGED
 
-MOST = 4096  # numbers of an observation's part, pixels of an image's side
-VECTOR = POLICY  # key of what the actor may see; critics may see PRIVILEGED too
-ESTIMATE = slice(0, TIP_IN_GOAL.size)  # of the ground truth: what actors that see estimate, see Task.terms
-OFFSET_M = TIP_IN_GOAL.scale  # its unit
+MOST = 4096  # largest length of a vector, and largest side of an image in pixels
+VECTOR = POLICY  # key of the vector that the actor sees; critics may see PRIVILEGED too
+ESTIMATE = slice(0, TIP_IN_GOAL.size)  # entries of the ground truth that actors with images estimate: tip_in_goal
+OFFSET_M = TIP_IN_GOAL.scale  # m per unit of these entries
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Layout:
             0-255.
         action: length of the action.
         truth: length of the observation's `privileged` part; 0 for a policy that does not read it.
-        reads: its entries that the policy reads.
+        reads: indices of the `privileged` entries that the policy reads.
     """
 
     vector: int
@@ -39,16 +39,16 @@ class Layout:
     def of(
         cls, observation_space: Any, action_space: Any, kinds: tuple[str, ...], truth: tuple[int, ...] = ()
     ) -> Layout:
-        """Give the layout of an environment's spaces for one environment, of which images of these kinds are seen.
+        """Return the layout for the spaces of a single environment.
 
         Args:
             observation_space: gymnasium Dict with `policy` and perhaps images.
             action_space: gymnasium Box.
-            kinds: any of `depth`, `rgb`.
-            truth: entries of `privileged` that are seen.
+            kinds: kinds of images that the policy sees, any of `depth` and `rgb`.
+            truth: indices of the `privileged` entries that the policy reads.
 
         Raises:
-            UserError: no `policy` or `privileged` key, or no image of a kind.
+            UserError: the space lacks `policy`, `privileged` where it is read, or images of one of the kinds.
         """
         spaces = getattr(observation_space, "spaces", {})
         for key in (VECTOR, PRIVILEGED) if truth else (VECTOR,):
@@ -70,11 +70,11 @@ class Layout:
 
     @property
     def vectors(self) -> dict[str, int]:
-        """Length of every part that is no image, by key, in order."""
+        """Length of every part that is not an image, by key, in order."""
         return {VECTOR: self.vector, **({PRIVILEGED: self.truth} if self.truth else {})}
 
     def check(self, obs: Mapping[str, Any]) -> None:
-        """Refuses an observation of another layout. `obs` holds arrays with one leading axis.
+        """Check that an observation has this layout. `obs` holds arrays with one leading axis.
 
         Raises:
             UserError: a key is missing or has another shape.
@@ -92,7 +92,7 @@ class Layout:
         return {**vectors, **{key: tuple(shape) for key, shape in self.images.items()}}
 
     def to_json(self) -> Mapping[str, object]:
-        """Ready for JSON; `from_json` reads it."""
+        """Return the layout as JSON data, which `from_json` reads."""
         return {
             "vector": self.vector,
             "images": {key: list(shape) for key, shape in self.images.items()},
@@ -102,7 +102,7 @@ class Layout:
 
     @classmethod
     def from_json(cls, entries: Mapping[str, Any]) -> Layout:
-        """Give the inverse of `to_json`. Raises UserError where an entry is missing or no shape."""
+        """Return the layout that `to_json` wrote. Raises UserError where an entry is missing or invalid."""
         try:
             images = {str(key): _chw(shape) for key, shape in entries["images"].items()}
             lengths = [_count(entries["vector"], 1), _count(entries["action"], 1), _count(entries.get("truth", 0), 0)]
@@ -122,7 +122,7 @@ def _chw(shape: Any) -> tuple[int, int, int]:
 
 
 def _count(value: Any, least: int) -> int:
-    """Give the value. Raises ValueError for what is no count, or one that no policy can have."""
+    """Return the value. Raises ValueError unless it is a whole number from `least` to MOST."""
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MOST:
         raise ValueError(value)
     return value

@@ -1,4 +1,4 @@
-"""What a policy's record (`meta` in policy.json) says of where it was made and for which task; without torch."""
+"""Read a policy's origin from its record (`meta` in policy.json): its worlds and its task. Without torch."""
 
 from __future__ import annotations
 
@@ -9,32 +9,36 @@ from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.terms import Observation
 from vispeg.task.world_file import built_in, parts
 
+# the task's settings that define what a policy sees and what its actions mean: the same in every world
 INTERFACE = ("name", "stack", "dof", "offset", "turn", "policy_period", "cameras", "image_size")
-# of the task: what a policy sees and what its actions mean, kept in every world
 
 
 def interface(meta: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Give the part of the task (TaskConfig's fields) that a policy was made for, as far as its record has it."""
+    """Return the INTERFACE settings (TaskConfig's fields) that a policy was made for, those that its record states."""
     task = meta.get("task") or {}
     stated = {key: task[key] for key in INTERFACE if task.get(key) is not None}
     return {key: tuple(value) if isinstance(value, list) else value for key, value in stated.items()}
 
 
 def observed(meta: Mapping[str, Any]) -> Observation:
-    """Give the observation terms of the task that a policy was made for; those of the task's defaults as far as not
-    said.
+    """Return the observation terms of the task that a policy was made for.
+
+    The task's defaults stand for settings that the record does not state.
     """
     config = config_of(interface(meta))
     return Observation(task_of(config).terms, config)
 
 
 def tolerance_of(meta: Mapping[str, Any]) -> float | None:
-    """Give the tolerance (`TaskConfig.tolerance`) that a policy was made for; None where its record does not say."""
+    """Return the tolerance (`TaskConfig.tolerance`) that a policy was made for; None where its record has none."""
     return next(iter(made_for(meta).values()), None)
 
 
 def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
-    """Give the settings of the task that a policy was made for, where they may differ from those of its world."""
+    """Return the tolerance that a policy was made for as {setting: value}; empty where its record states none.
+
+    A training run's settings may replace the world's, so it may differ from the value in the world's file.
+    """
     task = meta.get("task") or {}
     tolerance = kind_of(task).tolerance if task else None
     stated = None if tolerance is None else task.get(tolerance.setting)
@@ -42,13 +46,13 @@ def made_for(meta: Mapping[str, Any]) -> Mapping[str, float]:
 
 
 class Origin(TypedDict, total=False):
-    """World and task of an environment or a dataset, as a policy's record has them; empty where nothing is said.
+    """World and task of an environment or a dataset, in the form of a policy's record; empty where unknown.
 
     Keys:
-        world: its name, or None.
-        world_hash: its hash, or None.
-        world_parts: hash -> name of what it is put together from.
-        task: settings.
+        world: the world's name, or None.
+        world_hash: the world's hash, or None.
+        world_parts: hash -> file name of each part that the world is composed of, see `world_file.parts`.
+        task: the task's settings.
     """
 
     world: str | None
@@ -65,12 +69,9 @@ class MadeIn(TypedDict):
 
 
 def worlds(*metas: Mapping[str, Any]) -> MadeIn:
-    """Give the worlds that policies of these records were trained or fine-tuned in, ready for a record.
+    """Return the worlds that policies with these records were trained or fine-tuned in, as entries of a record.
 
-    Records that do not say what their worlds are put together from are taken to mean the built-in world that they name.
-
-    Returns:
-        `world_hashes`: of the worlds; `world_parts`: what they are put together from, see `world_file.parts`.
+    A record without `world_parts` gets the parts of the built-in world that it names, if it names one.
     """
     hashes: list[Any] = []
     made_of: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""Export to ONNX, for controllers without torch."""
+"""Export policies to ONNX, for controllers without torch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPSET = 17
 
 
 class _Positional(nn.Module):
-    """The actor with its observation's parts (and its memory) as arguments in order."""
+    """The actor as a module with positional arguments: the observation's parts in order, then its memory if any."""
 
     def __init__(self, actor: Actor):
         super().__init__()
@@ -35,20 +35,20 @@ class _Positional(nn.Module):
 
 
 def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning: Interface | None = None) -> Path:
-    """Write the policy's deterministic action as an ONNX model.
+    """Write the policy, without exploration noise, as an ONNX model; return the file's path.
 
-    Inputs are the observation's parts by their keys, (n, ...) with n free, float32 except `rgb_*` in uint8; a
-    recurrent policy also takes `hidden` and `cell` (1, n, width), zeros at an episode's start, and gives `hidden_next`
-    and `cell_next`. The output `action` is (n, action) within +-1.
+    Inputs are named after the observation's keys. Their shape is (n, ...) with n free; they are float32, except that
+    `rgb_*` are uint8. A recurrent policy also takes `hidden` and `cell` (1, n, width), zeros at an episode's start,
+    and returns `hidden_next` and `cell_next`. The output `action` is (n, action) within +-1.
 
     Args:
-        policy: as `vispeg.learn.policy.load` gives it.
-        path: of the file.
-        overwrite: whether to replace a file that is there.
-        meaning: of its numbers, which the file carries in its metadata; None for none.
+        policy: a policy from `vispeg.learn.policy.load`.
+        path: the file to write.
+        overwrite: whether to replace an existing file.
+        meaning: the meaning of inputs and outputs, written into the file's metadata; None for none.
 
     Raises:
-        UserError: the package `onnx` is not installed, or the file exists.
+        UserError: the package `onnx` is not installed, the network cannot be exported, or the file exists.
     """
     import io
     import warnings
@@ -66,7 +66,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning
     file = io.BytesIO()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the exporter's own notes on tracing
+            warnings.simplefilter("ignore")  # the exporter's warnings about tracing
             torch.onnx.export(
                 _Positional(actor),
                 tuple(parts),
@@ -85,12 +85,12 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning
 
 
 def _stating(model: bytes, meaning: Interface | None) -> bytes:
-    """Give the model with its meaning in its metadata."""
+    """Return the model's bytes with its meaning added to its metadata."""
     if meaning is None:
         return model
     import onnx
 
-    out = onnx.ModelProto.FromString(model)  # pyright: ignore[reportAttributeAccessIssue]  # this file has its name
+    out = onnx.ModelProto.FromString(model)  # pyright: ignore[reportAttributeAccessIssue]  # onnx.py is this file, too
     out.producer_name, out.doc_string = "vispeg", meaning.title
     out.metadata_props.add(key=KEY, value=meaning.text())
     return out.SerializeToString()

@@ -1,4 +1,4 @@
-"""Episodes of a policy as frames for a video: the cell, what the policy sees, where it thinks the tip is."""
+"""Play a policy's episodes as video frames: the cell, the policy's images, and its estimate of the tip's position."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WHITE, GREEN, RED = (255, 255, 255), (90, 220, 120), (255, 110, 90)
 
 @dataclass(frozen=True)
 class Played:
-    """One episode: frames (T, H, W, 3) uint8 and the environment's record of how it ended."""
+    """One episode: its seed, its frames (T, H, W, 3) uint8, and the environment's info at its end."""
 
     seed: int
     frames: np.ndarray
@@ -27,12 +27,12 @@ class Played:
 
 
 def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
-    """Plays one episode a seed.
+    """Play one episode per seed; yield each with its frames, the last of which is held for 6 frames.
 
     Args:
-        policy: to play.
-        env: a vector environment of one row with `render_mode="rgb_array"` without autoreset.
-        seeds: of the episodes.
+        policy: the policy to play.
+        env: a vector environment of one row with `render_mode="rgb_array"` and without autoreset.
+        seeds: seeds of the episodes.
     """
     from vispeg.learn.infos import row_info
 
@@ -42,25 +42,24 @@ def play(policy: Policy, env: Any, seeds: list[int]) -> Iterator[Played]:
         frames, over, info = [], False, {}
         while not over:
             action = policy.act(obs)
-            frames.append(compose(env.render()[0], obs, policy, action))
+            frames.append(compose(env.render()[0], obs, policy))
             obs, _, terminated, truncated, info = env.step(action)
             over = bool(terminated[0] or truncated[0])
         record = row_info(info, 0)
         policy.act(obs)
-        last = compose(env.render()[0], obs, policy, np.zeros_like(action))
+        last = compose(env.render()[0], obs, policy)
         word = str(record.get("category", ""))
         write(last, word, (8, 20), GREEN if record.get("success") else RED)
         yield Played(seed, np.stack([*frames, *[last] * 6]), record)
 
 
-def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, action: np.ndarray) -> np.ndarray:
-    """Give the outside view (H, W, 3) with the policy's images in a column beside it, and its estimate in words.
+def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
+    """Return the outside view with the policy's estimate written on it and its images in a column to the right.
 
     Args:
-        outside: (H, W, 3) uint8.
-        obs: of one row.
-        policy: after it acted on `obs`.
-        action: (1, action) that it chose.
+        outside: the outside view, (H, W, 3) uint8.
+        obs: observation of one row, arrays (1, ...).
+        policy: the policy, after it acted on `obs`.
     """
     picture = thoughts(outside, obs, policy)
     height = picture.shape[0]
@@ -75,12 +74,14 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy, 
 
 
 def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
-    """Give the outside view with where the policy thinks the tip to be in the goal's frame, and where it is, in words.
+    """Return a copy of the outside view with the tip's estimated and true position in the goal's frame written on it.
+
+    Nothing is written where the policy has no estimate, or where the observation lacks the truth.
 
     Args:
-        outside: (H, W, 3) uint8.
-        obs: of one row.
-        policy: after it acted on `obs`; nothing is written where it has no estimate.
+        outside: the outside view, (H, W, 3) uint8.
+        obs: observation of one row, arrays (1, ...).
+        policy: the policy, after it acted on `obs`.
     """
     picture, height = outside.copy(), outside.shape[0]
     if policy.estimate is not None and PRIVILEGED in obs:
@@ -91,14 +92,14 @@ def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy)
 
 
 def enlarged(image: np.ndarray, size: int) -> np.ndarray:
-    """(H, W, 3) -> (size, size, 3), each pixel a block."""
+    """Return an image (H, W, 3) resized to (size, size, 3) without interpolation."""
     rows = np.arange(size) * image.shape[0] // size
     columns = np.arange(size) * image.shape[1] // size
     return image[rows][:, columns]
 
 
 def write(picture: np.ndarray, text: str, at: tuple[int, int], colour: tuple[int, int, int]) -> None:
-    """Write a line of text into the picture, its lower left corner at (x, y)."""
+    """Write a line of text into the picture, its lower left corner at pixel (x, y)."""
     import cv2
 
     font = cv2.FONT_HERSHEY_PLAIN

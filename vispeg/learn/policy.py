@@ -1,4 +1,4 @@
-"""Policies as everything else knows them: a folder with `policy.safetensors` and `policy.json`, no pickle."""
+"""Policies, and their folders with `policy.safetensors` and `policy.json`. No pickle."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from vispeg.learn.networks.actor import Actor, State
 from vispeg.learn.record import NETWORK, WEIGHTS, check_weights, read_record
 from vispeg.learn.shipped import META, policy_folder
 
-LARGEST = 1_000_000_000  # bytes of weights
+LARGEST = 1_000_000_000  # largest file of weights, bytes
 
 
 class Policy(Protocol):
-    """What can be played and evaluated.
+    """The interface of what can be played and evaluated.
 
     Attributes:
-        modality: what it sees: `state`, `proprio`, `depth`, `rgb`, `rgbd`, or one of a user's own.
-        meta: where it comes from; see `save`.
-        layout: of its observation and action.
-        recurrent: width of its memory; 0 where a stack of observations serves for one.
-        estimate: (n, 3) m, where the last `act` thought the tip to be in the goal's frame; None where it does not
-            say.
+        modality: name of what it sees: `state`, `privileged`, `proprio`, `depth`, `rgb`, `rgbd`, or a user's own.
+        meta: record of its origin; see `save`.
+        layout: names and shapes of its observation and action.
+        recurrent: width of its LSTM; 0 for none: then a stack of observations is its only memory.
+        estimate: (n, 3) m, the tip in the goal's frame as estimated in the last `act`; None where the policy has no
+            such output.
     """
 
     modality: str
@@ -52,16 +52,16 @@ class Policy(Protocol):
     estimate: np.ndarray | None
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Clear the memory of n episodes: of all, or of the rows (n,) bool that are reset."""
+        """Clear the memory of all n rows, or only of those where `rows` (n,) is True."""
         ...
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Observation arrays (n, ...) -> actions (n, action) float32 within +-1."""
+        """Return actions (n, action) float32 within +-1 for observation arrays (n, ...)."""
         ...
 
 
 class NetPolicy:
-    """A trained actor that acts without exploring.
+    """Act with a trained actor, without exploration noise.
 
     Attributes:
         actor: the network.
@@ -83,14 +83,14 @@ class NetPolicy:
             self._state = (self._state[0] * going, self._state[1] * going)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Policy. An episode's actions are the same, bit for bit, whatever plays beside it.
+        """See Policy. On one machine, an episode's actions are the same to the last bit, whatever the other rows do.
 
-        What a sum of products rounds to depends on the processor, and on it also on the number of rows, a row's place
-        among them, where memory begins, and threads; contact makes another episode of a last bit. So the network sees
-        every row alone, in memory of its own, in one thread: the same computation on any processor.
+        The rounding of matrix products varies with the processor, and on one processor with the number of rows, a
+        row's position, memory alignment and threads. Contact amplifies a difference in the last bit into a different
+        episode. So the network computes each row alone, in freshly allocated memory and in one thread.
 
         Raises:
-            UserError: an observation of another layout.
+            UserError: the observation has another layout.
         """
         self.actor.layout.check(obs)
         parts = {
@@ -107,7 +107,7 @@ class NetPolicy:
         return torch.cat(actions).cpu().numpy().astype(np.float32)
 
     def _row(self, parts: Mapping[str, Tensor], row: slice) -> tuple[Any, Any, Any, Any]:
-        """Give action, offset, hidden and cell state of one row; a copy begins where torch lets all memory begin."""
+        """Return action, offset, hidden and cell state of one row, computed on copies so that alignment is fixed."""
         state = None if self._state is None else tuple(x[:, row].clone() for x in self._state)
         features = self.actor.features({key: x[row].clone() for key, x in parts.items()})
         latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
@@ -118,7 +118,7 @@ class NetPolicy:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Networks compute in one thread meanwhile."""
+    """Make torch compute in one thread while the body runs."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -128,11 +128,14 @@ def one_thread() -> Iterator[None]:
 
 
 def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any]) -> None:
-    """Write policy.safetensors and policy.json, over what an earlier `save` left there.
+    """Write policy.safetensors and policy.json; replace those of an earlier `save`.
 
     Args:
-        folder: made if need be.
-        meta: JSON; by convention `command`, `seed`, `world`, `world_hash`, `task`, `steps`, `success`, `versions`.
+        folder: the policy's folder.
+        actor: the network.
+        modality: name of what it sees.
+        meta: its origin, as JSON data; by convention `command`, `seed`, `world`, `world_hash`, `task`, `steps`,
+            `success`, `versions`.
     """
     weights = save_tensors({name: value.detach().cpu().contiguous() for name, value in actor.state_dict().items()})
     record = {
@@ -144,18 +147,23 @@ def save(folder: str | Path, actor: Actor, modality: str, meta: Mapping[str, Any
         "meta": dict(meta),
     }
     text = json.dumps(record, indent=2, allow_nan=False) + "\n"
-    (Path(folder) / META).unlink(missing_ok=True)  # killed between the two, there is no policy rather than a wrong one
+    # removed first: a process killed between the two writes then leaves no policy rather than a wrong one
+    (Path(folder) / META).unlink(missing_ok=True)
     write_bytes_atomic(Path(folder) / WEIGHTS, weights, overwrite=True)
     write_text_atomic(Path(folder) / META, text, overwrite=True)
 
 
 @enrol("policy's weights", lambda folder: copy(assets() / "policies" / "state-3mm", folder))
 def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
-    """Read a policy's folder, or the shipped policy of that name; nothing in it is executed.
+    """Load the policy in a folder, or the shipped policy of that name. No code in the files is executed.
+
+    Args:
+        folder: the policy's folder, or the name of a shipped policy.
+        device: torch device of the network.
 
     Raises:
-        UserError: no such folder, a file is missing or damaged, weights that are not finite or not those of what the
-            JSON says, or a modality that this installation does not have.
+        UserError: no such folder, a file is missing or damaged, two policies in one folder, weights that are not
+            finite or do not match policy.json, or a modality that this installation does not have.
     """
     path = policy_folder(folder)
     record = read_record(path)
@@ -164,7 +172,7 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     modality = modality_of(record["modality"])
     check_weights(path, record)
     layout, net = Layout.from_json(record["layout"]), record["net"]
-    if modality.knows and not layout.reads:  # older records do not say
+    if modality.knows and not layout.reads:  # older records do not state `reads`
         layout = replace(layout, reads=observed(record["meta"]).for_teachers)
     actor = _actor(layout, modality, net, path)
     try:
@@ -179,7 +187,7 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
 
 
 def _actor(layout: Layout, modality: Modality, net: Mapping[str, Any], path: Path) -> Actor:
-    """Give the network that a record describes, its weights still any."""
+    """Return the network that a record describes, with untrained weights."""
     try:
         return Actor(layout, modality, tuple(net["hidden"]), net["recurrent"])
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:  # such as images too small for the encoder
