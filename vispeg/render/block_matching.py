@@ -1,10 +1,11 @@
-"""The effect `block_matching` carried out: depth from two rendered eyes, as a stereo camera computes it.
+"""The effect `block_matching`: depth from a rendered pair of stereo cameras, computed as a stereo depth camera does.
 
-Both eyes are drawn larger than the image, at the focal length at which is matched, and wider to the left by the
-largest disparity, so that the whole image has a counterpart. A speckle pattern from a projector half-way between the
-eyes lights the scene; both get read-out noise and 8 bits; OpenCV's semi-global matcher with its left-right check
-gives disparities to 1/16 px, and depth is f B / d. A pixel of the image takes the median of the readings in it, none
-where most are lost.
+Both cameras of the pair ("eyes") are rendered at a multiple of the image's resolution, to reach the focal length of the
+matcher. They are wider to the left by the largest disparity, so that each pixel of the image has a counterpart. A
+projector half-way between the eyes lights the scene with a speckle pattern. Read-out noise is added, and the images are
+rounded to 8 bits. OpenCV's semi-global matcher with left-right check finds disparities d to 1/16 px; depth is f B / d
+with focal length f and baseline B. Each image pixel takes the median of the fine readings in it, or no reading where
+fewer than half of them are valid.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from vispeg.render.cameras.camera import PINHOLE, Camera
 from vispeg.worlds.world import World
 
 NAME = "block_matching"
-SPECKLE = 512  # side of the pattern, repeated beyond
+SPECKLE = 512  # px, side of the pattern, which repeats beyond it
 MARGIN = 8  # px on the right, where the matcher's blocks would reach beyond the picture
-GRAIN = 1.5  # px of the matcher from speckle to speckle
-SPURIOUS = 40  # px; smaller islands of disparity are taken for wrong matches
+GRAIN = 1.5  # size of a speckle, in px of the eyes
+SPURIOUS = 40  # px; regions of similar disparity smaller than this are discarded as wrong matches
 
 
 def settings(world: World, camera: str) -> dict[str, float] | None:
-    """Values of the effect's parameters for a camera in a sampled world; None where depth is rendered as usual."""
+    """Return the effect's parameter values for a camera in a sampled world; None if depth is rendered as usual."""
     stated = None
     for placed in world.effects:
         if placed.effect == NAME and placed.where in ("all", camera):
@@ -46,20 +47,20 @@ def depth(
     rng: np.random.Generator,
     qpos: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the matcher's depth of the rendered scene, with lens distortion rectified.
+    """Return the depth image that block matching finds, without lens distortion.
 
     Args:
-        renderer: dressed in the world's look; its cameras are the same afterwards.
-        camera: name of one of its cameras, whose depth image it is; the second eye stands to the right of it.
-        p: the effect's values, as of `settings`.
-        rng: of the eyes' noise.
-        qpos: (nq,) configuration; default: as it was.
+        renderer: the renderer, with the world's look; its cameras are restored afterwards.
+        camera: name of the camera whose depth is computed. It is the left eye; the right eye is added.
+        p: values of the effect's parameters, from `settings`; missing ones take their start values.
+        rng: generator of the read-out noise.
+        qpos: (nq,) configuration; default: the present one.
 
     Returns:
         (H, W) float32 planar depth in m, 0 where there is no match.
 
     Raises:
-        UserError: no such camera.
+        UserError: the renderer has no such camera.
     """
     cameras = {c.name: c for c in renderer.cameras}
     if camera not in cameras:
@@ -81,8 +82,17 @@ def depth(
 
 
 def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[Camera, Camera, int]:
-    """Give the two eyes, `scale` times as fine as the camera, and how many px wider to the left and searched (whole
-    16s).
+    """Return the left and the right eye, and the range of disparities in px.
+
+    Args:
+        camera: the camera whose depth is computed.
+        scale: resolution of the eyes over that of the camera.
+        baseline: distance of the eyes, m.
+        nearest: least depth to match, m.
+
+    Returns:
+        The two eyes, and the disparity at `nearest`, rounded up to a multiple of 16 px. The eyes are wider than the
+        image by this range on the left and by MARGIN on the right.
     """
     fx = camera.fx * scale
     span = 16 * int(np.ceil(fx * baseline / nearest / 16))
@@ -102,7 +112,7 @@ def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[C
 
 
 def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
-    """Give the picture (H, W) uint8 of one eye, `offset` m to the right of the projector."""
+    """Return the grey image (H, W) uint8 of one eye, which is `offset` m to the right of the projector."""
     import cv2
 
     light = to_linear(shot.rgb.astype(np.float32) / 255) @ LUMA
@@ -110,7 +120,7 @@ def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: n
         z = np.where(shot.depth > 0, shot.depth, np.float32(1e3))
         u = np.arange(eye.width, dtype=np.float32) - np.float32(eye.cx)
         v = np.arange(eye.height, dtype=np.float32)[:, None] - np.float32(eye.cy)
-        # where the projector's ray to the same point goes, on a plane at the matcher's focal length
+        # coordinates, in the pattern, of the projector's ray to the point that each pixel shows
         at_u = (u + np.float32(eye.fx * offset) / z) / np.float32(GRAIN)
         at_v = np.broadcast_to(v * np.float32(eye.fx / eye.fy / GRAIN), z.shape)
         speckle = cv2.remap(
@@ -123,14 +133,14 @@ def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: n
 
 @lru_cache(maxsize=4)
 def _speckle(seed: int) -> np.ndarray:
-    """Light (513, 513) float32 from 0 to 1 of the pattern, its first row and column repeated at the end."""
+    """Return the pattern's brightness (513, 513) float32 in [0, 1], its first row and column repeated at the end."""
     noise = normal(stream(seed, "speckle"), (SPECKLE, SPECKLE))
     value = 1 / (1 + np.exp(-2.5 * noise))
     return np.pad(value, (0, 1), mode="wrap").astype(np.float32)
 
 
 def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.ndarray:
-    """Disparity (H, W) float32 in px of the left eye's picture; 0 where none is found."""
+    """Return the disparity (H, W) float32, px, of the left eye's image; 0 where no match is found."""
     import cv2
 
     block = max(1, window | 1)
@@ -150,7 +160,7 @@ def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.nd
 
 
 def _median(fine: np.ndarray, scale: int) -> np.ndarray:
-    """Give the lower median of the readings in each block of scale x scale px; 0 where fewer than half have one."""
+    """Return the lower median of the readings in each block of scale x scale px; 0 if fewer than half are valid."""
     height, width = fine.shape[0] // scale, fine.shape[1] // scale
     blocks = fine.reshape(height, scale, width, scale).swapaxes(1, 2).reshape(height, width, scale * scale)
     ordered = np.sort(np.where(blocks > 0, blocks, np.inf), axis=-1)

@@ -1,10 +1,10 @@
-"""The contrast guard: a look is drawn again until held part, fixture, its mouth and background can be told apart.
+"""The contrast guard: sample looks until held part, fixture, mouth of the goal and background are distinguishable.
 
-Colours are compared as CIELAB means over the pixels of each of them (CIE 15:2004, D65), their distance being CIE76's.
-A look is also refused when one of them is hardly seen at all, or is nearly all black or white: then there is nothing
-left to see an edge by. Colours are judged as the camera delivers them, after its exposure, brightness and the like: a
-dim look and a short exposure are each good alone, and nearly black together. Only looks (effects of kind `appearance`)
-are drawn again; the physics of an episode, its cameras and its sensor stay what its seed says.
+Their mean colours are compared in CIELAB (CIE 15:2004, D65) by the CIE76 distance. A look is also refused if one of
+them is hardly visible, or if most of its pixels are black or white, since edges are then lost. Colours are judged as
+the camera delivers them, after exposure, brightness and the like: a dim look and a short exposure may each be usable
+alone and give a nearly black image together. Only looks (effects of the family `appearance`) are sampled again;
+physics, cameras and sensors of an episode stay as its seed gives them.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 BACKGROUND, BEHIND, RIM = "background", ("table", "wall", "floor"), "rim"
 TRIES = 20
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])  # IEC 61966-2-1
-DARK, BRIGHT = 6.0, 98.0  # L*: darker or brighter pixels show no shape
-DEEP, FLAT = 2e-3, 0.5e-3  # m: how far below the mouth its inside begins, and how level its rim is
+DARK, BRIGHT = 6.0, 98.0  # L*: pixels darker or brighter than this count as black or white
+DEEP, FLAT = 2e-3, 0.5e-3  # m: depth at which the mouth's inside begins, and half the range of heights of its rim
 
 
 @dataclass(frozen=True)
 class Rule:
-    """When pictures are good enough.
+    """Requirements that images of a look must meet.
 
     Attributes:
-        distance: CIE76 distance that what is held, the fixture and the background must keep from each other.
-        mouth: the same between the mouth's inside and its rim, where both are seen.
-        pixels: how many pixels of each part must show, in all pictures together.
-        lost: the greatest share of a part's pixels that may be black or white.
+        distance: least CIE76 distance between held part, fixture and background.
+        mouth: least CIE76 distance between the mouth's inside and its rim, if both are visible.
+        pixels: least number of visible pixels of each part, in all images together.
+        lost: greatest share of a part's pixels that may be black or white, 0 to 1.
     """
 
     distance: float = 12.0
@@ -54,22 +54,23 @@ class Rule:
 
 
 def lab(rgb: np.ndarray) -> np.ndarray:
-    """CIELAB (..., 3) of encoded sRGB (..., 3) uint8."""
+    """Return the CIELAB colours (..., 3) of encoded sRGB (..., 3) uint8."""
     xyz = to_linear(rgb.astype(np.float32) / 255).astype(float) @ TO_XYZ.T / TO_XYZ.sum(axis=1)
     f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
 def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene, rule: Rule | None = None) -> float:
-    """Return how well held part, fixture, its mouth and background can be distinguished, 0 to 1; 1 is good enough.
+    """Return how well held part, fixture, its mouth and background can be distinguished, 0 to 1; 1 meets the rule.
 
-    The least of: distances over the rule's, pixels seen over the rule's, and shares of pixels that show something.
+    The score is the least of three kinds of ratio: colour distance, visible pixels and share of usable pixels, each
+    divided by what the rule requires. A part that is not visible at all gives 0.
 
     Args:
-        shots: with labels, of one moment.
-        cameras: that took them.
-        scene: whose parts the segmentation counts, in their order, from 1.
-        rule: what is good enough.
+        shots: shots of one moment by camera name, with labels.
+        cameras: the cameras that took them.
+        scene: the scene, whose parts the segmentation numbers from 1, in their order.
+        rule: the requirements; default: `Rule()`.
     """
     rule = rule or Rule()
     colours = measure(shots, cameras, scene)
@@ -89,7 +90,10 @@ def contrast(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene,
 
 
 def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) -> dict[str, np.ndarray]:
-    """CIELAB colours (n, 3) of the pixels of held part, fixture, background, the mouth's inside and its rim."""
+    """Return by name the CIELAB colours (n, 3) of the pixels of held part, fixture, background, mouth and rim.
+
+    The mouth's inside has the key `scene.goal`. Raises ValueError for shots without labels.
+    """
     number = {part: i for i, part in enumerate(scene.parts, start=1)}
     radius = scene.config.apothem + scene.config.chamfer
     groups = {scene.held: (scene.held,), scene.fixture: (scene.fixture,), BACKGROUND: BEHIND}
@@ -110,15 +114,14 @@ def measure(shots: Mapping[str, Shot], cameras: Sequence[Camera], scene: Scene) 
 
 
 def delivered(shots: Mapping[str, Shot], cameras: Sequence[Camera], world: World) -> dict[str, Shot]:
-    """Give the shots in the colours that cameras of a drawn world deliver: exposure, white balance, brightness and so
-    on.
+    """Return the shots in the colours that the cameras of a sampled world deliver (exposure, white balance and so on).
 
-    Noise, blur and what else moves or hides single pixels are left out, so that segmentation still fits.
+    Effects that move or hide single pixels, such as noise and blur, are left out, so that segmentation still fits.
 
     Args:
-        shots: of one moment, by camera name.
-        cameras: that took them.
-        world: as drawn.
+        shots: shots of one moment by camera name.
+        cameras: the cameras that took them.
+        world: the sampled world.
     """
     tint = world.only(lambda e: getattr(effect(e.effect), "photometric", False))
     out = dict(shots)
@@ -145,24 +148,25 @@ def redraw(
     rule: Rule | None = None,
     tries: int = TRIES,
 ) -> tuple[World, int]:
-    """`world.sample(seed, scene, levels)`, with another look wherever that one hides the task from its cameras.
+    """Sample a world, and sample its look again while the look hides the task from the cameras.
 
-    The first look is the one that `sample` draws; the k-th redraw takes its looks from a stream of its own, so the
-    result follows from the seed alone. If none of `tries` looks will do, the best of them stands.
+    The first try is `world.sample(seed, scene, levels)`. Each further look has a random stream of its own, given by the
+    episode's seed and the number of the try, so the seed alone decides the result. If none of `tries` looks is good
+    enough, the best of them is kept.
 
     Args:
-        world: what is drawn.
-        scene: whose targets they walk.
-        renderer: with the scene's parts; begun anew, and left dressed in the world returned.
-        seed: of the episode.
-        levels: as for `sample`.
-        qpos: (nq,) configuration to look at; default: the renderer's present one.
-        bodies: where the episode places them, as for `dress`.
-        rule: when a look is good enough.
-        tries: looks drawn at most.
+        world: the ranges to sample.
+        scene: the scene that has the effects' targets.
+        renderer: a renderer of the scene with its parts. It is restarted, and left with the look that is returned.
+        seed: seed of the episode.
+        levels: how far samples may be from nominal, as for `RandomizedWorld.sample`.
+        qpos: (nq,) configuration in which looks are judged; default: the renderer's present one.
+        bodies: the episode's poses of bodies, as for `dress`.
+        rule: the requirements on a look; default: `Rule()`.
+        tries: greatest number of looks to sample.
 
     Returns:
-        The world with every range drawn, and how many looks were refused: `tries` where none would do.
+        The sampled world, and the number of looks that were refused (`tries` if none was good enough).
     """
     looks = tuple(r for r in world.ranges if effect(r.effect).family == "appearance")
     others = tuple(r for r in world.ranges if r not in looks)

@@ -1,7 +1,7 @@
-"""Kinds of images that observations hold: one table of type, range, storage and picture.
+"""Kinds of images in observations: a table of their type, range, storage and display.
 
-An observation's key is KIND_CAMERA, as `depth_wrist_wide`. A new kind is a renderer's picture and one entry here; a
-mode of observation is a list of kinds.
+The key of an image in an observation is KIND_CAMERA, such as `depth_wrist_wide`. A new kind needs a renderer that
+supplies it and one entry here. A mode of observation is a list of kinds.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.frame import Frame
 
 FAR = 4.0  # m, greatest depth in the observation
-SHOWN = (0.02, 0.40)  # m, range of depths of a picture for people
-LEVEL = 0.002  # m, of depth as a grey image: wrist cameras see their goal from 0.05 to 0.4 m
-STEP = 5e-5  # m, a unit of stored depth: 0.05 mm, up to 3.27 m in 16 bits
+SHOWN = (0.02, 0.40)  # m, range of depths in a picture for people
+LEVEL = 0.002  # m per grey level of depth; chosen for wrist cameras, which see the goal from 0.05 to 0.4 m
+STEP = 5e-5  # m, unit of stored depth; 16 bits reach 3.27 m
 
 
 @dataclass(frozen=True)
@@ -25,14 +25,14 @@ class ImageKind:
     """One kind of image, (C, H, W) in an observation.
 
     Attributes:
-        name: of the kind.
-        channels, dtype, high: of the image; its least value is 0.
-        unit: of its values.
-        deliver: what a camera gives, Frame -> (n, C, H, W); None where the frame has none.
-        stored: type in a replay.
-        pack, unpack: to that type and back.
-        picture: image (C, H, W) -> (H, W, 3) uint8 for people.
-        gaps: whether NaN stands for no reading rather than for an error.
+        name: name of the kind.
+        channels, dtype, high: number of channels, type and greatest value of the image; the least value is 0.
+        unit: unit of the values.
+        deliver: function from a Frame to images (n, C, H, W), or to None if the frame has no image of this kind.
+        stored: type in which replays store the image.
+        pack, unpack: functions to the stored type and back.
+        picture: function from an image (C, H, W) to a picture (H, W, 3) uint8 for people.
+        gaps: whether NaN means that there is no reading; otherwise NaN is an error.
     """
 
     name: str
@@ -48,12 +48,12 @@ class ImageKind:
     gaps: bool = False
 
     def shape(self, height: int, width: int) -> tuple[int, int, int]:
-        """Of an image, (C, H, W)."""
+        """Return the shape (C, H, W) of an image."""
         return self.channels, height, width
 
 
 def depth_picture(depth: np.ndarray, near: float = SHOWN[0], far: float = SHOWN[1]) -> np.ndarray:
-    """(H, W, 3) uint8 of depth (H, W) in m: near is red, far is blue, no reading is black."""
+    """Return a picture (H, W, 3) uint8 of depth (H, W) in m: near is red, far is blue, no reading is black."""
     import cv2
 
     reading = np.isfinite(depth) & (depth > 0)
@@ -63,7 +63,7 @@ def depth_picture(depth: np.ndarray, near: float = SHOWN[0], far: float = SHOWN[
 
 
 def grey_depth(depth: np.ndarray) -> np.ndarray:
-    """Depth in m as uint8 of the same shape: 0 for no reading, else 2 mm a level, 255 for 0.51 m and beyond."""
+    """Return depth in m as grey levels, uint8 of the same shape: 2 mm per level, at most 255; 0 for no reading."""
     reading = np.isfinite(depth) & (depth > 0)
     levels = np.clip(np.rint(np.where(reading, depth, 0.0) / LEVEL), 1, 255)
     return np.where(reading, levels, 0).astype(np.uint8)
@@ -117,11 +117,15 @@ MODES: dict[str, tuple[ImageKind, ...]] = {  # modes of observation: the kinds o
     "rgb": (RGB,),
     "rgbd": (RGB, DEPTH),
 }
-GOAL_TOLD = ("state",)  # modes whose policy is told where the goal is believed to be; others get its nominal place
+GOAL_TOLD = ("state",)  # modes whose policy is given the estimated goal position; others get the nominal one
 
 
 def enrol(kind: ImageKind, mode: str) -> ImageKind:
-    """Add a kind, and a mode of observation that holds it alone. Raises UserError where a name is taken."""
+    """Add a kind, and a mode of observation with this kind alone; return the kind.
+
+    Raises:
+        UserError: a kind or mode of that name exists, or the kind's name contains an underscore.
+    """
     for name, names in ((kind.name, KINDS), (mode, MODES)):
         if name in names:
             raise UserError("two kinds of images share a name", got=name, choices=names)
@@ -132,23 +136,23 @@ def enrol(kind: ImageKind, mode: str) -> ImageKind:
 
 
 def kind_of(key: str) -> ImageKind | None:
-    """Give the kind of an observation's part; None for one that is no image."""
+    """Return the kind of the image with this key in an observation; None if the key is not one of an image."""
     kind, dash, camera = key.partition("_")
     return KINDS.get(kind) if dash and camera else None
 
 
 def camera_of(key: str) -> str:
-    """Give the camera of an image."""
+    """Return the camera's name in the key of an image."""
     return key.partition("_")[2]
 
 
 def key_of(kind: ImageKind, camera: str) -> str:
-    """KIND_CAMERA."""
+    """Return the key KIND_CAMERA of an image in an observation."""
     return f"{kind.name}_{camera}"
 
 
 def picture_of(key: str, image: np.ndarray) -> np.ndarray:
-    """Give an observed image (C, H, W) as people see it, (H, W, 3) uint8."""
+    """Return an observed image (C, H, W) as a picture (H, W, 3) uint8 for people; ValueError if it is not an image."""
     kind = kind_of(key)
     if kind is None:
         raise ValueError(f"{key} is not an image")

@@ -1,4 +1,4 @@
-"""What a picture shows, known exactly: parts, surface normals, poses of objects."""
+"""Exact labels of rendered images: parts, surface normals and poses of objects."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ Parts = Mapping[str, Sequence[str]]
 
 
 def part_table(model: mujoco.MjModel, parts: Parts | None) -> np.ndarray:
-    """(ngeom + 1,) int32: the label of each geom id, the last entry (id -1) 0 for nothing.
+    """Return a table (ngeom + 1,) int32 from geom ids to labels; its last entry, for id -1 (no hit), is 0.
 
-    Parts count from 1 in the order of `parts`; geoms in none of them are 0 too. Without parts a label is id + 1.
+    Labels number the parts from 1, in the order of `parts`; a geom that is in no part gets 0. Without parts, the label
+    of a geom is its id + 1.
 
     Raises:
         UserError: a part names a geom that the model does not have.
@@ -35,10 +36,10 @@ def part_table(model: mujoco.MjModel, parts: Parts | None) -> np.ndarray:
 
 
 def normals_of(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """(H, W, 3) float32 normals in camera axes, towards the camera, of a depth picture (H, W) in m; 0 where none.
+    """Return surface normals (H, W, 3) float32 of a depth image (H, W) in m, in camera axes, facing the camera.
 
-    Each is the cross product of the steps to a neighbour in the row and one in the column, on the side where depth
-    changes less, so that edges do not smear.
+    A normal is the cross product of the steps to a neighbour in the column and to one in the row, each on the side
+    where depth changes less, so that edges stay sharp. It is 0 where no neighbour has a reading.
     """
     points = camera.points(depth)
     across, down = _step(points, depth, 1), _step(points, depth, 0)
@@ -48,7 +49,7 @@ def normals_of(depth: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def _step(points: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
-    """(H, W, 3) the step in `points` along an axis, forward or backward, whichever changes depth less; 0 if neither."""
+    """Return the step (H, W, 3) to the neighbour along an axis, on the side where depth changes less; 0 if none."""
     points, depth = np.moveaxis(points, axis, 0), np.moveaxis(depth, axis, 0)
     jump = np.where((depth[1:] > 0) & (depth[:-1] > 0), np.abs(np.diff(depth, axis=0)), np.inf)
     edge = np.full((1, *jump.shape[1:]), np.inf)
@@ -63,7 +64,10 @@ def _step(points: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
 def poses(
     model: mujoco.MjModel, data: mujoco.MjData, view: View, sites: Sequence[str], bodies: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """(4, 4) poses in the camera's OpenCV axes, m, of what the model has of these; `data` has its kinematics done."""
+    """Return by name the poses (4, 4), in m and camera axes, of those of these sites and bodies that the model has.
+
+    The kinematics of `data` must be computed.
+    """
     out = {}
     kinds = ((sites, mujoco.mjtObj.mjOBJ_SITE, data.site_xpos, data.site_xmat),)
     kinds += ((bodies, mujoco.mjtObj.mjOBJ_BODY, data.xpos, data.xmat),)

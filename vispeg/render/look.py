@@ -1,7 +1,7 @@
-"""A sampled world's look, put on a renderer: colours, textures, lights, things in the background, camera geometry.
+"""Apply the look of a sampled world to a renderer: colours, textures, lights, background objects, camera geometry.
 
-Every look starts from the renderer's pristine fields and from where its own episode places the bodies, so that nothing
-is left of the one before.
+Every look starts from the renderer's original fields and from its own episode's poses of bodies, so that nothing of the
+previous look remains.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from vispeg.worlds.world import World
 
 
 class Fields:
-    """A model's fields as an effect's `write` sees them, for the one simulation that a renderer draws.
+    """The fields of a renderer's model in the form that an effect's `write` takes: a batch of one simulation.
 
-    `fields[name]` is a view of shape (1, ...): an array of MjModel by its name, or a dotted one below it such as
-    `vis.headlight.ambient`. Cameras are the model's `cam_*` rows, in MuJoCo's axes.
+    `fields[name]` is a view of shape (1, ...) of an array of MjModel. Dotted names such as `vis.headlight.ambient`
+    reach below the top level. Cameras are the model's `cam_*` rows, in MuJoCo's axes.
 
     Attributes:
         model: the renderer's own model; writing to a view changes it.
-        scene: the Scene it was compiled from: names of parts, lights and cameras.
-        robot: the same, as effects of the physics call it.
+        scene: the Scene of the model, with the names of parts, lights and cameras.
+        robot: the same Scene, under the name that effects of the physics use.
     """
 
     def __init__(self, model: mujoco.MjModel, scene: Any):
@@ -44,22 +44,22 @@ class Fields:
 def dress(
     renderer: Renderer, scene: Any, world: World, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
 ) -> list[int]:
-    """Put the looks of a world on a renderer: its effects of kind `appearance`, and what of `camera` moves a camera.
+    """Apply a world's looks to a renderer: effects of the family `appearance`, and camera effects that move a camera.
 
-    Bodies are placed first, for a look may go by them: distractors keep away from the fixture.
+    Bodies are placed first, because a look may depend on them: distractors keep away from the fixture.
 
     Args:
-        renderer: drawn with from now on; made from a Scene where camera effects shall show.
-        scene: what the effects name their targets by.
-        world: as drawn.
-        bodies: as for `Renderer.render`, where this episode places them; what is not named stands as in the model.
+        renderer: the renderer; it must be made from a Scene if the world has camera effects.
+        scene: the scene that has the effects' targets.
+        world: the sampled world.
+        bodies: poses of bodies in this episode, as for `Renderer.render`; all others keep their poses of the model.
 
     Returns:
-        The textures whose pixels had to be handed to the driver.
+        Ids of the textures that were uploaded to the driver because their pixels changed.
 
     Raises:
-        UserError: an effect at a place that the scene does not have, or a camera effect for a camera that the
-            renderer's model has no row for.
+        UserError: the scene lacks the place of an effect, or the renderer's model has no row for the camera of a camera
+            effect.
     """
     renderer.pristine.restore(renderer.model)
     renderer.move(bodies or {})
@@ -82,7 +82,7 @@ def dress(
 
 
 def writers(world: World) -> list[tuple[Effect, list[EffectInstance]]]:
-    """Give the effects of a world that write a look, each with its places, in the order in which they act."""
+    """Return the effects of a world that write a look, each with all its instances, in the order in which they act."""
     placed_by: dict[str, list[EffectInstance]] = {}
     for placed in world.effects:
         kind = effect(placed.effect)

@@ -1,4 +1,4 @@
-"""The surface of a part of the cell as triangles, in the frame of a site: what pose estimators call its model."""
+"""The surface of a part of the cell as a triangle mesh, in the frame of a site, as pose estimators need it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import mujoco
 import numpy as np
 
 G = mujoco.mjtGeom
-SECTIONS = 64  # of a round part
+SECTIONS = 64  # number of sides that approximate a circle
 
 
 def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) in m and triangles (f, 3) of a part as it nominally is, in the frame of a site.
+    """Return the vertices (v, 3) in m and triangles (f, 3) of a part of the nominal scene, in the frame of a site.
 
     Args:
-        scene: `vispeg.robots.scene.Scene`.
-        part: one of its parts, of boxes, cylinders, spheres, capsules and meshes.
-        site: whose frame it is in.
+        scene: a `vispeg.robots.scene.Scene`.
+        part: name of one of its parts, made of boxes, cylinders, spheres, capsules and meshes.
+        site: name of the site in whose frame the vertices are.
+
+    Raises:
+        ValueError: the part has a geom of another type.
     """
     import trimesh
 
@@ -43,7 +46,7 @@ def part_mesh(scene: Any, part: str, site: str) -> tuple[np.ndarray, np.ndarray]
             solid = trimesh.creation.capsule(2 * size[1], size[0], count=(SECTIONS, SECTIONS))
             solid.apply_translation((0.0, 0.0, -solid.bounds.mean(axis=0)[2]))
         else:
-            raise ValueError(f"{name}: a part of geoms of type {kind}")
+            raise ValueError(f"{name}: a geom of type {kind} cannot be made a mesh")
         world = np.asarray(solid.vertices) @ data.geom(name).xmat.reshape(3, 3).T + data.geom(name).xpos
         vertices = (world - frame.xpos) @ frame.xmat.reshape(3, 3)
         pieces.append(trimesh.Trimesh(vertices, solid.faces))

@@ -1,4 +1,4 @@
-"""How a cell stands at one moment: all that whoever draws it needs to know of its simulation."""
+"""The state of a cell at one moment, as far as rendering needs it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One row of a simulation at one moment.
+    """The state of one row of a batch simulation at one moment.
 
     Attributes:
         qpos: (nq,) configuration of the cell's model.
-        bodies: by name, where a body is placed in its parent if its world moves it: (7,) m and quaternion wxyz.
-        twist: (6,) of the flange, base axes, m/s and rad/s.
-        flange: (3,) its position, m.
-        count: policy steps since the episode began.
+        bodies: by name, the poses (7,) in their parents, m and quaternion wxyz, of the bodies that the world moves.
+        twist: (6,) velocity of the flange in base axes, m/s and rad/s.
+        flange: (3,) position of the flange in the base frame, m.
+        count: number of policy steps since the episode began.
     """
 
     qpos: np.ndarray

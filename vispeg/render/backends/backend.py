@@ -1,4 +1,4 @@
-"""One renderer for all backends: cameras in, colour, depth and labels out."""
+"""The renderer, common to all backends: it takes cameras and returns colour, depth and labels."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def jobs_a_process(backend: str) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """What one camera sees at one moment.
+    """The images and labels of one camera at one moment. Labels are None unless the renderer was asked for them.
 
     Attributes:
         rgb: (H, W, 3) uint8, sRGB.
-        depth: (H, W) float32, planar distance along the optical axis, m, 0 for no hit.
-        pose: (4, 4) the camera's OpenCV axes in the base frame, m.
-        segmentation: (H, W) int32, 0 for nothing, else 1 + index of the part in `parts`; or None.
-        normal_of: computes `normals` on demand, as they cost as much as an image; or None.
-        poses: (4, 4) poses in camera axes, m: of bodies and sites of the cell (see `labels.poses`); or None.
+        depth: (H, W) float32, distance along the optical axis, m, 0 for no hit.
+        pose: (4, 4) transform from camera axes to the base frame, m.
+        segmentation: (H, W) int32, 1 + index of the part in `parts`, 0 for none; or None.
+        normal_of: function that computes `normals` on demand, as they cost as much as an image; or None.
+        poses: by name, (4, 4) poses of bodies and sites of the cell in camera axes, m (see `labels.poses`); or None.
     """
 
     rgb: np.ndarray
@@ -62,25 +62,30 @@ class Shot:
 
 
 class Renderer:
-    """Render a model for its cameras. Colour and depth come from one render, so their pixels agree.
+    """Render the images of cameras in a model. The pixels of colour and depth correspond exactly.
+
+    The renderer's own copy, `renderer.model`, may be edited (colours, lights, textures); call `refresh` after editing
+    textures.
 
     Args:
-        model: a Scene, or a compiled model, which is copied. Its `renderer.model` may be edited (colours, lights),
-            textures with a `refresh` after. A Scene's model gets one field row per camera, which camera effects need.
+        model: a Scene, or a compiled model, which is copied. In a Scene's model each camera gets a row of the `cam_*`
+            fields, which camera effects need.
         cameras: the cameras to render; `place` changes them.
         backend: `classic` (OpenGL), `raycast` (no graphics driver, plain colours), `filament` (Vulkan, physically
-            based) or `auto`: classic where it works, else ray casting with a warning.
+            based) or `auto`: classic if it works here, else ray casting with a warning.
         labels: whether shots carry segmentation, normals and poses.
         shadows: whether lights with `light_castshadow` cast shadows, at extra cost.
         parts: geom names of each part in the segmentation; default: the Scene's parts, else every geom.
 
     Attributes:
-        model, data: its own; `render` moves `data`.
-        nominal: the cameras as placed, what a user believes; `cameras` are those drawn, which a look may have moved.
+        model, data: the renderer's own model and state; `render` changes `data`.
+        nominal: the cameras as placed, which a user takes for the true ones.
+        cameras: the cameras that are rendered; a look may have moved them.
         pristine: the model's visual fields as they were at the start.
 
     Raises:
-        UserError: a backend that does not work here, cameras on nothing or of one name, unknown geoms in parts.
+        UserError: the backend does not work here, a camera has no parent in the model, two cameras share a name, or
+            `parts` names unknown geoms.
     """
 
     def __init__(
@@ -104,7 +109,7 @@ class Renderer:
         self.data = mujoco.MjData(self.model)
         self.pristine = Pristine(self.model)
         self.labels, self.shadows = labels, shadows
-        self._posed = model.posed if isinstance(model, Scene) else POSED  # a compiled model: the usual cell's names
+        self._posed = model.posed if isinstance(model, Scene) else POSED  # the standard cell's names
         self._table = part_table(self.model, parts)
         self._uploaded = self.model.tex_data.copy()
         self._backend: Backend | None = None
@@ -115,16 +120,20 @@ class Renderer:
 
     @property
     def backend(self) -> str:
-        """The backend at work; the one asked for as long as nothing has been drawn."""
+        """Name of the backend in use; of the one asked for once the renderer is closed."""
         return self._backend.name if self._backend else self._wanted
 
     def place(self, cameras: Sequence[Camera]) -> None:
-        """Look through these cameras from now on; cheap unless a picture is larger than any before."""
+        """Render these cameras from now on. This is cheap unless an image is larger than any before."""
         self.aim(cameras)
         self.nominal = self.cameras
 
     def aim(self, cameras: Sequence[Camera]) -> None:
-        """Render through these cameras but keep `nominal`, as when a look moves the placed cameras."""
+        """Render these cameras from now on but keep `nominal`, as when a look moves the placed cameras.
+
+        Raises:
+            UserError: two cameras share a name, or a camera has no parent in the model.
+        """
         names = [camera.name for camera in cameras]
         if len(set(names)) < len(names):
             raise UserError("two cameras of one name", key="cameras", got=names)
@@ -138,7 +147,7 @@ class Renderer:
             self._open(max(width, self._size[0]), max(height, self._size[1]))
 
     def refresh(self) -> list[int]:
-        """Take over edited texture pixels; other edits of the model need nothing. Returns the textures uploaded."""
+        """Upload edited texture pixels and return the ids of these textures; other edits of the model need no call."""
         starts = self.model.tex_adr
         ends = np.append(starts[1:], len(self.model.tex_data))
         data, done = self.model.tex_data.reshape(-1), []
@@ -157,11 +166,15 @@ class Renderer:
         """Render every camera.
 
         Args:
-            qpos: (nq,) joint positions, rad and m; default: as they were.
-            bodies: positions (3,) m, or (7,) with a quaternion w x y z, of bodies in their parents, from now on.
+            qpos: (nq,) joint positions, rad and m; default: the present ones.
+            bodies: by name, new positions (3,), m, of bodies in their parents, or poses (7,) with a quaternion w x y z.
+                They stay in later renders.
 
         Returns:
-            A shot by camera name.
+            The shots by camera name.
+
+        Raises:
+            UserError: `qpos` or a pose has the wrong shape, a body is unknown, or the renderer is closed.
         """
         backend = self._live()
         if qpos is not None:
@@ -180,13 +193,13 @@ class Renderer:
     def restart(self) -> None:
         """Reset the backend, so that later images do not depend on those rendered before.
 
-        OpenGL and ray casting have no such state; Filament's context is recreated, which takes about half a second.
+        OpenGL and ray casting have no state to reset. Filament's context is recreated, which takes about half a second.
         """
         if self._backend is not None and self._backend.remembers:
             self._open(*self._size)
 
     def move(self, bodies: Mapping[str, Sequence[float] | np.ndarray]) -> None:
-        """Place bodies in their parents, as for `render`. Raises UserError: no such body, or no pose."""
+        """Place bodies in their parents, as for `render`. Raises UserError for an unknown body or a wrong shape."""
         for name, place in bodies.items():
             pose = np.asarray(place, float)
             body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
@@ -198,7 +211,7 @@ class Renderer:
             self.model.body_quat[body] = pose[3:] if len(pose) == 7 else self.model.body_quat[body]
 
     def close(self) -> None:
-        """Frees driver memory. A closed renderer draws no more."""
+        """Free driver memory. A closed renderer cannot render."""
         if self._backend is not None:
             self._free()
             self._backend = None
@@ -229,20 +242,20 @@ class Renderer:
     def _open(self, width: int, height: int) -> None:
         self.close()
         self._backend, self._size = open_backend(self._wanted, self.model, width, height, self.shadows), (width, height)
-        self._free = weakref.finalize(self, self._backend.close)  # also when the last reference goes
-        self._free.atexit = False  # by then the driver has gone
+        self._free = weakref.finalize(self, self._backend.close)  # also called when the renderer is garbage collected
+        self._free.atexit = False  # at exit the driver is unloaded already
         self._uploaded = self.model.tex_data.copy()
 
 
 def _normals(picture: Picture, view: View) -> Callable[[], np.ndarray]:
-    """Return a function that computes an image's normals, from a copy of the depth, as a caller may modify its own."""
+    """Return a function that computes an image's normals from a copy of its depth, since callers may modify theirs."""
     if (normals := picture.normals) is not None:
         return lambda: normals
     return partial(normals_of, picture.depth.copy(), view.camera)
 
 
 def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> Backend:
-    """Give the backend of that name for pictures up to width x height px. Raises UserError where it does not work."""
+    """Return the backend of that name for images up to width x height px. Raises UserError if it does not work here."""
     from vispeg.render.backends.raycast import Raycast
 
     if name == "raycast":

@@ -1,7 +1,7 @@
-"""MuJoCo's OpenGL renderer, without what makes it slow by default.
+"""MuJoCo's OpenGL renderer, without its slow defaults.
 
-One render gives colour and depth. No multisampling, no reflections, no haze; shadows only where asked, on a small map;
-what a camera cannot see is not sent to the driver (unless it may cast a shadow into the picture).
+One render gives colour and depth. There is no multisampling, no reflection and no haze. Shadows are drawn only on
+request, with a small shadow map. Geoms outside the view are not sent to the driver, unless shadows are on.
 """
 
 from __future__ import annotations
@@ -22,22 +22,25 @@ from vispeg.render.backends.picture import HIDDEN, Picture, is_visible
 from vispeg.render.cameras.view import View, planar
 
 SHADOW_MAP = 512  # px
-LARGEST_CASTER = 0.5  # m: tables, walls and floors catch shadows, and would cost most as casters
-SLICES = 40  # of a drawn cylinder or sphere: its facets then lie within 0.025 mm of an 8 mm part's surface
+LARGEST_CASTER = 0.5  # m, radius: tables, walls and floors receive shadows but cast none, to save time
+SLICES = 40  # facets around a cylinder or sphere; they are within 0.025 mm of the surface of an 8 mm part
 ZERO_FAR = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 OFFSCREEN = mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value
 R, V = mujoco.mjtRndFlag, mujoco.mjtVisFlag
 HINT = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri; `vispeg doctor` tells more"
-_OPEN: dict[tuple[int, int], Any] = {}  # (process, thread) -> its context
+_OPEN: dict[tuple[int, int], Any] = {}  # OpenGL context by (process, thread)
 
 
 class Classic:
-    """Draws with OpenGL. Every call makes its context current first, so that several, and other programs', take turns.
+    """The OpenGL backend. Every call first makes its context current, so that it works beside other users of OpenGL.
 
     Args:
-        model: what is drawn, the caller's to spare: its quality settings are changed, its visual fields may be.
-        width, height: of the largest picture, px.
-        shadows: whether lights with `light_castshadow` cast them.
+        model: the model to render. Its quality settings are changed here; the caller may edit its visual fields.
+        width, height: size of the largest image, px.
+        shadows: whether lights with `light_castshadow` cast shadows.
+
+    Raises:
+        UserError: OpenGL does not work here, or not in this size.
     """
 
     name = "classic"
@@ -71,7 +74,7 @@ class Classic:
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """One picture a view, in order; `data` has its kinematics and lights done."""
         self._gl.make_current()
-        mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # another renderer's framebuffer may be bound
+        mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # in case another renderer's framebuffer is bound
         groups = self.model.geom_group.copy()
         lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
         show = is_visible(self.model)
@@ -81,12 +84,12 @@ class Classic:
             self.model.geom_group[:] = groups
 
     def upload(self, texture: int) -> None:
-        """Hands a texture's changed pixels to the driver."""
+        """Upload a texture's changed pixels to the driver."""
         self._gl.make_current()
         mujoco.mjr_uploadTexture(self.model, self._context, texture)
 
     def close(self) -> None:
-        """Frees driver memory; further calls do nothing."""
+        """Free driver memory; a second call does nothing."""
         if self._gl is not None:
             self._gl.make_current()
             self._context.free()
@@ -97,7 +100,7 @@ class Classic:
         visible = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
         model.geom_group[:] = np.where(visible, 0, HIDDEN)
         frustum = view.frustum()
-        for camera in self._scene.camera:  # one an eye; both alike
+        for camera in self._scene.camera:  # one per eye of a stereo display; both get the same view
             for key, value in frustum.items():
                 setattr(camera, key, value)
         every = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -105,7 +108,7 @@ class Classic:
         if lit:
             for geom in self._scene.geoms[: self._scene.ngeom]:
                 if not 0 < model.geom_rbound[geom.objid] <= LARGEST_CASTER:
-                    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value  # drawn and shaded, but casting none
+                    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value  # this category is drawn but casts no shadow
         height, width = view.camera.height, view.camera.width
         rect = mujoco.MjrRect(0, 0, width, height)
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
@@ -115,7 +118,7 @@ class Classic:
         return Picture(np.ascontiguousarray(rgb[::-1]), planar(buffer[::-1]), geom_ids)
 
     def _ids(self, rect: mujoco.MjrRect, width: int, height: int) -> np.ndarray:
-        """(H, W) int32 geom ids, -1 where there is none: a second render, each geom in a flat colour of its own."""
+        """Return the geom ids (H, W) int32, -1 for none, from a second render with one flat colour per geom."""
         flags, coded = self._scene.flags.copy(), np.empty((height, width, 3), np.uint8)
         self._scene.flags[[R.mjRND_SEGMENT.value, R.mjRND_IDCOLOR.value]] = 1
         mujoco.mjr_render(rect, self._scene, self._context)
@@ -130,33 +133,37 @@ class Classic:
 
 
 def shared(width: int, height: int) -> Any:
-    """Give this thread's context, not yet current; opened at the first call and kept until the process ends.
+    """Return this thread's OpenGL context; it is opened at the first call and kept until the process ends.
 
-    Renderers share it, each with framebuffers and textures of its own: a driver compiles its shaders once a context,
-    which takes far longer than anything else about a renderer. A thread has its own, since a context can be current in
-    one thread only; so a renderer is used in the thread that made it.
+    All renderers of a thread share the context, each with its own framebuffers and textures. A driver compiles its
+    shaders once per context, which is by far the slowest step of opening a renderer. Each thread has its own context,
+    since a context can be current in one thread only. A renderer must therefore be used in the thread that made it.
+    The caller makes the context current.
 
     Args:
-        width, height: of the largest picture, px.
+        width, height: size of the largest image, px; used at the first call only.
 
     Raises:
-        UserError: nothing here can draw.
+        UserError: no OpenGL library works here.
     """
     key = os.getpid(), threading.get_ident()
     if key not in _OPEN:
         _OPEN[key] = _open(width, height)
-        atexit.register(_OPEN[key].free)  # while Python is whole, and before the library ends
+        atexit.register(_OPEN[key].free)  # runs while Python and the OpenGL library are still loaded
     return _OPEN[key]
 
 
 def _open(width: int, height: int) -> Any:
-    """Give a context from the library that MUJOCO_GL names; else, on Linux without a display, from EGL or OSMesa.
+    """Open an OpenGL context.
 
-    MuJoCo reads the variable when the first picture is drawn, so it is set here to what was found.
+    The library is the one that MUJOCO_GL names. If it is not set, EGL and then OSMesa are tried on Linux without a
+    display, and GLFW otherwise. MuJoCo reads the variable when the first image is rendered, so it is set here to the
+    library that worked.
 
-    LP_NUM_THREADS becomes 0 unless it is set: Mesa's software driver then draws in this thread. With threads of its own
-    it writes to fences that were freed already (Mesa 22.3.6: 4 zero bytes where a freed 112-byte block's mutex was),
-    which ends a process once in five to forty minutes of drawing; in small pictures they only cost time, too.
+    LP_NUM_THREADS is set to 0 unless it is set already: Mesa's software driver then draws in the calling thread. Its
+    own threads write to fences that were freed already (Mesa 22.3.6: 4 zero bytes in the place of the mutex of a freed
+    112-byte block), which crashes a process every five to forty minutes of drawing. For small images these threads
+    save no time either.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     os.environ.setdefault("LP_NUM_THREADS", "0")
@@ -169,7 +176,7 @@ def _open(width: int, height: int) -> Any:
             continue
         try:
             context = _class(name)(width, height)
-        except Exception as error:  # PyOpenGL and drivers raise what they like, ImportError to AttributeError
+        except Exception as error:  # PyOpenGL and drivers raise all kinds of errors, from ImportError to AttributeError
             reasons.append(f"{name}: {' '.join(str(error).split())[:100] or type(error).__name__}")
             continue
         os.environ.setdefault("MUJOCO_GL", name)

@@ -1,8 +1,9 @@
-"""MuJoCo's physically based renderer, Filament, without a display: through Vulkan, on a CPU by Mesa's lavapipe.
+"""MuJoCo's physically based renderer, Filament, without a display: it uses Vulkan, on a CPU through Mesa's lavapipe.
 
-Materials, lights and reflections are those of real-time PBR, so its pictures differ from OpenGL's as another camera's
-do. Ids and normals come from rays through the same pixels. About ten times slower than OpenGL on a CPU. Colours carry
-a dither of about one level that goes by the number of frames drawn; balls and cylinders are faceted more coarsely.
+Materials, lights and reflections are those of real-time physically based rendering, so images differ from OpenGL's as
+if another camera had taken them. Ids and normals come from rays through the same pixels. On a CPU it is about ten times
+slower than OpenGL. Colours have a dither of about one level, which depends on the number of frames rendered so far.
+Balls and cylinders have fewer facets than in OpenGL.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from vispeg.render.backends.raycast import cast
 from vispeg.render.cameras.view import View, planar
 
 HINT = "sudo apt-get install -y libvulkan1 mesa-vulkan-drivers; `vispeg doctor` tells more"
-HEADLIGHT = 1.2e5  # lux of a headlight of full white: the nominal cell comes out as bright as in OpenGL
-# The library ends the process where there is no driver, so another process tries first.
+HEADLIGHT = 1.2e5  # lux of a full white headlight; with it the nominal cell is as bright as in OpenGL
+# The library ends the process if there is no driver, so this test runs in another process.
 _TRY = "import mujoco.studio; from mujoco import mjrf; mjrf.Context(mjrf.ContextConfig()); print('vispeg-drawn')"
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the library's own log, which it writes past Python, from standard output and error while it works.
+    """Discard what the process writes to standard output and standard error, file descriptors 1 and 2, in the block.
 
-    It tells of its inner state ("EBR Stall Warning: Component Manager ..."), which no user can change, on every command
-    and into what a program may parse.
+    The library logs its internal state there ("EBR Stall Warning: Component Manager ..."). No user can act on it, and
+    it would mix with output that a program may parse.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -52,14 +53,14 @@ def _quiet() -> Iterator[None]:
 
 
 class Filament:
-    """Draws with Filament; arguments as for `Classic`. Edited textures and materials are taken over by `upload`."""
+    """The Filament backend; arguments as for `Classic`. Edited textures take effect after `upload`."""
 
     name = "filament"
 
     def __init__(self, model: mujoco.MjModel, width: int = 0, height: int = 0, shadows: bool = False):
         if reason := unusable():
             raise UserError(f"no physically based pictures here: {reason}", expected=HINT)
-        import mujoco.studio  # noqa: F401 - first, or the module beneath finds no library
+        import mujoco.studio  # noqa: F401 - must be imported first, or mjrf does not find its library
         from mujoco import mjrf
 
         self._mjrf: Any = mjrf
@@ -77,9 +78,9 @@ class Filament:
 
     @_quiet()
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
-        """One picture a view, in order; `data` has its kinematics and lights done."""
+        """Return one picture per view, in order; the kinematics and lights of `data` must be computed."""
         scene, lights, things = self._prepare()
-        self.remembers = True  # the dither of its colours goes by the number of frames drawn
+        self.remembers = True  # the dither of colours depends on the number of frames rendered
         groups = self.model.geom_group.copy()
         self.model.geom_group[~is_visible(self.model)] = HIDDEN
         try:
@@ -90,16 +91,16 @@ class Filament:
             self.model.geom_group[:] = groups
 
     def upload(self, texture: int) -> None:
-        """Take over edited textures at the next picture."""
+        """Rebuild the scene, with edited textures, at the next `draw`."""
         self._parts = None
 
     @_quiet()
     def close(self) -> None:
-        """Frees the scene, then the context."""
+        """Free the scene, then the context."""
         self._parts, self._targets, self._context = None, {}, None
 
     def _prepare(self) -> tuple[Any, Any, Any]:
-        """Scene, lights and things, built anew where materials, textures or shapes changed: they are read only then."""
+        """Return scene, lights and renderables, rebuilt if materials or shapes changed or `upload` was called."""
         m = self.model
         fields = (m.mat_rgba, m.mat_texid, m.mat_texrepeat, m.mat_roughness, m.mat_metallic, m.mat_specular)
         fields += (m.mat_shininess, m.geom_rgba, m.geom_matid, m.geom_size, m.light_castshadow, m.light_active)
@@ -118,7 +119,7 @@ class Filament:
     def _one(self, scene: Any, data: mujoco.MjData, view: View, ids: bool) -> Picture:
         height, width = view.camera.height, view.camera.width
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
-        for out, depth in ((rgb, False), (buffer, True)):  # the library takes one read a render
+        for out, depth in ((rgb, False), (buffer, True)):  # the library allows one read per render
             target, read = self._target(width, height, depth)
             read.set_buffer(out)
             request = self._request(scene, target, view, depth)
@@ -139,7 +140,8 @@ class Filament:
         request.draw_mode = getattr(mjrf.DrawMode, "DRAW_MODE_DEPTH" if depth else "DRAW_MODE_DEFAULT")
         request.shadows, request.reflections, request.haze = self.shadows, False, False
         head = self.model.vis.headlight
-        request.headlight = bool(head.active) and not (self.model.light_intensity > 0).any()  # photometric lights rule
+        # the headlight is off if any light states a photometric intensity
+        request.headlight = bool(head.active) and not (self.model.light_intensity > 0).any()
         request.headlight_color, request.headlight_intensity = head.diffuse.astype(np.float32), HEADLIGHT
         return request
 
@@ -156,7 +158,10 @@ class Filament:
 
 @lru_cache(maxsize=1)
 def unusable() -> str:
-    """Why Filament cannot draw here, or nothing where it can; tried once, in another process (about a second)."""
+    """Return why Filament does not work here, or an empty string if it does.
+
+    It is tried once, in another process, which takes about a second.
+    """
     try:
         done = subprocess.run([sys.executable, "-c", _TRY], env=_headless(), capture_output=True, text=True, timeout=60)
     except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""The fields of a model that a look or an episode's placement may change, as they were."""
+"""A copy of the model fields that a look or an episode's placement of bodies may change, to restore them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BELOW = tuple(f"vis.headlight.{x}" for x in ("ambient", "diffuse", "specular"))
 
 
 def place(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """Give the array of a model by its name, dotted below the top level; a view."""
+    """Return a view of a model's array by name; names such as `vis.headlight.ambient` reach below the top level."""
     value = model
     for part in name.split("."):
         value = getattr(value, part)
@@ -20,16 +20,16 @@ def place(model: mujoco.MjModel, name: str) -> np.ndarray:
 
 
 class Pristine:
-    """A copy of every field of a model that decides what is seen: looks, cameras, and where bodies are placed.
+    """A copy of all model fields that affect images: looks, cameras and the poses of bodies in their parents.
 
-    `restore` writes it back; about half a megabyte for the cell.
+    `restore` writes them back. The copy takes about half a megabyte for the cell.
     """
 
     def __init__(self, model: mujoco.MjModel):
         self._kept = {name: array.copy() for name, array in _visual(model)}
 
     def restore(self, model: mujoco.MjModel) -> None:
-        """Make these fields of `model` what they were, bit for bit."""
+        """Write the copied fields back to `model`, bit for bit."""
         for name, array in self._kept.items():
             place(model, name)[...] = array
 

@@ -1,7 +1,7 @@
-"""Pictures by casting a ray through each pixel's centre: no graphics driver needed, and the oracle for those that do.
+"""Rendering by a ray through the centre of each pixel.
 
-Depth, normals and ids are exact. Colour is plain: Lambert's law with the model's lights, material and texture colours,
-no shadows, no highlights.
+It needs no graphics driver, and tests compare the other backends with it. Depth, normals and ids are exact. Colour is
+plain: Lambert's law with the model's lights, materials and textures, without shadows or highlights.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from vispeg.render.backends.picture import HIDDEN, Picture, is_visible
 from vispeg.render.backends.shading import shade
 from vispeg.render.cameras.view import NEAR, REACH, View
 
-SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
+SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # which geom groups the rays hit
 
 
 class Raycast:
-    """Draws by ray casting; arguments as for `Classic`, of which size and shadows do not matter here."""
+    """The ray casting backend; arguments as for `Classic`, but size and shadows are ignored."""
 
     name = "raycast"
     remembers = False
@@ -28,14 +28,14 @@ class Raycast:
         self.model = model
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
-        """One picture a view, in order; `data` has its kinematics and lights done."""
+        """Return one picture per view, in order; the kinematics and lights of `data` must be computed."""
         return [self._one(data, view) for view in views]
 
     def upload(self, texture: int) -> None:
-        """Nothing: pixels are read from the model."""
+        """Do nothing: texture pixels are read from the model in each draw."""
 
     def close(self) -> None:
-        """Nothing: no driver memory is held."""
+        """Do nothing: no driver memory is held."""
 
     def _one(self, data: mujoco.MjData, view: View) -> Picture:
         depth, geom_ids, normals = cast(self.model, data, view)
@@ -46,11 +46,11 @@ class Raycast:
 
 
 def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cast rays through the pixel centres, with lens distortion; return the first hits.
+    """Cast rays through the pixel centres, with lens distortion, and return the first hits.
 
     Returns:
-        Planar depth (H, W) in m, 0 where nothing is; geom ids (H, W) int32, -1 there; outward normals (H, W, 3) in the
-        world frame, 0 there.
+        Depth (H, W) along the optical axis in m, 0 for no hit; geom ids (H, W) int32, -1 for no hit; outward normals
+        (H, W, 3) in the world frame, 0 for no hit.
     """
     rays = view.camera.rays()
     shape, length = rays.shape[:2], np.linalg.norm(rays, axis=-1)
@@ -62,16 +62,17 @@ def cast(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> tuple[np.nda
 def cast_rays(
     model: mujoco.MjModel, data: mujoco.MjData, pos: np.ndarray, directions: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cast rays from one point; return the first hits on visible geoms.
+    """Cast rays from one point and return the first hits on visible geoms, between depths NEAR and REACH.
 
     Args:
-        model, data: with kinematics done.
-        pos: (3,) where the rays begin, world frame, m.
-        directions: (n, 3) of unit length, world frame.
-        length: (n,) what divides a distance to give planar depth: the length of the ray that has z = 1.
+        model, data: the model and its state, with computed kinematics.
+        pos: (3,) start of the rays, world frame, m.
+        directions: (n, 3) directions of unit length, world frame.
+        length: (n,) length of each ray when scaled to z = 1 in camera axes; distance / length is the planar depth.
 
     Returns:
-        Depth (n,) in m, 0 where nothing is; geom ids (n,) int32, -1 there; outward normals (n, 3), world frame.
+        Planar depth (n,) in m, 0 for no hit; geom ids (n,) int32, -1 for no hit; outward normals (n, 3) in the world
+        frame, 0 for no hit.
     """
     n = len(directions)
     ids, distance, normals = np.empty((n, 1), np.int32), np.empty((n, 1)), np.zeros((3 * n, 1))

@@ -1,4 +1,4 @@
-"""Pictures through a lens with distortion: a pinhole picture twice as fine that holds all of it, looked up by ray."""
+"""Images with lens distortion, resampled from an undistorted image of twice the resolution that covers the view."""
 
 from __future__ import annotations
 
@@ -8,11 +8,18 @@ from vispeg.core.errors import UserError
 from vispeg.render.backends.picture import Picture
 from vispeg.render.cameras.camera import MAX_SIDE, PINHOLE, Camera
 
-FINER = 2.0  # times the resolution, so that a lens that magnifies somewhere does not blur
+FINER = 2.0  # factor of resolution, so that parts of the image that the lens magnifies stay sharp
 
 
 class Warp:
-    """The pinhole camera behind a distorted one, and the way back. Raises UserError for a lens too wide to draw."""
+    """Conversion of undistorted images to those of a camera with lens distortion.
+
+    Attributes:
+        pinhole: the camera without distortion whose images are converted.
+
+    Raises:
+        UserError: the lens is so wide that the undistorted image would be too large.
+    """
 
     def __init__(self, camera: Camera):
         rays = camera.rays()
@@ -29,7 +36,7 @@ class Warp:
         self._nearest = np.rint(self._map).astype(int)
 
     def __call__(self, picture: Picture) -> Picture:
-        """Give the picture as the lens shows it: colour interpolated, depth, ids and normals from the nearest ray."""
+        """Return the distorted picture: colour is interpolated; depth, ids and normals are of the nearest pixel."""
         import cv2
 
         u, v = self._nearest[..., 0], self._nearest[..., 1]

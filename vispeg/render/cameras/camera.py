@@ -1,6 +1,6 @@
-"""A calibrated camera: intrinsics, lens, and where it sits.
+"""A calibrated camera: intrinsics, lens distortion and pose.
 
-OpenCV's axes: x right, y down, z along the optical axis.
+Camera axes are OpenCV's: x right, y down, z along the optical axis.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ PINHOLE = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with Brown's lens. Pixel centres lie at integer coordinates, (0, 0) is the top left one.
+    """A pinhole camera with Brown's lens distortion. Pixel centres have integer coordinates, (0, 0) at the top left.
 
     Attributes:
-        name: what shots and files call it.
-        width, height: px.
+        name: the camera's name in shots and files.
+        width, height: size of the image, px.
         fx, fy: focal length, px.
         cx, cy: principal point, px; the centre of the image is ((width - 1) / 2, (height - 1) / 2).
         distortion: (k1, k2, p1, p2, k3).
-        parent: what carries it: `base` (the world frame), or a site or body of the model such as `flange`.
-        pos: (3,) its optical centre in the parent's frame, m.
-        quat: (4,) w, x, y, z, its axes in the parent's frame.
+        parent: frame that the camera is fixed to: `base` (the world frame), or a site or body of the model such as
+            `flange`.
+        pos: (3,) optical centre in the parent's frame, m.
+        quat: (4,) w, x, y, z, orientation of the camera axes in the parent's frame.
 
     Raises:
-        UserError: intrinsics, lens or pose that no camera can have.
+        UserError: the intrinsics, the lens distortion or the pose are impossible.
     """
 
     name: str
@@ -77,7 +78,7 @@ class Camera:
         if any(self.distortion):
             u, v = np.linspace(-0.5, self.width - 0.5, 9), np.linspace(-0.5, self.height - 0.5, 9)
             if not np.isfinite(self.ideal(np.stack(np.meshgrid(u, v), -1))).all():
-                raise self._wrong("distortion", "a lens that shows every pixel one direction", self.distortion)
+                raise self._wrong("distortion", "a lens in which each pixel has one viewing direction", self.distortion)
 
     @property
     def K(self) -> np.ndarray:
@@ -86,30 +87,33 @@ class Camera:
 
     @property
     def rotation(self) -> np.ndarray:
-        """(3, 3) camera axes in the parent's frame, one a column."""
+        """(3, 3) rotation whose columns are the camera axes in the parent's frame."""
         return rotation(self.quat)
 
     def moved(self, **changes: Any) -> Camera:
-        """Give the same camera with some fields changed."""
+        """Return a copy of the camera with some fields changed."""
         return replace(self, **changes)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) of points (..., 3) in camera axes, m; NaN behind the camera."""
+        """Project points (..., 3) in camera axes, m, to pixels (..., 2); NaN for points behind the camera."""
         points = np.asarray(points, float)
         z = np.where(points[..., 2:] > 0, points[..., 2:], np.nan)
         xy = distort(points[..., :2] / z, self.distortion)
         return xy * (self.fx, self.fy) + (self.cx, self.cy)
 
     def rays(self) -> np.ndarray:
-        """(H, W, 3) where each pixel's centre looks, in camera axes, scaled to z = 1, the lens undone; read only."""
+        """Return the viewing ray (H, W, 3) of each pixel centre, in camera axes, scaled to z = 1, read only.
+
+        Lens distortion is taken into account: the rays are those along which light arrives.
+        """
         return _rays(self.moved(name="any", parent="any", pos=(0, 0, 0), quat=(1, 0, 0, 0)))
 
     def points(self, depth: np.ndarray) -> np.ndarray:
-        """(H, W, 3) points in camera axes, m, of planar depth (H, W) in m; (0, 0, 0) where there is no reading."""
+        """Return the points (H, W, 3) in camera axes, m, of planar depth (H, W) in m; (0, 0, 0) where depth is 0."""
         return self.rays() * np.asarray(depth, float)[..., None]
 
     def ideal(self, pixels: np.ndarray) -> np.ndarray:
-        """(..., 2) X/Z and Y/Z of what pixels (..., 2) show; NaN where the lens shows nothing."""
+        """Return the undistorted X/Z and Y/Z (..., 2) of pixels (..., 2); NaN where distortion has no inverse."""
         return undistort((pixels - (self.cx, self.cy)) / (self.fx, self.fy), self.distortion)
 
     def _numbers(self, key: str, value: Any, size: int) -> tuple[float, ...]:
@@ -137,7 +141,7 @@ def _rays(camera: Camera) -> np.ndarray:
 
 
 def rotation(quat: tuple[float, ...] | np.ndarray) -> np.ndarray:
-    """(3, 3) rotation matrix of a unit quaternion (w, x, y, z)."""
+    """Return the (3, 3) rotation matrix of a unit quaternion (w, x, y, z)."""
     w, x, y, z = quat
     return np.array(
         [
@@ -149,7 +153,16 @@ def rotation(quat: tuple[float, ...] | np.ndarray) -> np.ndarray:
 
 
 def looking_at(pos: np.ndarray, target: np.ndarray, up: np.ndarray) -> tuple[float, ...]:
-    """(4,) w, x, y, z of a camera at `pos` that looks at `target` with `up` upwards in the image. (3,) each, m."""
+    """Return the orientation (4,) w, x, y, z of a camera that looks at a target.
+
+    Args:
+        pos: (3,) optical centre, m.
+        target: (3,) point on the optical axis, m.
+        up: (3,) direction that appears upwards in the image.
+
+    Raises:
+        UserError: `up` is parallel to the viewing direction, or the target is at `pos`.
+    """
     forward = np.subtract(target, pos).astype(float)
     right = np.cross(forward, up)
     if not np.linalg.norm(right) > 1e-9:

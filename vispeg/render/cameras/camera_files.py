@@ -1,6 +1,7 @@
-"""Cameras on disk: this project's YAML, OpenCV's FileStorage YAML, and ROS's camera_info YAML.
+"""Camera files: this project's YAML, OpenCV's FileStorage YAML, and ROS's camera_info YAML.
 
-The other two hold intrinsics and a lens only; a camera read from them sits at its parent's origin until it is moved.
+The last two hold intrinsics and lens distortion only. A camera read from them gets the default pose: at the origin of
+the base frame, with the base's axes.
 """
 
 from __future__ import annotations
@@ -38,13 +39,14 @@ def _example(style: Style) -> Callable[[Path], Path]:
 @enrol("FileStorage (OpenCV)", _example("opencv"))
 @enrol(FORMAT, _example("vispeg"))
 def load_cameras(path: str | Path) -> tuple[Camera, ...]:
-    """All cameras of a file, whichever of the three formats it has.
+    """Return all cameras of a file in any of the three formats.
 
     Raises:
-        UserError: no such file, none of the formats, or values that no camera can have; names file and key.
+        UserError: the file is missing, has none of the formats, or holds impossible values. The message names the file
+            and, where one is to blame, the key.
     """
     text = read_text(path)
-    opencv = text.startswith("%YAML:1.0")  # what FileStorage writes; no YAML parser but OpenCV's takes that line
+    opencv = text.startswith("%YAML:1.0")  # FileStorage writes this line, which only OpenCV's own parser accepts
     if opencv:
         text = text.partition("\n")[2].replace("!!opencv-matrix", "")
     record = parse_yaml(text, path)
@@ -64,7 +66,7 @@ def load_cameras(path: str | Path) -> tuple[Camera, ...]:
 
 
 def load_camera(path: str | Path) -> Camera:
-    """Give the only camera of a file. Raises UserError as `load_cameras` does, and for a file that holds several."""
+    """Return the only camera of a file. Raises UserError as `load_cameras` does, and for a file that holds several."""
     camera, *others = load_cameras(path)
     if others:
         raise UserError("holds several cameras", file=path, expected="one", got=[c.name for c in (camera, *others)])
@@ -72,7 +74,9 @@ def load_camera(path: str | Path) -> Camera:
 
 
 def save_cameras(path: str | Path, cameras: Camera | Sequence[Camera], *, style: Style = "vispeg") -> Path:
-    """Write cameras; `opencv` and `ros` files take one camera and drop its pose. Every number comes back bit for bit.
+    """Write cameras to a file; `opencv` and `ros` files hold one camera and lose its pose.
+
+    Numbers are written with all digits: reading them back gives the same bits.
 
     Raises:
         UserError: the file exists, cannot be written, or cannot hold these cameras.
@@ -94,13 +98,13 @@ def save_cameras(path: str | Path, cameras: Camera | Sequence[Camera], *, style:
 
 
 def to_record(camera: Camera) -> Mapping[str, object]:
-    """Give a camera as plain JSON or YAML values."""
+    """Return a camera as plain JSON or YAML values."""
     values = {key: getattr(camera, key) for key in FIELDS}
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
 
 
 def from_record(record: Any, path: str | Path) -> Camera:
-    """Give the camera that `to_record` wrote. Raises UserError for what is none; names the file and the key."""
+    """Return the camera of a record from `to_record`. Raises UserError, with file and key, for an invalid record."""
     if not isinstance(record, Mapping):
         raise UserError("not a camera", file=path, key="cameras", got=record)
     for key in record:
@@ -112,7 +116,7 @@ def from_record(record: Any, path: str | Path) -> Camera:
 
 
 def _from_matrix(record: Mapping[str, Any], path: str | Path) -> Camera:
-    """OpenCV's and ROS's form: matrices with rows, cols and data."""
+    """Return the camera of an OpenCV or ROS record, whose matrices have the keys rows, cols and data."""
     matrix = _matrix(record, "camera_matrix", path)
     lens = _matrix(record, "distortion_coefficients", path, 0.0)
     model = record.get("distortion_model", "plumb_bob")

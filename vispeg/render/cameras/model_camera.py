@@ -1,7 +1,8 @@
 """Cameras as rows of a MuJoCo model, so that effects can write them like any other field of it.
 
-MuJoCo's camera looks along -z with y up; its principal point is an offset from the middle of the sensor in lengths,
-c = size / 2 - principal / pixel, counted from the corner of the first pixel rather than its centre.
+MuJoCo's camera looks along -z with y up. MuJoCo states the principal point as an offset from the middle of the sensor,
+in m. In px, c = size / 2 - offset / pixel size, counted from the outer corner of the first pixel; our `cx` and `cy`
+count from its centre and are 0.5 smaller.
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from vispeg.render.cameras.camera import Camera, rotation
 from vispeg.render.cameras.view import WORLD, parent_of
 from vispeg.robots.model import RobotModel
 
-FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's axes in MuJoCo's, and back
-PIXEL = 1e-5  # m, size of a pixel on the sensor: any will do
+FLIP = np.diag([1.0, -1.0, -1.0])  # converts OpenCV's camera axes to MuJoCo's, and back
+PIXEL = 1e-5  # m, size of a pixel on the sensor; an arbitrary value, which does not change the picture
 
 
 def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camera, ...]:
-    """Give the cameras that a robot's own file states, on the flange or the base where they do not move against it.
+    """Return the cameras that are defined in a robot's own file.
+
+    A camera's parent is `flange` or `base` where the camera is rigidly connected to it, else its body. Cameras without
+    a name, and those that track a target (a mode other than `fixed`), are left out.
 
     Args:
-        robot: with its file's cameras.
-        size: (width, height) px of those whose file states no `resolution`; by default they are left out.
+        robot: the robot model.
+        size: (width, height) px for cameras whose file states no `resolution`; by default these are left out.
     """
     model = robot.compile()
     data = mujoco.MjData(model)
@@ -37,7 +41,7 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
     for i in range(model.ncam):
         body = int(model.cam_bodyid[i])
         width, height = (int(n) for n in model.cam_resolution[i])
-        if min(width, height) <= 1:  # MuJoCo's default: the file states none
+        if min(width, height) <= 1:  # MuJoCo's default: the file states no resolution
             width, height = size
         fixed = int(model.cam_mode[i]) == mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value
         if not (width and height and fixed and model.camera(i).name):
@@ -63,7 +67,7 @@ def cameras_of(robot: RobotModel, size: tuple[int, int] = (0, 0)) -> tuple[Camer
 
 
 def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
-    """Give a spec a row for each camera; `write` fills it once the spec is compiled."""
+    """Add a camera to a spec for each of `cameras` whose name is new; `write` sets its values in the compiled model."""
     there = {camera.name for camera in spec.cameras}
     for camera in cameras:
         if camera.name not in there:
@@ -77,7 +81,10 @@ def add(spec: mujoco.MjSpec, cameras: tuple[Camera, ...]) -> None:
 
 
 def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
-    """Give a spec these cameras in MuJoCo's own words, for a file that plain MuJoCo reads; it knows no lens."""
+    """Add these cameras to a spec in MuJoCo's own conventions, for a file that plain MuJoCo reads.
+
+    Lens distortion is lost, since MuJoCo has none.
+    """
     for camera in cameras:
         site = None if camera.parent == WORLD else spec.site(camera.parent)
         body = site.parent if site is not None else None if camera.parent == WORLD else spec.body(camera.parent)
@@ -95,14 +102,14 @@ def state(spec: mujoco.MjSpec, cameras: Sequence[Camera]) -> None:
 
 
 def row_of(model: mujoco.MjModel, camera: Camera) -> int | None:
-    """Give the row of a camera, or None where the model has none of that name on that body."""
+    """Return the row of a camera; None if the model has no camera of that name on the parent's body."""
     row = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera.name)
     body, _, _ = _mount(model, camera.parent)
     return row if row >= 0 and model.cam_bodyid[row] == body else None
 
 
 def write(model: mujoco.MjModel, row: int, camera: Camera) -> None:
-    """Put a camera into its row."""
+    """Write a camera's intrinsics, size and pose to its row of the model."""
     _, pos, rot = _mount(model, camera.parent)
     size = np.array([camera.width, camera.height])
     principal = size / 2 - 0.5 - (camera.cx, camera.cy)
@@ -115,7 +122,7 @@ def write(model: mujoco.MjModel, row: int, camera: Camera) -> None:
 
 
 def read(model: mujoco.MjModel, row: int, camera: Camera) -> Camera:
-    """Give the camera that a row says, its name, size, lens and parent those of `camera`."""
+    """Return `camera` with the intrinsics and the pose that a row of the model has."""
     _, pos, rot = _mount(model, camera.parent)
     size = np.array([camera.width, camera.height])
     focal, principal = np.split(
@@ -134,7 +141,7 @@ def read(model: mujoco.MjModel, row: int, camera: Camera) -> Camera:
 
 
 def _mount(model: mujoco.MjModel, parent: str) -> tuple[int, np.ndarray, np.ndarray]:
-    """Body that carries a parent, and the parent's place (3,) and axes (3, 3) in it."""
+    """Return the id of a parent's body, and the parent's position (3,), m, and axes (3, 3) in that body's frame."""
     kind, i = parent_of(model, parent)
     if kind == "site":
         return int(model.site_bodyid[i]), model.site_pos[i], rotation(model.site_quat[i])

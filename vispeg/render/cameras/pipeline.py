@@ -1,4 +1,4 @@
-"""A camera's pipeline: the image effects of sampled worlds, in their order, on a stack of images of one camera."""
+"""The sensor pipeline of a camera: apply the image effects of sampled worlds, in order, to a stack of images."""
 
 from __future__ import annotations
 
@@ -18,7 +18,14 @@ from vispeg.worlds.world import World
 
 @dataclass
 class Stage:
-    """One effect of the pipeline: parameters (n,) by name, null for images without the effect, and its state."""
+    """One effect of the pipeline.
+
+    Attributes:
+        effect: the effect.
+        p: by name, a parameter's values (n,), one per image; its null value for images without the effect.
+        streams: the effect's random generators, one per image.
+        state: what the effect remembers from frame to frame.
+    """
 
     effect: Effect
     p: dict[str, np.ndarray]
@@ -61,7 +68,9 @@ class Pipeline:
                 for name, param in stage.effect.params.items():
                     stage.p[name][row] = param.absent
                 if "time" in stage.state:
-                    stage.state["time"][row] = np.inf  # any time is earlier, which marks a reset
+                    stage.state["time"][row] = (
+                        np.inf
+                    )  # no later time is reached, so the effect sees time go back and resets
             for placed in world.effects:
                 kind = effect(placed.effect)
                 if kind.family != "camera" or not kind.overrides("image") or placed.where not in ("all", self.camera):
@@ -76,11 +85,12 @@ class Pipeline:
 
         Args:
             frame: rendered images, one per row. Without `truth`, its depth is taken as the truth.
-            rng: one generator per image, of which each call draws one number.
+            rng: one generator per image; each call draws one number from each of them.
             rows: (n,) bool, images to process; the others stay as rendered and leave the effects' state unchanged.
+                None for all.
 
         Raises:
-            ValueError: not one image and one generator for each world.
+            ValueError: the number of images or of generators differs from the number of worlds.
         """
         if frame.n != self.n or len(rng) != self.n:
             raise ValueError(f"{self.n} worlds, {frame.n} images, {len(rng)} generators")
@@ -111,8 +121,8 @@ class Pipeline:
 class Streams(Sequence[np.random.Generator]):
     """Random generators of one effect, one per image, seeded in each frame by the image's key and the effect's name.
 
-    These are Small Fast Chaotic generators whose state is set and mixed in place as by its author (Doty-Humphrey,
-    PractRand), in a tenth of the time of constructing a new one.
+    They are SFC64 generators (Doty-Humphrey's PractRand). Each is reseeded in place: its state is set and the first 16
+    numbers are discarded. This takes a tenth of the time of constructing a new one.
     """
 
     def __init__(self, name: str, n: int):

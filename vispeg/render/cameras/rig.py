@@ -25,13 +25,15 @@ from vispeg.worlds.world import World
 
 
 def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange: np.ndarray) -> np.ndarray:
-    """Velocity (n, 6) of a camera in its own axes, m/s and rad/s; 0 for one that stands.
+    """Return the velocity (n, 6) of a camera in its own axes, m/s and rad/s.
+
+    A camera on the base does not move. Every other camera is taken to move with the flange.
 
     Args:
-        camera: what carries it decides whether it moves.
-        pose: (n, 4, 4) camera axes in the base.
-        twist: (n, 6) of the flange, base axes.
-        flange: (n, 3) its position, m.
+        camera: the camera, whose `parent` decides whether it moves.
+        pose: (n, 4, 4) camera axes in the base frame, m.
+        twist: (n, 6) velocity of the flange in base axes, m/s and rad/s.
+        flange: (n, 3) position of the flange in the base frame, m.
     """
     if camera.parent == "base":
         return np.zeros((len(pose), 6))
@@ -41,23 +43,26 @@ def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange:
 
 
 class CameraRig:
-    """The cameras of `rows` cells. It knows how they stand by Snapshots alone, and draws what is only seen.
+    """The cameras of a batch of cells, one cell per row.
+
+    The rig learns the state of a cell from Snapshots alone. It samples appearance, cameras and sensor effects; the
+    simulation samples the physics.
 
     Args:
         scene: the cell.
-        cameras: in it; none for a rig that shows nothing but `picture`.
-        world: whose looks, cameras and sensors are drawn once an episode; its physics is left to the simulation.
-        rows: cells.
-        kinds: of images.
-        period: time between two pictures, s.
+        cameras: cameras in the cell; none for a rig that is used for `picture` only.
+        world: ranges from which looks, cameras and sensor effects are sampled in each episode; its physics is ignored.
+        rows: number of cells.
+        kinds: kinds of images to deliver.
+        period: time between two images, s.
         outside: the camera of `picture`.
-        backend, shadows: of the renderer.
-        look_seed: episode seed -> seed of its look; by default the same.
+        backend, shadows: passed to the renderers.
+        look_seed: function from an episode's seed to the seed of its look; default: the same seed.
 
     Attributes:
-        drawn: by row, the world of the present episode as it is seen.
-        redrawn: looks that the contrast guard refused so far, in all rows.
-        varied: whether episodes look different.
+        drawn: by row, the sampled world of the present episode.
+        redrawn: number of looks that the contrast guard has refused so far, in all rows.
+        varied: whether looks, cameras or sensor effects differ between episodes.
     """
 
     def __init__(
@@ -85,10 +90,12 @@ class CameraRig:
         self._infrared: dict[int, Renderer] = {}
         self._renderers = [self._renderer(self.cameras) for _ in range(rows if cameras else 0)]
         self._pipelines = {c.name: Pipeline([World()] * rows, c.name) for c in self.cameras}
-        self._matchers: list[dict[str, dict[str, float]]] = [{} for _ in range(rows)]  # cameras that match depth
+        self._matchers: list[dict[str, dict[str, float]]] = [
+            {} for _ in range(rows)
+        ]  # by row and camera: settings of block matching
         self._snapshots: dict[int, Snapshot] = {}
         self._shots: dict[int, dict[str, Shot]] = {}
-        self._new = np.zeros(rows, bool)  # rows drawn anew since they were last delivered
+        self._new = np.zeros(rows, bool)  # rows rendered since their images were last delivered
         self._delivered: dict[str, np.ndarray] = {}
         for c in self.cameras:
             for kind in kinds:
@@ -103,12 +110,12 @@ class CameraRig:
         seeds: Mapping[int, int],
         levels: Mapping[str, float] | float = 1.0,
     ) -> None:
-        """Begin new episodes in these rows: new looks, and sensors that remember nothing.
+        """Begin new episodes in these rows: sample new looks and clear the sensors' state.
 
         Args:
-            snapshots: by row, how the cells stand; the contrast guard looks at them.
-            seeds: by row, of the episodes.
-            levels: how far draws may leave nominal, as for `RandomizedWorld.sample`.
+            snapshots: by row, the state of the cell, in which the contrast guard judges a look.
+            seeds: by row, the seed of the episode.
+            levels: how far samples may be from nominal, as for `RandomizedWorld.sample`.
         """
         if not self.cameras:
             return
@@ -119,7 +126,7 @@ class CameraRig:
             self.drawn[row], self.redrawn = world, self.redrawn + refused
             matched = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
             self._matchers[row] = {name: p for name, p in matched.items() if p is not None}
-            # an infrared pair needs no materials, but many pixels
+            # the infrared pair has many pixels and needs no physically based materials, so a faster backend draws it
             if self._matchers[row] and self.backend == "filament":
                 if row not in self._infrared:
                     self._infrared[row] = Renderer(self.scene, self.cameras, "auto")
@@ -128,7 +135,7 @@ class CameraRig:
             pipeline.place(list(snapshots), [self.drawn[row] for row in snapshots])
 
     def look(self, snapshots: Mapping[int, Snapshot]) -> None:
-        """Draws these rows as they stand now."""
+        """Render the cameras of these rows in the given states."""
         for row, snapshot in snapshots.items() if self.cameras else ():
             shots = self._renderers[row].render(snapshot.qpos, snapshot.bodies)
             for name, p in self._matchers[row].items() if DEPTH in self.kinds else ():
@@ -140,9 +147,10 @@ class CameraRig:
             self._shots[row], self._snapshots[row], self._new[row] = shots, snapshot, True
 
     def see(self) -> dict[str, np.ndarray]:
-        """Give the images of every row, KIND_CAMERA: (rows, C, H, W), as vispeg.render.image_kinds states them.
+        """Return the images of every row by key KIND_CAMERA, each (rows, C, H, W), as in vispeg.render.image_kinds.
 
-        What was not drawn anew by `look` is delivered as before: a camera that remembers does not see a moment twice.
+        Rows that `look` has not rendered since the last call keep their images, so that a sensor with a memory (such as
+        a latency) does not process the same moment twice.
         """
         if self._new.any():
             self._deliver(self._new)
@@ -179,7 +187,9 @@ class CameraRig:
         )
 
     def views(self) -> dict[str, dict[str, np.ndarray]]:
-        """By camera: `K` (rows, 3, 3) px, `distortion` (rows, 5), `base_T_camera` (rows, 4, 4) m, as drawn."""
+        """Return by camera the true calibration in each row: `K` (rows, 3, 3) px, `distortion` (rows, 5) and
+        `base_T_camera` (rows, 4, 4) m, with the sampled camera errors.
+        """
         out = {}
         for k, c in enumerate(self.cameras):
             drawn = [r.cameras[k] for r in self._renderers]
@@ -192,7 +202,11 @@ class CameraRig:
         return out
 
     def picture(self, row: int, snapshot: Snapshot) -> np.ndarray:
-        """Give a row from outside, (H, W, 3) uint8, in its episode's look."""
+        """Return the image (H, W, 3) uint8 of a row from the outside camera, in the look of its episode.
+
+        Raises:
+            ValueError: the rig has no outside camera.
+        """
         if self.outside is None:
             raise ValueError("this rig has no camera outside")
         if self._film is None:
@@ -202,7 +216,7 @@ class CameraRig:
         return self._film.render(snapshot.qpos, snapshot.bodies)[self.outside.name].rgb
 
     def close(self) -> None:
-        """Frees the renderers."""
+        """Free the renderers."""
         for r in (*self._renderers, *self._infrared.values(), self._film):
             if r is not None:
                 r.close()

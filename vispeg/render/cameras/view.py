@@ -1,7 +1,7 @@
-"""Where a camera stands in the world, and the same thing in the axes that MuJoCo's renderers use.
+"""The pose of a camera in the world, and its conversion to what MuJoCo's renderers take.
 
-OpenCV's camera axes (x right, y down, z forward) hold everywhere else; MuJoCo's (x right, y up, looking along -z) only
-where a frustum is handed over.
+Camera axes are OpenCV's (x right, y down, z forward). MuJoCo's own (x right, y up, looking along -z) appear only in
+`View.frustum`.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ import numpy as np
 from vispeg.core.errors import UserError
 from vispeg.render.cameras.camera import Camera
 
-# m. Nothing nearer or further is drawn; depth is a reversed float, so the ratio costs no precision. The sky is drawn at
-# 0.57 FAR or more, so a reading beyond REACH is one of the sky.
+# m. Only what lies between NEAR and FAR is drawn. The depth buffer is a reversed float, so a large ratio of FAR to NEAR
+# costs no precision. The sky is drawn at 0.57 FAR or more, so a depth beyond REACH is taken for sky.
 NEAR, FAR, REACH = 0.004, 100.0, 8.0
 WORLD = "base"
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera at a place in the world frame.
+    """A camera with its pose in the world frame.
 
     Attributes:
-        camera: what it is.
+        camera: the camera.
         pos: (3,) optical centre, m.
-        rot: (3, 3) camera axes in the world, one a column.
+        rot: (3, 3) rotation whose columns are the camera axes in the world frame.
     """
 
     camera: Camera
@@ -39,29 +39,34 @@ class View:
 
     @property
     def matrix(self) -> np.ndarray:
-        """(4, 4) camera axes to world, m."""
+        """(4, 4) transform from camera axes to the world frame, m."""
         out = np.eye(4)
         out[:3, :3], out[:3, 3] = self.rot, self.pos
         return out
 
     def frustum(self) -> Mapping[str, Any]:
-        """MuJoCo's description of the view: fields of an MjvGLCamera, which realise fx, fy, cx, cy as they are."""
+        """Return the view as the fields of MuJoCo's MjvGLCamera; they reproduce fx, fy, cx and cy exactly."""
         place = {"pos": self.pos, "forward": self.rot[:, 2], "up": -self.rot[:, 1]}
         return {**{k: v.astype(np.float32) for k, v in place.items()}, **_optics(self.camera)[0]}
 
     def in_sight(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
-        """(n,) whether spheres (n, 3) with radii (n,) in m, world frame, may show; a radius of 0 means unbounded."""
+        """Return for each of n spheres whether any of it can lie in the view, (n,) bool.
+
+        Args:
+            centres: (n, 3) in the world frame, m.
+            radii: (n,) in m; 0 marks an unbounded shape, which is always in sight.
+        """
         inward = (centres - self.pos) @ (self.rot @ _optics(self.camera)[1].T)  # (n, 5), > 0 inside
         return (inward >= -radii[:, None]).all(1) | (radii == 0)
 
 
 @lru_cache(maxsize=256)
 def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
-    """Return a camera's frustum, and the inward normals (5, 3) of its sides and front in camera axes."""
+    """Return a camera's frustum, and the inward unit normals (5, 3) of its four sides and its front, in camera axes."""
     left, right = -(c.cx + 0.5) / c.fx * NEAR, (c.width - 0.5 - c.cx) / c.fx * NEAR
     frustum = {
         "frustum_center": (left + right) / 2,
-        "frustum_width": (right - left) / 2,  # half of it: MuJoCo's convention
+        "frustum_width": (right - left) / 2,  # half the width, by MuJoCo's convention
         "frustum_bottom": (c.cy + 0.5 - c.height) / c.fy * NEAR,
         "frustum_top": (c.cy + 0.5) / c.fy * NEAR,
         "frustum_near": NEAR,
@@ -82,14 +87,18 @@ def _optics(c: Camera) -> tuple[Mapping[str, float], np.ndarray]:
 
 @lru_cache(maxsize=256)
 def _place(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Give a camera's place (3,) and axes (3, 3) in its parent; read only."""
+    """Return a camera's position (3,), m, and axes (3, 3) in its parent's frame, read only."""
     pos, rot = np.array(camera.pos), camera.rotation
     pos.flags.writeable = rot.flags.writeable = False
     return pos, rot
 
 
 def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
-    """(`world` | `site` | `body`, id) of what carries a camera. Raises UserError that lists the sites."""
+    """Return the kind (`world`, `site` or `body`) and the id of a camera's parent.
+
+    Raises:
+        UserError: the model has no site or body of that name; the message lists the sites.
+    """
     if name == WORLD:
         return "world", 0
     for kind, of in (("site", mujoco.mjtObj.mjOBJ_SITE), ("body", mujoco.mjtObj.mjOBJ_BODY)):
@@ -100,7 +109,7 @@ def parent_of(model: mujoco.MjModel, name: str) -> tuple[str, int]:
 
 
 def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> View:
-    """Give the camera where its parent stands in `data` (kinematics done)."""
+    """Return the camera with its world pose for the parent's pose in `data`, whose kinematics must be computed."""
     (kind, i), (at, axes) = parent, _place(camera)
     if kind == "world":
         return View(camera, at, axes)
@@ -110,7 +119,7 @@ def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> Vie
 
 
 def planar(buffer: np.ndarray) -> np.ndarray:
-    """Depth in m along the optical axis, float32, 0 beyond REACH, from a reversed buffer: 1 at NEAR, 0 at FAR."""
+    """Convert a reversed depth buffer (1 at NEAR, 0 at FAR) to planar depth, float32 in m, 0 beyond REACH."""
     depth = np.float32(NEAR * FAR) / (np.float32(NEAR) + buffer * np.float32(FAR - NEAR))
     depth[depth > REACH] = 0
     return depth
