@@ -9,9 +9,9 @@ import numpy as np
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.align import ROLLING, WINDOWS, Recall, align, rolled, unremembered
 from vispeg.identify.pictures.depth_figures import FEW, NEARER
-from vispeg.identify.pictures.evidence import BorderEvidence, Item
+from vispeg.identify.pictures.evidence import BorderEvidence
 from vispeg.identify.pictures.gather import SPACING, gather
-from vispeg.identify.pictures.points import Points
+from vispeg.identify.pictures.points import Item, Points
 from vispeg.identify.pictures.posture import steadied
 from vispeg.identify.pictures.robust import noise_of, trust
 from vispeg.identify.pictures.scatter import Scatter

@@ -8,8 +8,7 @@ shift of all edges between two parts due to light or shadow.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,50 +17,13 @@ from vispeg.core.rules import RULES
 from vispeg.identify.channels import shows
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.pictures.nuisance import Whitener
-from vispeg.identify.pictures.points import Points, misplacement
+from vispeg.identify.pictures.points import Item
 from vispeg.identify.pictures.posture import Postures
 from vispeg.identify.pictures.scatter import Scatter, columns_of
-from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.pictures.unknowns import nuisances
 from vispeg.robots.scene import Scene
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
-
-PENALTY = 1e3  # residual in noise units of a point that a world puts behind the camera
-
-
-@dataclass(frozen=True)
-class Item:
-    """Readings of one sight as a column, with the interface of a joint channel's item.
-
-    Attributes:
-        sight, points, trust: the frames, their border points, and the weight in [0, 1] of each.
-        sigma: (1,) px.
-        valid: (n, 1) bool.
-    """
-
-    sight: Sight
-    points: Points
-    trust: np.ndarray
-    sigma: np.ndarray
-    kind = "border"
-    beside = None
-    nj = 1
-
-    @cached_property
-    def measured(self) -> np.ndarray:
-        """Measured distance of each edge from its border, (n, 1) px."""
-        return np.nan_to_num(self.points.along)[:, None]
-
-    @cached_property
-    def valid(self) -> np.ndarray:
-        """(n, 1) bool."""
-        return (self.trust > 0.05)[:, None]
-
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return self.sight.name
 
 
 class BorderEvidence(Evidence):
@@ -91,7 +53,7 @@ class BorderEvidence(Evidence):
         self.notes: list[str] = []
         self._arms = [Postures.of(geometry, item.sight, settled, item.points) for item in items]
         self._columns = [nuisances(geometry, i, settled, arm) for i, arm in zip(items, self._arms, strict=True)]
-        self.scatter = scatter or Scatter.of(columns_of(self, self._columns))
+        self.scatter = scatter or Scatter.of(columns_of(geometry, self.items, settled, freed, self._columns))
         self._whiten = [Whitener.of(np.column_stack([common, self.robot * js])) for common, js in self._columns]
         self._whitened: list[tuple[World, np.ndarray]] = []
 
@@ -118,7 +80,7 @@ class BorderEvidence(Evidence):
 
     def misplaced(self, world: World) -> list[np.ndarray]:
         """Return for each item (n,) px along the normals from a world's borders to the edges; NaN without an edge."""
-        return [misplacement(self.geometry, item.sight, world, item.points) for item in self.items]
+        return [item.misplaced(self.geometry, world) for item in self.items]
 
     def each_residual(self, worlds: Sequence[World]) -> Iterator[np.ndarray]:
         """Yield for each world the whitened misplacements of all points, flat."""
@@ -130,16 +92,10 @@ class BorderEvidence(Evidence):
                 return answer
         parts = []
         for item, away, whiten in zip(self.items, self.misplaced(world), self._whiten, strict=True):
-            parts.append(whiten(self.weighted(item, away)))
+            parts.append(whiten(item.weighted(away)))
         out = np.concatenate(parts)
         self._whitened = [(world, out), *self._whitened[:15]]
         return out
-
-    @staticmethod
-    def weighted(item: Item, away: np.ndarray) -> np.ndarray:
-        """Return misplacements (n,) in noise units times their weights; those with weight 0 are 0."""
-        r = np.where(np.isnan(away) & np.isfinite(item.points.along), PENALTY, np.nan_to_num(away))
-        return np.clip(r / item.sigma[0], -PENALTY, PENALTY) * np.sqrt(item.trust) * item.valid[:, 0]
 
     @property
     def least_gain(self) -> float:
@@ -191,7 +147,7 @@ class BorderEvidence(Evidence):
         out, nj = [], len(self.scene.joints)
         for item, away, (common, joints) in zip(self.items, self.misplaced(world), self._columns, strict=True):
             columns = np.concatenate([common, max(self.robot, 1e-6) * joints], axis=1)
-            r = self.weighted(item, away)
+            r = item.weighted(away)
             unknown = np.linalg.solve(columns.T @ columns + np.eye(columns.shape[1]), columns.T @ r)
             frames, posture = np.unique(item.points.frame), np.zeros((len(item.sight), nj))
             posture[frames] = self.robot * unknown[common.shape[1] :].reshape(-1, nj)

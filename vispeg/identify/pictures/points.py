@@ -1,8 +1,9 @@
-"""Border points of a sight: their predicted pixels, and their pixels in other worlds."""
+"""Border points of a sight and the edges read at them: their predicted pixels, and their pixels in other worlds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from vispeg.vision.eye import delay_of, values_of
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
 
+PENALTY = 1e3  # residual in noise units of a point that a world puts behind the camera
 INSTANT = 5e-3  # s, step of the finite difference for a pixel's speed
 
 
@@ -39,6 +41,49 @@ class Points:
     def only(self, rows: np.ndarray) -> Points:
         """Return the points of some rows."""
         return Points(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True)
+class Item:
+    """Readings of one sight as a column, with the interface of a joint channel's item.
+
+    Attributes:
+        sight, points, trust: the frames, their border points, and the weight in [0, 1] of each.
+        sigma: (1,) px.
+        valid: (n, 1) bool.
+    """
+
+    sight: Sight
+    points: Points
+    trust: np.ndarray
+    sigma: np.ndarray
+    kind = "border"
+    beside = None
+    nj = 1
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """Measured distance of each edge from its border, (n, 1) px."""
+        return np.nan_to_num(self.points.along)[:, None]
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """(n, 1) bool."""
+        return (self.trust > 0.05)[:, None]
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.sight.name
+
+    def misplaced(self, geometry: Geometry, world: World) -> np.ndarray:
+        """Return (n,) px along the normals from a world's borders to the edges; NaN without an edge."""
+        return misplacement(geometry, self.sight, world, self.points)
+
+    def weighted(self, away: np.ndarray) -> np.ndarray:
+        """Return misplacements (n,) in noise units times their weights; those with weight 0 are 0."""
+        r = np.where(np.isnan(away) & np.isfinite(self.points.along), PENALTY, np.nan_to_num(away))
+        return np.clip(r / self.sigma[0], -PENALTY, PENALTY) * np.sqrt(self.trust) * self.valid[:, 0]
 
 
 def pixels(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
@@ -16,9 +15,9 @@ from scipy import linalg
 from vispeg.core.rules import RULES
 from vispeg.identify.pictures.align import LOOSE as PRIOR
 from vispeg.identify.pictures.fixed import slopes
-
-if TYPE_CHECKING:
-    from vispeg.identify.pictures.evidence import BorderEvidence, Item
+from vispeg.identify.pictures.points import Item
+from vispeg.vision.geometry import Geometry
+from vispeg.worlds.world import World
 
 FIELD = (0.0, *np.geomspace(0.05, 2.0, 8).tolist())  # px RMS over the image: less does not show, more leaves the window
 CELLS = (6, 5)  # of the image, across and down: correlation length of a smear, finer than lens distortion
@@ -74,12 +73,16 @@ def robots() -> tuple[float, ...]:
     return 0.0, *np.geomspace(3e-5, RULES.posture_frame, 12).tolist()
 
 
-def columns_of(evidence: BorderEvidence, known: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Columns]:
-    """Return the columns for each item of the evidence, linearised at its aligned world; `known` are common unknowns
-    and joints.
-    """
-    parts = zip(evidence.items, evidence.misplaced(evidence.settled), known, slopes(evidence), strict=True)
-    return [Columns(*c, fields(item), fixed, evidence.weighted(item, away)) for item, away, c, fixed in parts]
+def columns_of(
+    geometry: Geometry,
+    items: Sequence[Item],
+    settled: World,
+    freed: tuple[str, ...],
+    known: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> list[Columns]:
+    """Return the columns for each item, linearised at the aligned world; `known` are common unknowns and joints."""
+    parts = zip(items, known, slopes(geometry, items, settled, freed), strict=True)
+    return [Columns(*c, fields(i), fixed, i.weighted(i.misplaced(geometry, settled))) for i, c, fixed in parts]
 
 
 def fields(item: Item) -> np.ndarray:

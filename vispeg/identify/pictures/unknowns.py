@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.core.rules import RULES
-from vispeg.identify.pictures.points import Points, misplacement, pixels
+from vispeg.identify.pictures.points import Item, Points, pixels
 from vispeg.identify.pictures.posture import Postures
 from vispeg.vision.geometry import Geometry
 from vispeg.worlds.world import World
-
-if TYPE_CHECKING:
-    from vispeg.identify.pictures.evidence import Item
 
 SMALL = 1e-4  # m, rad: steps of the derivatives
 
@@ -73,7 +69,7 @@ def nuisances(geometry: Geometry, item: Item, world: World, arm: Postures) -> tu
     joints = np.zeros((len(p.frame), (int(at.max(initial=-1)) + 1) * nj))
     for j in range(nj):
         joints[np.arange(len(at)), at * nj + j] = arm.slopes[:, j] * scale
-    away = np.nan_to_num(misplacement(geometry, sight, world, p)) * scale
+    away = np.nan_to_num(item.misplaced(geometry, world)) * scale
     posture = np.linalg.solve(joints.T @ joints + np.eye(joints.shape[1]) / RULES.posture_frame**2, joints.T @ away)
     common += _edges(p, scale, away - joints @ posture)
     return np.stack(common, 1) if common else np.zeros((len(p.frame), 0)), joints

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.recordings.checks.joint_check import JointCheck
 from vispeg.recordings.checks.missing import said
 from vispeg.recordings.checks.spikes import Spike
 from vispeg.recordings.checks.timing import Timing
 from vispeg.recordings.importers.plausible import Doubt
 from vispeg.recordings.noise import silent
 from vispeg.recordings.recording import Recording
-
-if TYPE_CHECKING:
-    from vispeg.recordings.checks.check import JointCheck
 
 SILENT_Q = 1e-7  # rad: real encoders are noisier
 FLAT = 0.02  # least share of a regressor column not explained by the others, for its parameter to be identifiable

@@ -6,7 +6,8 @@ from io import BytesIO
 
 import numpy as np
 
-from vispeg.recordings.checks.check import CheckReport, smoothed
+from vispeg.recordings.checks.check import CheckReport
+from vispeg.recordings.checks.joint_check import smoothed
 from vispeg.recordings.checks.quality import Limits, saturated
 from vispeg.recordings.checks.spikes import without
 from vispeg.recordings.checks.timing import within_episode

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vispeg.diagnosis.pictures.excited import Excitation
-from vispeg.recordings.checks.check import CheckReport, smoothed
+from vispeg.recordings.checks.check import CheckReport
+from vispeg.recordings.checks.joint_check import smoothed
 from vispeg.recordings.checks.plot import MOST_GAPS, laid_out
 from vispeg.recordings.checks.quality import Limits, saturated
 from vispeg.recordings.checks.spikes import without

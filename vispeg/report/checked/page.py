@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from vispeg.recordings.checks.check import JointCheck
 from vispeg.recordings.checks.check_words import FLAT
 from vispeg.recordings.checks.contact_check import FORCES, WORDS, ContactCheck, said, together
 from vispeg.recordings.checks.excitation import PARAMETERS, UNITS
+from vispeg.recordings.checks.joint_check import JointCheck
 from vispeg.report.checked import tables
 from vispeg.report.checked.examined import Examined
 from vispeg.report.live.traces import SCRIPTS, STYLES, Line, Panel, widget

@@ -8,7 +8,8 @@ from vispeg.api.inputs import Inputs
 from vispeg.channels.pictures import border_evidence_of
 from vispeg.diagnosis.pictures.search import PictureSearch
 from vispeg.diagnosis.progress import Progress
-from vispeg.identify.pictures.evidence import BorderEvidence, Item
+from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.identify.pictures.points import Item
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.view.diagnose.standing import Field, Track
