@@ -14,8 +14,8 @@ import numpy as np
 from vispeg.contact.drive import built_alike
 from vispeg.contact.errors.nuisance import nuisance
 from vispeg.contact.hand import grasp, hand
-from vispeg.contact.inputs import Touching
-from vispeg.contact.items import ContactItem, driven, items_of, predicted
+from vispeg.contact.inputs import ContactItem, Touching
+from vispeg.contact.items import driven, items_of, predicted
 from vispeg.contact.sensor import trusted
 from vispeg.contact.thin import PART, driven_blocks, pieces
 from vispeg.contact.torques import notes

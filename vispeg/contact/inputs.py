@@ -1,4 +1,4 @@
-"""Inputs of the contact comparison: the nominal cell, and the wrench in flange axes."""
+"""Inputs of the contact comparison: the nominal cell, the wrench in flange axes, and its episodes in blocks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vispeg.contact.hand import Grasp
+from vispeg.contact.path import Path
+from vispeg.contact.phases import Phases
 from vispeg.contact.torques import estimated, sensed
+from vispeg.core.rules import RULES
+from vispeg.identify.channels import Item
 from vispeg.recordings.cell import WrenchSensor, canonical
 from vispeg.recordings.differentiate import bridged
 from vispeg.recordings.recording import Recording
@@ -36,6 +41,37 @@ class Touching:
     wrench: np.ndarray
     believed: World = field(default_factory=World)
     torques: External | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactItem(Item):
+    """One episode: two channels, force and torque, three columns each, one row per block.
+
+    Attributes:
+        path, phase: of the flange, and its contact.
+        source: the recording.
+        hand, grasp: what is driven along the path, and its springs.
+        answer: (6, m, 6), see `vispeg.contact.items.displaced`.
+        response: (m, 6, 6), see `vispeg.contact.items.pushed`.
+    """
+
+    path: Path
+    phase: Phases
+    source: Touching
+    hand: Scene
+    grasp: Grasp
+    answer: np.ndarray
+    response: np.ndarray
+
+    @property
+    def nj(self) -> int:
+        """Axes."""
+        return 3
+
+    @property
+    def period(self) -> float:
+        """Time between blocks, s."""
+        return RULES.contact_block
 
 
 def touching(rec: Recording) -> Touching:

@@ -1,9 +1,9 @@
-"""One episode of a contact recording: its path, its phases, and the wrench in blocks for comparison."""
+"""Make the episodes of a contact recording ready for comparison, and drive hands of worlds along them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from vispeg.contact.beginning import beginnings, episode_numbers, no_free_air, t
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.floors import floors
 from vispeg.contact.hand import Grasp
-from vispeg.contact.inputs import Touching
+from vispeg.contact.inputs import ContactItem, Touching
 from vispeg.contact.path import Path
 from vispeg.contact.phases import Phases
 from vispeg.contact.sensor import hand_world, readings, stands_for
@@ -19,7 +19,7 @@ from vispeg.contact.thin import thinned, without
 from vispeg.contact.torques import calm
 from vispeg.contact.yielding import given_way
 from vispeg.core.rules import RULES
-from vispeg.identify.channels import Channel, Item
+from vispeg.identify.channels import Channel
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Control
 from vispeg.recordings.regimes import INSIDE, PRESS, REGIMES, SLIDE
@@ -29,35 +29,6 @@ from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
 PUSH, LEVER = 0.2, 0.1  # N, m: test error for sensor responses; converts it to torque
-
-
-@dataclass(frozen=True)
-class ContactItem(Item):
-    """One episode: two channels, force and torque, three columns each, one row per block."""
-
-    path: Path = None  # type: ignore[assignment]
-    phase: Phases = None  # type: ignore[assignment]
-    source: Touching = None  # type: ignore[assignment]
-    hand: Scene = None  # type: ignore[assignment]
-    grasp: Grasp = None  # type: ignore[assignment]
-    floor: np.ndarray = None  # type: ignore[assignment]  (m, 6)
-    answer: np.ndarray = None  # type: ignore[assignment]  (6, m, 6), see `displaced`
-    response: np.ndarray = None  # type: ignore[assignment]  (m, 6, 6), see `pushed`
-
-    @property
-    def nj(self) -> int:
-        """Axes."""
-        return 3
-
-    @property
-    def sigma(self) -> np.ndarray:  # type: ignore[override]
-        """(m, 6): the floor of the block's phase."""
-        return self.floor
-
-    @property
-    def period(self) -> float:
-        """Time between blocks, s."""
-        return RULES.contact_block
 
 
 def driven(
@@ -166,8 +137,20 @@ def _item(
         rows[phase.rows(path.clock)],
     )
     measured = phase.means(path.wrench[None])[0]
-    sigma = np.ones_like(measured)
-    item = ContactItem(rec, segment, t.scene, (), path, phase, t, scene, hold, sigma)
+    still, rigid = np.zeros((6, *measured.shape)), np.tile(np.eye(6), (len(measured), 1, 1))
+    item = ContactItem(
+        rec,
+        segment,
+        t.scene,
+        (),
+        path=path,
+        phase=phase,
+        source=t,
+        hand=scene,
+        grasp=hold,
+        answer=still,
+        response=rigid,
+    )
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
     answer, response = displaced(item, nominal, nthread), pushed(item, nominal, nthread)
@@ -175,7 +158,7 @@ def _item(
     valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
-    return ContactItem(rec, segment, t.scene, channels, path, phase, t, scene, hold, sigma, answer, response)
+    return replace(item, channels=channels, answer=answer, response=response)
 
 
 def _read(t: Touching, path: Path) -> np.ndarray:

@@ -3,26 +3,21 @@
 A joint torque error that lasts longer than a block (see `vispeg.sim.external`) is a wrench error in a direction given
 by the posture. It enters as one nuisance per joint and second, so that a verdict rests only on what joint errors cannot
 explain. Directions that are unobservable in a posture get a nuisance of the size of any plausible wrench, block by
-block.
+block (`vispeg.contact.errors.nuisance`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.contact.touch import refuse_numb
-from vispeg.core.rules import RULES
 from vispeg.recordings.cell import WrenchSensor
 from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import Scene
 from vispeg.sim.external import STILL, External, external
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 AXES = ("x", "y", "z")
 
@@ -50,29 +45,6 @@ def calm(rec: Recording, estimate: External) -> Recording:
     still = estimate.wrench[rec.time <= rec.time[0] + STILL]
     force, torque = (float(still[:, part].std(axis=0).mean()) for part in (slice(0, 3), slice(3, 6)))
     return replace(rec, noise={**rec.noise, "ft": force, "ft_torque": torque})
-
-
-def unsure(item: ContactItem) -> list[np.ndarray]:
-    """Columns (m, 6) N, N m for `vispeg.contact.errors.nuisance`: joint torque errors of typical size, and unobservable
-    directions; empty if a wrench was measured.
-    """
-    estimate = item.source.torques
-    if estimate is None:
-        return []
-    rows = item.path.rows[item.phase.rows(item.path.clock)]
-    time, gain = item.phase.time, estimate.gain[rows]
-    out = []
-    for j, size in enumerate(estimate.steady):
-        push = size * gain[:, :, j]
-        for middle in np.arange(0.0, time[-1] + RULES.torque_holds, RULES.torque_holds):
-            hat = np.maximum(0.0, 1 - np.abs(time - middle) / RULES.torque_holds)
-            out.append(push * hat[:, None])
-    for b, along in enumerate(estimate.blind[rows]):
-        for column in along.T[np.abs(along).max(axis=0) > 0]:
-            error = np.zeros((len(rows), 6))
-            error[b] = column
-            out.append(error)
-    return out
 
 
 def said(rec: Recording, estimate: External) -> str:

@@ -7,19 +7,16 @@ is its value at the start of the episode. A sensor's zero is constant and cancel
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import PATH_HZ, jacobian
 from vispeg.core.effect import effect
 from vispeg.recordings.differentiate import smooth
 from vispeg.sim.external import flange_jacobian, needed
 from vispeg.worlds.places import values
 from vispeg.worlds.world import World
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 EVERY = 0.02  # s between the sampled postures
 

@@ -36,7 +36,7 @@ class Channel:
             either), `load` (the robot's own estimate of it, of unknown gain), `needed` (torque by inverse dynamics);
             `force` and `moment`, a column an axis: the wrench that keeps the hand on its measured path.
         measured: (m, nj) in the kind's unit.
-        sigma: (nj,) noise.
+        sigma: noise, (nj,), or (m, nj) where it differs between samples.
         valid: (m, nj) bool.
         stated: unit of a signal that is none of these kinds.
     """
@@ -75,8 +75,8 @@ class Item:
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """Standard deviation of the noise, (nch,)."""
-        return np.concatenate([c.sigma for c in self.channels])
+        """Standard deviation of the noise, (nch,), or (m, nch) where it differs between samples."""
+        return np.concatenate([c.sigma for c in self.channels], axis=-1)
 
     @cached_property
     def valid(self) -> np.ndarray:

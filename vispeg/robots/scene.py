@@ -103,7 +103,7 @@ def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS)
         UserError: geometry that cannot be, mesh files that cannot be used.
     """
     config = config or SceneConfig()
-    return _build(config, cameras, *user_cell.shapes(config), user_cell.things(config))
+    return _build(config, cameras, *user_cell.shapes(config, config.robot.tool), user_cell.things(config))
 
 
 @lru_cache(maxsize=32)
@@ -116,10 +116,10 @@ def _build(
 ) -> Scene:
     _check_names(config.robot)
     config = user_cell.placed(config, block)
-    arm = user_cell.arm_with(config, f"peg{round(config.diameter * 1000)}")
-    tip = user_cell.grasp(config) + tools.PEG_LENGTH
+    arm = user_cell.arm_with(config.robot, f"peg{round(config.diameter * 1000)}")
+    tip = user_cell.grasp(config, config.robot.tool) + tools.PEG_LENGTH
     if peg is not None:
-        arm, tip = user_cell.hold(config, peg)
+        arm, tip = user_cell.hold(config, config.robot, peg)
     spec = arm.spec()
     furniture.options(spec)
     for group in (spec.lights, spec.cameras):  # of the robot's file: the cell has its own

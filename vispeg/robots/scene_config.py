@@ -6,51 +6,11 @@ import math
 from dataclasses import dataclass
 
 from vispeg.core.errors import UserError
-from vispeg.robots import hole, tools, user_cell
+from vispeg.robots import hole, user_cell
 from vispeg.robots.declare import RobotConfig
+from vispeg.robots.user_cell import PegGeometry
 
 OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # settings that are no numbers of the built-in shapes
-
-
-@dataclass(frozen=True, kw_only=True)
-class PegGeometry:
-    """The peg, its hole and what holds it; lengths in m unless named otherwise.
-
-    Attributes:
-        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm; where none is
-            stated, 3, or with a hole from a file the measured one.
-        shape: `round` or `square`.
-        diameter: of the peg (its width, if square).
-        depth: of the hole.
-        chamfer: of the hole's mouth, at 45 deg.
-        friction: sliding friction of the peg in the hole.
-        fixture: position of the centre of the hole's mouth, base frame.
-        block: half the width of the fixture.
-        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
-            from a file stands on the table at its `fixture`'s x and y.
-        mesh_scale: m per unit of these files.
-        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
-        hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
-        peg_density: of a peg from a file, kg/m^3.
-        distractor_meshes: mesh files of the things that the effect `distractors` puts on the table, in place of the
-            built-in shapes; in their own size.
-    """
-
-    clearance_mm: float = None  # type: ignore[assignment]
-    shape: str = "round"
-    diameter: float = 0.016
-    depth: float = 0.025
-    chamfer: float = 0.001
-    friction: float = 0.3
-    fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
-    block: float = 0.05
-    peg_mesh: str = ""
-    hole_mesh: str = ""
-    mesh_scale: float = 1.0
-    mesh_concavity: float = 0.02
-    hole_origin: tuple[float, ...] = ()
-    peg_density: float = tools.STEEL
-    distractor_meshes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +71,7 @@ class SceneConfig(PegGeometry):
 
         user_cell.things(self)  # raises where a file cannot be used
         if self.peg_mesh or self.hole_mesh:  # last, for it takes meshes apart
-            object.__setattr__(self, "clearance_mm", user_cell.fitted(self))
+            object.__setattr__(self, "clearance_mm", user_cell.fitted(self, self.robot.tool))
 
     @property
     def gap(self) -> float:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import mujoco
 import numpy as np
 
 from vispeg.core.errors import UserError
 from vispeg.robots import hole, tools, user_shapes
+from vispeg.robots.declare import RobotConfig
 from vispeg.robots.model import RobotModel, load
 from vispeg.robots.user_shapes import UserShape, UserThing, gap, play, read
-
-if TYPE_CHECKING:
-    from vispeg.robots.scene import SceneConfig
 
 INSIDE = 0.8  # share of the hole's depth at which the clearance is measured
 CLEARANCE = 3.0  # mm, default of a cell with a built-in hole
@@ -27,7 +25,51 @@ WIDTH = 0.005, 0.08  # m, smallest and largest peg that the gripper holds
 MOST_THINGS = 40  # meshes of distractors: every compiled cell holds them all, shown or not
 
 
-def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
+@dataclass(frozen=True, kw_only=True)
+class PegGeometry:
+    """The peg, its hole and what holds it; lengths in m unless named otherwise.
+
+    Attributes:
+        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm; where none is
+            stated, 3, or with a hole from a file the measured one.
+        shape: `round` or `square`.
+        diameter: of the peg (its width, if square).
+        depth: of the hole.
+        chamfer: of the hole's mouth, at 45 deg.
+        friction: sliding friction of the peg in the hole.
+        fixture: position of the centre of the hole's mouth, base frame.
+        block: half the width of the fixture.
+        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
+            from a file stands on the table at its `fixture`'s x and y.
+        mesh_scale: m per unit of these files.
+        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
+        hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
+        peg_density: of a peg from a file, kg/m^3.
+        distractor_meshes: mesh files of the things that the effect `distractors` puts on the table, in place of the
+            built-in shapes; in their own size.
+    """
+
+    clearance_mm: float = None  # type: ignore[assignment]
+    shape: str = "round"
+    diameter: float = 0.016
+    depth: float = 0.025
+    chamfer: float = 0.001
+    friction: float = 0.3
+    fixture: tuple[float, float, float] = (0.6, 0.0, 0.05)
+    block: float = 0.05
+    peg_mesh: str = ""
+    hole_mesh: str = ""
+    mesh_scale: float = 1.0
+    mesh_concavity: float = 0.02
+    hole_origin: tuple[float, ...] = ()
+    peg_density: float = tools.STEEL
+    distractor_meshes: tuple[str, ...] = ()
+
+
+Geometry = TypeVar("Geometry", bound=PegGeometry)
+
+
+def shapes(config: PegGeometry, tool: str) -> tuple[UserShape | None, UserShape | None]:
     """Load peg and hole block from their files; None for one that is built in.
 
     Raises:
@@ -36,7 +78,7 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
     """
     c = config
     if c.peg_mesh:
-        _holdable(user_shapes.size(c.peg_mesh, "peg_mesh", c.mesh_scale), c)
+        _holdable(user_shapes.size(c.peg_mesh, "peg_mesh", c.mesh_scale), c, tool)
     if c.hole_mesh:
         user_shapes.size(c.hole_mesh, "hole_mesh", c.mesh_scale)
     peg = read(c.peg_mesh, "peg_mesh", c.mesh_scale, c.mesh_concavity, tip=True) if c.peg_mesh else None
@@ -44,7 +86,7 @@ def shapes(config: SceneConfig) -> tuple[UserShape | None, UserShape | None]:
     return peg, block
 
 
-def things(config: SceneConfig) -> tuple[UserThing, ...]:
+def things(config: PegGeometry) -> tuple[UserThing, ...]:
     """Load the user's distractors for the table; empty if the built-in ones are used.
 
     Raises:
@@ -56,7 +98,7 @@ def things(config: SceneConfig) -> tuple[UserThing, ...]:
     return tuple(user_shapes.thing(f, f"distractor_meshes[{i}]", config.mesh_scale) for i, f in enumerate(files))
 
 
-def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
+def _holdable(extent: np.ndarray, config: PegGeometry, tool: str) -> None:
     """Raise UserError if the gripper cannot hold a peg of this size (3,) m or bring it to the bottom of the hole."""
     low, high = WIDTH
     at = {"file": config.peg_mesh, "key": "peg_mesh", "got": _mm(extent)}
@@ -64,7 +106,7 @@ def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
         raise UserError(
             "the gripper cannot hold this peg", expected=f"{1e3 * low:g} to {1e3 * high:g} mm along x", **at
         )
-    upper, outermost = tools.hold(config.robot.tool)
+    upper, outermost = tools.hold(tool)
     held, least = outermost - upper, outermost - upper + config.depth
     if extent[2] < least - 1e-9:
         expected = f"{1e3 * least:g} mm along z or more: the gripper covers the upper {1e3 * held:g} mm"
@@ -72,13 +114,13 @@ def _holdable(extent: np.ndarray, config: SceneConfig) -> None:
         raise UserError("the gripper cannot hold this peg", expected=expected, **at)
 
 
-def grasp(config: SceneConfig) -> float:
+def grasp(config: PegGeometry, tool: str) -> float:
     """Return the upper end of the peg above the flange, m. Raises UserError: a built-in peg is too short."""
-    upper, outermost = tools.hold(config.robot.tool)
+    upper, outermost = tools.hold(tool)
     if not config.peg_mesh and tools.PEG_LENGTH < outermost - upper + config.depth - 1e-9:
         raise UserError(
             "the gripper would touch the block before the peg is in",
-            file=config.robot.tool,
+            file=tool,
             key="grasp",
             expected=f"at most {1e3 * (tools.PEG_LENGTH - config.depth):g} mm above its outermost point",
             got=f"{1e3 * (outermost - upper):.4g} mm",
@@ -90,12 +132,12 @@ def _mm(extent: np.ndarray) -> str:
     return " x ".join(f"{1e3 * x:.4g}" for x in extent) + " mm"
 
 
-def placed(config: SceneConfig, block: UserShape | None) -> SceneConfig:
+def placed(config: Geometry, block: UserShape | None) -> Geometry:
     """Return the configuration with the fixture's height such that a block from a file stands on the table."""
     return config if block is None else replace(config, fixture=(*config.fixture[:2], _below(config, block)))
 
 
-def _below(config: SceneConfig, block: UserShape) -> float:
+def _below(config: PegGeometry, block: UserShape) -> float:
     """Return how far a block reaches below the mouth of its hole, m. Raises UserError: less than the hole's depth."""
     below = -float(block.vertices[:, 2].min())
     if below < config.depth:
@@ -103,24 +145,24 @@ def _below(config: SceneConfig, block: UserShape) -> float:
     return below
 
 
-def arm_with(config: SceneConfig, peg: str) -> RobotModel:
-    """Load the cell's arm with its gripper holding a built-in peg; the controller's model includes both.
+def arm_with(robot: RobotConfig, peg: str) -> RobotModel:
+    """Load an arm with its gripper holding a built-in peg; the controller's model includes both.
 
     Raises:
         UserError: no gripper, or a robot that cannot be used.
     """
-    if config.robot.tool == "none":
+    if robot.tool == "none":
         raise UserError("nothing holds the peg of this cell", key="robot.tool", expected="a gripper", got="none")
-    return load(config.robot.model, f"{config.robot.tool}+{peg}", declared=config.robot)
+    return load(robot.model, f"{robot.tool}+{peg}", declared=robot)
 
 
-def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
+def hold(config: PegGeometry, robot: RobotConfig, peg: UserShape) -> tuple[RobotModel, float]:
     """Return the arm with this peg in its gripper, which the controller's model includes, and the tip's distance from
     the flange, m.
     """
     width, length = float(peg.extent[0]), float(peg.extent[2])
-    arm, density = arm_with(config, f"peg{round(1000 * width)}"), config.peg_density
-    tip = grasp(config) + length
+    arm, density = arm_with(robot, f"peg{round(1000 * width)}"), config.peg_density
+    tip = grasp(config, robot.tool) + length
     spec = arm.spec()
     body = spec.body("peg")
     spec.delete(spec.geom("peg"))
@@ -135,14 +177,14 @@ def hold(config: SceneConfig, peg: UserShape) -> tuple[RobotModel, float]:
     return replace(arm, build=spec.copy), tip
 
 
-def fitted(config: SceneConfig) -> float:
+def fitted(config: PegGeometry, tool: str) -> float:
     """Return the clearance of a cell with a peg or hole from a file, mm: the stated one if any, else the measured one.
 
     Raises:
         UserError: unusable files, a peg that does not fit, convex pieces that fill more than half of the clearance, or
             a stated clearance that matches neither the meshes nor their convex pieces.
     """
-    peg, block = shapes(config)
+    peg, block = shapes(config, tool)
     if block is not None:
         _below(config, block)
     stated = config.clearance_mm

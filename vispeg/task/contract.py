@@ -17,12 +17,11 @@ from vispeg.robots.scene import Scene
 from vispeg.task.config import TaskConfig
 from vispeg.task.environments.track import Track
 from vispeg.task.rig.motions import PATHS, Motions
-from vispeg.task.terms import Term
+from vispeg.task.terms import Simulation, Term
 
 if TYPE_CHECKING:
     from vispeg.recordings.cell import Outcome
     from vispeg.recordings.recording import Recording
-    from vispeg.task.environments.simulation import TaskSimulation
     from vispeg.worlds.randomized import RandomizedEffect
     from vispeg.worlds.world import World
 
@@ -85,7 +84,7 @@ class Task(ABC):
         aside = rng.uniform(-radius, radius, 2)
         return np.array([*aside, rng.uniform(*config.start_height)])
 
-    def command(self, sim: TaskSimulation, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def command(self, sim: Simulation, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Give the controller's target of a policy step: the point that is held (n, 3) m, the flange's turn (n, 4)
         wxyz.
 
@@ -105,7 +104,7 @@ class Task(ABC):
     def track(self) -> Track:
         """Give the judge of one episode."""
 
-    def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
+    def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
         """Return what the judge observes besides forces and the tip: arrays (n,) by keyword of `Track.add`."""
         return {}
 

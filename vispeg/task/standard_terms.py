@@ -6,25 +6,21 @@ The goal and the tip are sites of the cell, see Scene.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.interface.terms import NEAR, SENSED
-from vispeg.task.terms import Term
+from vispeg.task.terms import Simulation, Term
 from vispeg.worlds.places import MANY
 
-if TYPE_CHECKING:
-    from vispeg.task.environments.simulation import TaskSimulation
 
-
-def drawn(effect: str, key: str) -> Callable[[TaskSimulation], np.ndarray]:
+def drawn(effect: str, key: str) -> Callable[[Simulation], np.ndarray]:
     """Read what an episode drew of an effect's parameter (n, 1): the mean over the places at which the world draws it.
 
     0 in worlds without the effect; its null in an episode that goes without.
     """
 
-    def read(sim: TaskSimulation) -> np.ndarray:
+    def read(sim: Simulation) -> np.ndarray:
         where = {e.where for e in sim.world.entries if e.effect == effect}
         for a in sim.cell.active if where else ():
             if a.effect.name == effect:
@@ -36,7 +32,7 @@ def drawn(effect: str, key: str) -> Callable[[TaskSimulation], np.ndarray]:
     return read
 
 
-def _goal(sim: TaskSimulation) -> np.ndarray:
+def _goal(sim: Simulation) -> np.ndarray:
     return sim.cell.site_position("goal")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -18,7 +18,48 @@ from vispeg.interface.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Sensed, 
 from vispeg.task.config import TaskConfig
 
 if TYPE_CHECKING:
-    from vispeg.task.environments.simulation import TaskSimulation
+    from vispeg.interface.observer import Observer
+    from vispeg.robots.scene import Scene
+    from vispeg.task.cell import Cell
+    from vispeg.worlds.randomized import RandomizedWorld
+
+
+class Simulation(Protocol):
+    """A simulation as tasks and terms may read it: nsim independent episodes, one a row.
+
+    `vispeg.task.environments.simulation.TaskSimulation` is the one that runs.
+
+    Attributes:
+        nsim: rows.
+        world: what episodes draw.
+        config: settings of the task, of its own class.
+        scene, cell: the nominal cell, and the batch as it stands.
+        seen: what the robot measures.
+        nominal_goal: (3,) m, base frame.
+        seeds, count: (nsim,) of the present episodes: seed, and policy steps so far.
+    """
+
+    nsim: int
+    world: RandomizedWorld
+    config: Any
+    scene: Scene
+    cell: Cell
+    seen: Observer
+    nominal_goal: np.ndarray
+    seeds: np.ndarray
+    count: np.ndarray
+
+    def tip_in_goal(self) -> np.ndarray:
+        """Return the true tip (nsim, 3) m in the goal's frame; z is negative below its plane."""
+        ...
+
+    def tilt(self) -> np.ndarray:
+        """Return the angle (nsim,) rad between the tip's axis and the goal's."""
+        ...
+
+    def slip(self) -> np.ndarray:
+        """Return how far (nsim,) m the held part slipped in the gripper; 0 where it cannot."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -114,14 +155,14 @@ class Observation:
         self[name]
         return next(t for t in self.terms if t.name == name)
 
-    def read(self, sim: TaskSimulation, terms: Sequence[Term]) -> np.ndarray:
+    def read(self, sim: Simulation, terms: Sequence[Term]) -> np.ndarray:
         """Return the scaled values of these terms, (nsim, d), with their noise."""
         noisy = _noise(sim)
         parts = [scaled((t,), sim.seen if t.to == POLICY else sim, noisy) for t in terms]
         return np.concatenate(parts, axis=1)
 
 
-def _noise(sim: TaskSimulation) -> Callable[[Term, np.ndarray], np.ndarray]:
+def _noise(sim: Simulation) -> Callable[[Term, np.ndarray], np.ndarray]:
     """Return a function that adds to a term's values the noise drawn from the episodes' seeds."""
 
     def noisy(term: Term, value: np.ndarray) -> np.ndarray:
@@ -138,4 +179,4 @@ def _entries(place: slice) -> range:
     return range(place.start, place.stop)
 
 
-__all__ = ["LIMIT", "MEASURED", "POLICY", "PRIVILEGED", "Observation", "Term"]
+__all__ = ["LIMIT", "MEASURED", "POLICY", "PRIVILEGED", "Observation", "Simulation", "Term"]

@@ -19,20 +19,19 @@ from vispeg.robots.declare import RobotConfig
 from vispeg.robots.scene import CAMERAS, Scene, SceneConfig, build
 from vispeg.task.config import DOF, TaskConfig, Tolerance
 from vispeg.task.contract import Task
-from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.environments.track import Track
 from vispeg.task.guards import CATEGORIES as GUARDED
 from vispeg.task.rewards import Rewards, RewardTerm
 from vispeg.task.standard_rewards import STANDARD
 from vispeg.task.standard_terms import AGE, CONTACT, GOAL_AWAY, MEASURED, MISTAKE, TIP_IN_GOAL, TRUE_VELOCITY
-from vispeg.task.terms import Observation, Term
+from vispeg.task.terms import Observation, Simulation, Term
 
 WIDTH, DEPTH, LIP = 0.016, 0.020, 0.006  # m: plug and socket, and how thick the lip is
 NOSE, HEIGHT, OUT = 0.002, 0.008, 0.0015  # m: radius of the nose, its height above the tip, how far it sticks out
 SNAPPED = 0.0004  # m, how far back the latch may still be when it counts as out
 
 
-def latch(sim: TaskSimulation) -> np.ndarray:
+def latch(sim: Simulation) -> np.ndarray:
     """How far (nsim,) m the latch is pushed back."""
     return -sim.cell.qpos[:, sim.cell.model.joint("latch").qposadr[0]]
 
@@ -159,7 +158,7 @@ class SnapFit(Task):
     def track(self) -> SnapTrack:
         return SnapTrack()
 
-    def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
+    def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
         return {"back": latch(sim)}
 
     def expert(self, config: SnapConfig, nsim: int) -> Push:

@@ -7,15 +7,11 @@ path by soft springs, turns about the sticking tip until the springs balance the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from vispeg.contact.inputs import ContactItem
 from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 
 def bearing(item: ContactItem) -> list[np.ndarray]:

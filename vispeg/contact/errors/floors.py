@@ -9,13 +9,13 @@ the path does not show push one way on average. Further sensor errors are in `vi
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vispeg.contact.drive import Driven, drive
 from vispeg.contact.errors.noise import noise
+from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import PATH_HZ, Path
 from vispeg.contact.phases import NAMES
 from vispeg.contact.sensor import REACH, hand_world, readings
@@ -25,9 +25,6 @@ from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.regimes import INSIDE
 from vispeg.worlds.world import World
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 LEVER = 0.1  # m, converts torques to forces
 

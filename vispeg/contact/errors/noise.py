@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vispeg.contact.inputs import ContactItem
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.recordings.cell import wrench_noise
 from vispeg.recordings.noise import highpass_sigma
 from vispeg.worlds.world import World
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 SPREAD = 1.6  # standard deviation of a robust estimate from fourth differences, over that from the readings
 PARTS = {"force": slice(0, 3), "torque": slice(3, 6)}

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -20,16 +19,13 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.contact.errors.bearing import bearing
 from vispeg.contact.errors.wedge import softness, wedging
+from vispeg.contact.inputs import ContactItem
 from vispeg.contact.phases import NAMES
-from vispeg.contact.torques import unsure
 from vispeg.core.rules import RULES
 from vispeg.recordings.checks.quality import runs
 from vispeg.recordings.regimes import Thresholds
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 KINDS = ("sensor", "path", "form")
 READING, PATH, FORM = range(len(KINDS))
@@ -94,7 +90,7 @@ def nuisance(items: Sequence[ContactItem]) -> Nuisance:
     places = [_place(i) for i in items]
     errors = _smooth(places)
     for item, error in zip(items, errors, strict=True):
-        read = _taken_up(item, [*_drifts(item), _late(item), *unsure(item)])
+        read = _taken_up(item, [*_drifts(item), _late(item), *_unsure(item)])
         path, form = _turned(item), [*_stuck(item), *_chatters(item), *_slipped(item), *bearing(item)]
         separate.append(_whitened(item, [*read, *path, *form]))
         of_separate.append(np.repeat([READING, PATH, FORM], [len(read), len(path), len(form)]))
@@ -126,6 +122,30 @@ def _drifts(item: ContactItem) -> list[np.ndarray]:
     along /= along[-1]
     size = RULES.zero_drift * _units()
     return [shape[:, None] * np.eye(6)[c] * size[c] for shape in (along, along * (1 - along)) for c in range(6)]
+
+
+def _unsure(item: ContactItem) -> list[np.ndarray]:
+    """Return the effect of joint torque errors of typical size, and unobservable directions, (m, 6) N and N m each.
+
+    Empty if a wrench was measured.
+    """
+    estimate = item.source.torques
+    if estimate is None:
+        return []
+    rows = item.path.rows[item.phase.rows(item.path.clock)]
+    time, gain = item.phase.time, estimate.gain[rows]
+    out = []
+    for j, size in enumerate(estimate.steady):
+        push = size * gain[:, :, j]
+        for middle in np.arange(0.0, time[-1] + RULES.torque_holds, RULES.torque_holds):
+            hat = np.maximum(0.0, 1 - np.abs(time - middle) / RULES.torque_holds)
+            out.append(push * hat[:, None])
+    for b, along in enumerate(estimate.blind[rows]):
+        for column in along.T[np.abs(along).max(axis=0) > 0]:
+            error = np.zeros((len(rows), 6))
+            error[b] = column
+            out.append(error)
+    return out
 
 
 def _mixtures(item: ContactItem) -> list[np.ndarray]:

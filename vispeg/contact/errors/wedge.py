@@ -8,18 +8,14 @@ model are as stiff as all of its flat pieces that touch there together, real one
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from vispeg.contact.inputs import ContactItem
 from vispeg.contact.path import tips
 from vispeg.core.rules import RULES
 from vispeg.effects.common.parts import shapes
 from vispeg.robots.scene import Scene
 from vispeg.sim.compiled import compiled
-
-if TYPE_CHECKING:
-    from vispeg.contact.items import ContactItem
 
 
 def softness(scene: Scene) -> float:

@@ -6,17 +6,13 @@ effect and not of a similar one: a grip compliant along x alone cannot compete w
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from vispeg.contact.selection.profile import places, strongest
+from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.findings import Score
 from vispeg.diagnosis.selection.state import State
-
-if TYPE_CHECKING:
-    from vispeg.contact.selection.search import ContactSearch
 
 
 def alike(name: str, other: str) -> bool:
@@ -33,14 +29,14 @@ def lacking(placed: EffectInstance, rival: EffectInstance) -> set[str]:
     return {k for k in acts if k in kind.params and rival.params[k].value == kind.params[k].null}
 
 
-def freed(search: ContactSearch, placed: EffectInstance, rival: EffectInstance) -> bool:
+def freed(search: ContactSearching, placed: EffectInstance, rival: EffectInstance) -> bool:
     """Free in fits the parameters that a competitor lacks; return whether it lacks any."""
     names = {(rival.effect, name) for name in lacking(placed, rival)}
     search.evidence.absent = search.evidence.absent - names
     return bool(names)
 
 
-def refitted(search: ContactSearch, state: State, n_fixed: int) -> None:
+def refitted(search: ContactSearching, state: State, n_fixed: int) -> None:
     """Refit the competitors of the only effect that lacked one of its parameters, and fit those that were not tried."""
     chosen = state.world.effects[n_fixed:]
     if len(chosen) != 1 or len(state.steps) != 1:

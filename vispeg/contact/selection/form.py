@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vispeg.contact.items import ContactItem
+from vispeg.contact.inputs import ContactItem
 from vispeg.contact.phases import Phases
 from vispeg.core.rules import RULES
 

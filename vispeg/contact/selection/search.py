@@ -223,6 +223,12 @@ class ContactSearch(Search):
         if not self.runs:
             self.bound(state, n_fixed)
 
+    def remove(self, state: State, fit: Fit, loss: np.ndarray) -> None:
+        """Set the state to a fit with one effect fewer, and clear the fits cached with that effect."""
+        self.lately = {}
+        state.take(fit, loss)
+        state.cross = self.cross.loss_of(fit, fit.residual)
+
     def shows(self, state: State, trial: Trial) -> bool:
         """Return whether a trial lowers the squared residual by more than chance.
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vispeg.contact.selection.form import form
 from vispeg.contact.selection.profile import size_of
 from vispeg.contact.selection.repeats import allowing
+from vispeg.contact.selection.searching import ContactSearching
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.diagnosis.selection.state import State
-from vispeg.identify.fit import Fit
-
-if TYPE_CHECKING:
-    from vispeg.contact.selection.search import ContactSearch
 
 
-def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
+def spared(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove the effect that is needed least once the others are refitted; return False if all are needed.
 
     An early effect may imitate a later one. Derivatives cannot show this, as contacts begin and end with the change.
@@ -45,15 +41,8 @@ def spared(search: ContactSearch, state: State, n_fixed: int) -> bool:
         return False
     k = min(weak, key=lambda k: worse[k] / count[k])
     search.say(f"not needed beside the others: {some[k].label}")
-    _take(search, state, fits[k], losses[k])
+    search.remove(state, fits[k], losses[k])
     return True
-
-
-def _take(search: ContactSearch, state: State, fit: Fit, loss: np.ndarray) -> None:
-    """Set the state to a fit with one effect fewer, and clear the fits cached with that effect."""
-    search.lately = {}
-    state.take(fit, loss)
-    state.cross = search.cross.loss_of(fit, fit.residual)
 
 
 def includes_none(placed: EffectInstance) -> bool:
@@ -83,7 +72,7 @@ def too_small(placed: EffectInstance, least: Mapping[tuple[str, str], Mapping[st
     return bool(under) and all(under)
 
 
-def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
+def doubted(search: ContactSearching, state: State, n_fixed: int) -> bool:
     """Remove an effect whose intervals include null, or that is smaller than its minimum detectable size; return False
     if there is none.
 
@@ -99,7 +88,7 @@ def doubted(search: ContactSearch, state: State, n_fixed: int) -> bool:
     world = state.world.without(gone.effect, gone.where)
     if len(some) > 1:
         (fit,) = search.reduced([world], n_fixed)  # as `spared` fitted it
-        _take(search, state, fit, search.judge.losses([fit.world])[0])
+        search.remove(state, fit, search.judge.losses([fit.world])[0])
         return True
     before = search.start(world, n_fixed)
     state.world, state.loss, state.residual = before.world, before.loss, before.residual

@@ -256,7 +256,7 @@ class TaskVec(VectorEnv):
             if record is not None:
                 record["world"] |= self.eyes.drawn[row].values
             if self.dump is not None and record is not None and record["category"] == "diverged":
-                record["replay"] = str(leave(Path(self.dump), self, row))
+                record["replay"] = str(leave(Path(self.dump), self.sim, row, self.drawn(row), self.file))
         return out
 
     def _observe(self) -> dict[str, np.ndarray]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 from vispeg.core.errors import UserError
-from vispeg.robots.scene_config import PegGeometry, SceneConfig
+from vispeg.robots.scene_config import SceneConfig
+from vispeg.robots.user_cell import PegGeometry
 from vispeg.task.config import TaskConfig, Tolerance
 from vispeg.task.peg.rewards import REWARDS
 from vispeg.task.rewards import Rewards

@@ -12,13 +12,13 @@ from vispeg.recordings.recording import Recording
 from vispeg.robots.scene import CAMERAS, Scene, build
 from vispeg.task.contract import Task
 from vispeg.task.environments.env import TaskEnv
-from vispeg.task.environments.simulation import TaskSimulation
 from vispeg.task.environments.vector import TaskVec
 from vispeg.task.peg.config import PegConfig
 from vispeg.task.peg.expert import Expert
 from vispeg.task.peg.outcome import CATEGORIES, PegTrack
 from vispeg.task.peg.places import check_places
 from vispeg.task.peg.terms import TERMS
+from vispeg.task.terms import Simulation
 from vispeg.worlds.randomized import RandomizedEffect
 from vispeg.worlds.world import World
 
@@ -52,7 +52,7 @@ class PegTask(Task):
         """See Task."""
         return PegTrack()
 
-    def observed(self, sim: TaskSimulation) -> Mapping[str, np.ndarray]:
+    def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
         """Tilt and slip."""
         return {"tilt": sim.tilt(), "slip": sim.slip()}
 

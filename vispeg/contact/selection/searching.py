@@ -1,0 +1,54 @@
+"""Interface between the contact search and its steps, so that each can be read without the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from vispeg.contact.evidence import ContactEvidence
+from vispeg.contact.selection.screen import Probe
+from vispeg.diagnosis.selection.searching import Searching
+from vispeg.diagnosis.selection.state import State
+from vispeg.identify.fit import Fit
+from vispeg.worlds.world import World
+
+
+class ContactSearching(Searching, Protocol):
+    """A search over recordings of contact, with its judge.
+
+    Attributes:
+        least: (effect, place) -> parameter -> minimum detectable size.
+    """
+
+    least: Mapping[tuple[str, str], Mapping[str, float]]
+
+    @property
+    def evidence(self) -> ContactEvidence:
+        """Fitted evidence."""
+        ...
+
+    def start(self, world: World, n_fixed: int | None = None) -> State:
+        """Return the state at the start; effects after the first `n_fixed` are refitted in screening."""
+        ...
+
+    def probed(self, world: World, where: Sequence[tuple[str, str]]) -> list[Probe]:
+        """Return the trial sizes of each parameter at these places, with their gains."""
+        ...
+
+    def need(self, state_cost: float = 1.0, count: int = 1, level: float | None = None) -> float:
+        """Return the drop of the squared residual that `count` parameters of an absent effect hardly ever reach."""
+        ...
+
+    def confirms(self, cost: float = 1.0) -> float:
+        """Return the drop of the held-out squared residual that an absent effect reaches once in 100 times."""
+        ...
+
+    def held_form(self, world: World) -> float:
+        """Return the error of form in the held-out recordings, see `vispeg.contact.selection.form.form`."""
+        ...
+
+    def remove(self, state: State, fit: Fit, loss: np.ndarray) -> None:
+        """Set a state to a fit with one effect fewer."""
+        ...
