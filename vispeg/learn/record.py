@@ -1,4 +1,4 @@
-"""What policy.json says, checked: what a policy sees, its network, its origin, its weights' hash. Without torch."""
+"""Read and check policy.json: a policy's modality, layout, network, origin, and the hash of its weights. No torch."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ KEYS = ("modality", "layout", "net", "meta", "weights")
 NETWORK = Format("vispeg-policy/1", "a policy", KEYS, ("modality", "layout"), "json")
 PAIR = Format("vispeg-coarse-to-fine/1", "a policy of two", ("modality", "within", "meta"), ("within",), "json")
 WEIGHTS = "policy.safetensors"
-COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each a policy's
-WIDEST, LAYERS = 8192, 16
+COARSE, FINE = "coarse", "fine"  # sub-folders of a pair, each with one policy
+WIDEST, LAYERS = 8192, 16  # largest width of a layer, largest number of layers
 
 
 def _example(folder: Path) -> Path:
@@ -38,14 +38,14 @@ def _example_of_two(folder: Path) -> Path:
 
 
 class Net(TypedDict):
-    """Widths of a network's layers and of its memory (0: none)."""
+    """Widths of a network's hidden layers, and of its LSTM (0: none)."""
 
     hidden: list[int]
     recurrent: int
 
 
 class PolicyRecord(TypedDict):
-    """policy.json. Of two networks in one: `within`, in m, and neither `layout` nor `net`."""
+    """The content of policy.json. A coarse-to-fine pair has `within`, in m, and no `layout`, `net` or `weights`."""
 
     format: str
     modality: str
@@ -59,10 +59,10 @@ class PolicyRecord(TypedDict):
 @enrol(PAIR.name, _example_of_two)
 @enrol(NETWORK.name, _example)
 def read_record(folder: Path) -> PolicyRecord:
-    """Give the content of a policy's policy.json, of one network or of two; `format` says which.
+    """Return the content of policy.json, of one network or of a pair; `format` tells which.
 
     Raises:
-        UserError: not a policy's folder, or a record that cannot be; names the key.
+        UserError: the folder holds no policy, or an entry is invalid; the error names its key.
     """
     path = folder / META
     if not is_file(path):
@@ -97,7 +97,7 @@ def read_record(folder: Path) -> PolicyRecord:
 
 
 def check_weights(folder: Path, record: PolicyRecord) -> None:
-    """Raise UserError where the weights are others than the record was written with; older records do not say."""
+    """Raise UserError where the weights are missing or lack the recorded hash, if any: older records have none."""
     path = folder / WEIGHTS
     if not is_file(path):
         raise UserError("is missing, or no file", file=path, expected="the policy's weights")
@@ -112,7 +112,7 @@ def _says(path: Path) -> Any:
 
 
 def _meta(meta: Any, path: Path) -> None:
-    """Raise UserError for a record of origin that later readers could not use."""
+    """Raise UserError where an entry of `meta` has the wrong type or an invalid value."""
     if not isinstance(meta, dict):
         raise UserError("not a mapping", file=path, key="meta", got=meta)
     tuned = meta.get("finetuned")
@@ -134,7 +134,7 @@ def _meta(meta: Any, path: Path) -> None:
 
 
 def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
-    """Raise UserError where a policy sees something else than the task shows that it says to be made for."""
+    """Raise UserError where a policy's layout does not match the task that its record names."""
     task, stated = config_of(interface(meta)), interface(meta)
     length = task.stack * observed(meta).policy_size
     if {"stack", "dof"} <= stated.keys() and layout.vector != length:

@@ -1,4 +1,4 @@
-"""The folder of a training run before its first checkpoint, so that a run is never a dead end."""
+"""The folder of a training run before its first checkpoint, so that a run stopped that early can be resumed too."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ from vispeg.learn.config import TrainConfig, read_config
 from vispeg.learn.methods.rounds import ROUNDS
 
 BEGUN = "begun.json"
-FROZEN = 5_000  # critic updates before a distilled actor moves: critics that know nothing yet would spoil it
+FROZEN = 5_000  # critic updates before a distilled actor is updated: untrained critics would spoil it
 
 
 def settled(config: TrainConfig) -> TrainConfig:
-    """Give the configuration as its run's file has it: a recipe that begins with a teacher has no random actions."""
+    """Return the configuration as written to the run's folder.
+
+    Recipes that begin with imitation have no random actions, and their actor is frozen at first (FROZEN).
+    """
     if config.recipe == "sac":
         return config
     return replace(config, sac=replace(config.sac, warmup=0, actor_frozen=config.sac.actor_frozen or FROZEN))
 
 
 def begin(config: TrainConfig, folder: Path) -> None:
-    """Make the folder of a run, or clear what one that was stopped before its first checkpoint left."""
+    """Make a run's folder and write config.yaml; clear the curves of a run that was stopped before a checkpoint."""
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / "tensorboard").is_dir():
         shutil.rmtree(folder / "tensorboard", ignore_errors=True)
@@ -39,7 +42,7 @@ def begin(config: TrainConfig, folder: Path) -> None:
 
 
 def begun_by(folder: Path) -> str | None:
-    """Give the command that began the run in a folder, as its policies tell it; None where that is not known."""
+    """Return the command that began the run in a folder; None where that is not known."""
     try:
         return str(json.loads((folder / BEGUN).read_text(encoding="utf-8"))["command"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -47,7 +50,7 @@ def begun_by(folder: Path) -> str | None:
 
 
 def same_run(config: TrainConfig, folder: Path) -> bool:
-    """Whether a run of this very configuration was begun in a folder, or was about to be."""
+    """Return whether the folder holds a run of this very configuration, or one stopped before it wrote config.yaml."""
     if {path.name for path in folder.iterdir()} <= {BEGUN}:
         return True
     try:
@@ -57,5 +60,5 @@ def same_run(config: TrainConfig, folder: Path) -> bool:
 
 
 def is_distilled(folder: Path) -> bool:
-    """Whether the distillation in a run's folder is finished."""
+    """Return whether the distillation in a run's folder is finished."""
     return not (folder / ROUNDS).is_dir() and (folder / "checkpoints" / "best").is_dir()

@@ -1,4 +1,4 @@
-"""A Stable-Baselines3 vector environment over a gymnasium one: rows restart within the step that ends them."""
+"""Adapt a gymnasium vector environment to Stable-Baselines3: a row whose episode ends is reset in the same step."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vispeg.task.start import Start
 
 
 class Sb3Env(VecEnv):
-    """Adapts a batched environment whose `reset` takes `options={"reset_mask": (n,) bool}`, as gymnasium's own do.
+    """Adapt a batched environment whose `reset` takes `options={"reset_mask": (n,) bool}`, as gymnasium's own do.
 
-    A row that ends is reset in the same step; its last observation is in its info as `terminal_observation`, and
-    `TimeLimit.truncated` says whether it was only cut.
+    A row whose episode ends is reset in the same step. The episode's last observation is in its info as
+    `terminal_observation`; `TimeLimit.truncated` says whether only the time limit ended it.
 
     Args:
         env: the environment.
-        starts: how episodes begin, in turn, in place of what their seeds draw; none: as drawn.
+        starts: starts of the episodes, used in turn; empty for those that the seeds draw.
     """
 
     def __init__(self, env: VectorEnv, starts: Sequence[Start] = ()):
@@ -65,27 +65,27 @@ class Sb3Env(VecEnv):
         return {"reset_mask": rows, "start": [next(self._starts) if row else None for row in rows]}
 
     def close(self) -> None:
-        """Close the environment beneath."""
+        """Close the wrapped environment."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Give the attribute of the one environment beneath, once a row."""
+        """Return an attribute of the wrapped environment, repeated once per row."""
         return [getattr(self.env, attr_name) for _ in self._rows(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set the attribute of the environment beneath, for all rows."""
+        """Set an attribute of the wrapped environment, for all rows."""
         setattr(self.env, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call the method of the environment beneath, once for all rows."""
+        """Call a method of the wrapped environment once, for all rows; return a list with its one result."""
         return [getattr(self.env, method_name)(*args, **kwargs)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Never: rows are not environments of their own."""
+        """Return False for every row: rows are not environments of their own."""
         return [False for _ in self._rows(indices)]
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """None a row; videos are made by `vispeg play`."""
+        """Return None for every row; `vispeg play` makes videos."""
         return [None] * self.num_envs
 
     def _rows(self, indices: None | int | Iterable[int]) -> Iterable[int]:

@@ -1,7 +1,7 @@
 """Load policies saved by Stable-Baselines3 without unpickling anything.
 
-For every object that JSON cannot hold, the file stores a pickle and, as text, the object's attributes. The text is
-enough to tell the policy class and the observation space; of the weights, only tensors are loaded.
+For every object that JSON cannot hold, the file stores a pickle and, as text, the object's attributes. The policy's
+class and the observation space are read from the text; of the weights, only tensors are loaded.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB
 from vispeg.formats.json_data import parse_json
 
-LARGEST = 2000 * MB  # size of one unpacked member of the .zip
+LARGEST = 2000 * MB  # largest unpacked member of the .zip
 BOX = re.compile(r"'([^']+)': Box\(([^,]+), ([^,]+), \(([\d, ]+)\), (\w+)\)")  # as gymnasium prints a Dict space
 
 
 def opened(path: Path) -> Any:
-    """Load the policy in a .zip by Stable-Baselines3, ready to `predict`.
+    """Load the policy in a .zip saved by Stable-Baselines3, ready to `predict`.
 
     Raises:
-        UserError: no such file, a file of another kind, or a policy with classes that are stored as pickled code.
+        UserError: no such file, a file of another kind, or a policy that uses a user's own classes, which are stored
+            as pickled code.
     """
     if not path.is_file():
         raise UserError("no such policy", file=path, expected="a .zip by Stable-Baselines3")
@@ -47,7 +48,7 @@ def opened(path: Path) -> Any:
     except (zipfile.BadZipFile, OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         expected = "a policy that Stable-Baselines3 saved in one of vispeg's environments"
         raise UserError(f"not such a file ({type(error).__name__}: {error})", file=path, expected=expected) from error
-    # numbers and names are read from the text form, never from the pickle
+    # arguments are read from the text, never from the pickle
     kwargs = {k: _plain(v, path) for k, v in kwargs.items() if k not in (":type:", ":serialized:")}
     if not module.startswith("stable_baselines3."):
         raise UserError("is of a class of your own", file=path, key=module, expected="MODULE:FUNCTION that loads it")

@@ -1,4 +1,4 @@
-"""Settings of soft actor-critic, and what a run of it records of itself."""
+"""Settings of soft actor-critic."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ class SacSettings:
 
     Attributes:
         lr: learning rate of actor, critics and temperature (Adam).
-        batch: transitions an update; for recurrent actors, whole episodes an update are batch / 32.
-        gamma: discount a policy step.
-        tau: how far target critics follow in one update.
+        batch: transitions per update; a recurrent actor draws batch / 32 whole episodes instead.
+        gamma: discount per policy step.
+        tau: share of the way that target critics move to the critics in one update.
         entropy: starting temperature; it is tuned from there towards an entropy of -1 nat an action dimension.
         utd: critic updates per environment step (update-to-data ratio).
         critic_per_actor: critic updates per actor update.
-        replay: transitions kept.
+        replay: entries of the replay buffer; each transition takes one, and each episode's end one more.
         warmup: environment steps of uniformly random actions before learning.
         hidden: widths of all perceptrons.
         recurrent: width of the actor's LSTM; 0 for a feed-forward actor.
-        horizon: steps of an episode that a recurrent actor learns from.
-        shift: random shift of images, in pixels.
-        symmetric: whether critics see what the actor sees, in place of ground truth; of no memory.
-        demo_fraction: of each batch, drawn from demonstrations if there are any.
-        clone_start, clone_end, clone_updates: weight of imitating demonstrations beside Q, falling linearly over that
-            many actor updates.
-        actor_frozen: critic updates before the actor moves, for an actor that is good already.
+        horizon: largest number of steps of an episode that a recurrent actor learns from.
+        shift: largest random shift of images, in pixels.
+        symmetric: whether critics see what the actor sees, in place of ground truth; they have no memory.
+        demo_fraction: share of each batch that is drawn from demonstrations, if there are any.
+        clone_start, clone_end, clone_updates: weight of the imitation loss in the actor's loss; it goes linearly from
+            `clone_start` to `clone_end` over `clone_updates` actor updates.
+        actor_frozen: critic updates before the first actor update, for an actor that is already trained.
     """
 
     lr: float = 3e-4
@@ -64,5 +64,5 @@ class SacSettings:
 
 
 def defaults(sees: bool) -> SacSettings:
-    """Give the settings to start from, for policies that see images and those that do not."""
+    """Return the default settings, for policies that see images (`sees`) or for those that do not."""
     return SacSettings(lr=1e-3, batch=128, critic_per_actor=2, replay=100_000, utd=1.0) if sees else SacSettings()

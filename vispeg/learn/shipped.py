@@ -8,23 +8,23 @@ from pathlib import Path
 from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 
-META = "policy.json"  # what makes a folder a policy's
+META = "policy.json"  # every policy's folder has this file
 
 
 def names() -> list[str]:
-    """Names of the policies that come with the package."""
+    """Return the names of the policies that come with the package, sorted."""
     return sorted(path.parent.name for path in (assets() / "policies").glob(f"*/{META}"))
 
 
 def policy_folder(place: str | Path, others: Sequence[str] = ()) -> Path:
-    """Give the folder that is meant: one that is there, else a shipped policy's of that name.
+    """Return `place` if it exists, else the folder of the shipped policy of that name.
 
     Args:
-        place: a folder, or a name.
-        others: what else may be named in its place, for the error.
+        place: a folder, or the name of a shipped policy.
+        others: further names that the caller accepts, listed in the error.
 
     Raises:
-        UserError: neither; the names are listed.
+        UserError: there is neither; the error lists the names.
     """
     path = Path(place).expanduser()
     if path.exists():

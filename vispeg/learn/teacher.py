@@ -1,4 +1,4 @@
-"""Teachers: policies that know where the goal is, shown what their students see."""
+"""Teachers: policies that know where the goal is, and act on their students' observations plus ground truth."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from vispeg.task.terms import Observation
 
 
 class Teacher(Protocol):
-    """Says what to do in a student's environment."""
+    """The interface of a teacher: it acts on a student's observations."""
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Clear the memory of n episodes, or of those rows (n,) bool that are reset."""
+        """Clear the memory of all n rows, or only of those where `rows` (n,) is True."""
         ...
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Give a student's observation with ground truth (n, ...) -> actions (n, action) within +-1."""
+        """Return actions (n, action) within +-1 for a student's observation with ground truth (n, ...)."""
         ...
 
 
 def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, np.ndarray]:
-    """Give a student's observation as a `state` policy would have it that believes the truth about the goal.
+    """Return a student's observation as a `state` policy would see it that is told the goal's true place.
 
-    A student's relative position counts from the goal's nominal place; a teacher's from where the goal is. The two
-    differ by the goal's displacement, the same in every stacked observation. Who believes the truth makes no mistake
-    about the goal, and of the ground truth that part is 0.
+    A student's tip position is relative to the goal's nominal place, a teacher's to its true place. The two differ by
+    the goal's displacement (`goal_away`), the same in every stacked observation. The error of the believed place
+    (`mistake`) is set to 0 in the ground truth.
 
     Args:
-        obs: `policy` (n, stack size) and `privileged` (n, k) at least.
-        observed: the task's terms, `goal_away` in the unit of `tip`.
+        obs: `policy` (n, stack * size) and `privileged` (n, k) at least.
+        observed: the task's terms; `goal_away` must have the scale of `tip`.
     """
     stack = obs[VECTOR].reshape(len(obs[VECTOR]), -1, observed.policy_size).copy()
     stack[:, :, observed["tip"]] -= obs[PRIVILEGED][:, None, observed["goal_away"]]
@@ -49,10 +49,10 @@ def knowing(obs: Mapping[str, np.ndarray], observed: Observation) -> dict[str, n
 
 
 class Tare:
-    """Takes the wrist sensor's zero off what is read: the mean reading of the episode's steps without contact.
+    """Subtract the wrist sensor's offset from its readings: the mean over the episode's steps without contact.
 
-    A policy of exact readings is ruined by a zero that is off by one newton. A robot's driver tares its sensor in free
-    air; a teacher knows from the ground truth when that is.
+    An offset of one newton ruins a policy that was trained on exact readings. A robot's driver tares its sensor in
+    free air; a teacher knows from the ground truth when there is no contact.
     """
 
     def __init__(self, observed: Observation) -> None:
@@ -60,17 +60,18 @@ class Tare:
         self.begin(0)
 
     def begin(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forgets n episodes, or those rows (n,) bool of them."""
+        """Begin new episodes in all n rows, or only in those where `rows` (n,) is True."""
         if rows is None:
             self.age, self.free, self.sum = np.zeros(n, int), np.zeros(n), np.zeros((n, 6))
         else:
             self.age[rows], self.free[rows], self.sum[rows] = 0, 0.0, 0.0
 
     def __call__(self, stack: np.ndarray, touch: np.ndarray) -> np.ndarray:
-        """Give the stack with its readings tared. To be asked once a step.
+        """Return the stack with its readings tared. Call this once per step.
 
         Args:
-            stack: (n, depth, size) observations, newest first. What an episode begins with is no reading and stays.
+            stack: (n, depth, size) observations, newest first. Entries of an episode's start are not readings of the
+                sensor and stay as they are.
             touch: (n, 3) contact force, 0 without contact.
         """
         if len(stack) != len(self.age):
@@ -87,10 +88,10 @@ class Tare:
 
 
 class StateTeacher:
-    """A state policy, or the scripted expert, as the teacher of students that do not know the goal.
+    """Use a state policy, or the scripted expert, as the teacher of students that do not know the goal.
 
     Args:
-        policy: with `reset(n, rows)` and `act(obs)`.
+        policy: has `reset(n, rows)` and `act(obs)`.
         observed: the task's terms.
     """
 
@@ -103,7 +104,7 @@ class StateTeacher:
         self.tare.begin(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Teacher; to be asked once a step."""
+        """See Teacher. Call this once per step."""
         informed = knowing(obs, self.observed)
         stack = informed[VECTOR].reshape(len(informed[VECTOR]), -1, self.observed.policy_size)
         tared = self.tare(stack, obs[PRIVILEGED][:, self.observed["contact"]])
@@ -111,15 +112,14 @@ class StateTeacher:
 
 
 def teacher_of(source: str | Path, config: Any) -> StateTeacher:
-    """Give a teacher for students of a task.
+    """Return a teacher for students of a task.
 
     Args:
         source: folder of a policy of modality `state` or `privileged`, or `expert` for the scripted one.
         config: the task's TaskConfig.
 
     Raises:
-        UserError: not a policy, one that does not know the goal, or one that was made for another stack of
-            observations.
+        UserError: not a policy, one that does not know the goal, or one whose observation has another length.
     """
     observed = Observation(task_of(config).terms, config)
     size = observed.policy_size

@@ -1,4 +1,4 @@
-"""Begins a training run by its recipe, or goes on with one."""
+"""Start or resume a training run."""
 
 from __future__ import annotations
 
@@ -20,18 +20,23 @@ from vispeg.learn.run_folder import begin, is_distilled, same_run
 
 
 def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: bool = True) -> Path:
-    """Trains by the configuration's recipe into a new folder; returns the best policy's folder.
+    """Train by the configuration's recipe into a new folder; return the best policy's folder.
 
-    A folder in which a run of the same configuration was stopped goes on.
+    If the folder holds a stopped run of the same configuration, that run is resumed.
+
+    Args:
+        config: the run's configuration.
+        folder: the run's folder.
+        make: makes the environments; None for those of the configuration's world.
+        show: whether to print progress to stderr.
 
     Raises:
-        UserError: the folder holds something else already, or the configuration cannot be run, or another process
-            trains there.
+        UserError: the folder holds something else, the configuration cannot be run, or another process trains there.
     """
     if folder.exists() and any(folder.iterdir()):
         if not same_run(config, folder):
             raise UserError("exists already; go on with --resume, or name another", file=folder)
-        if (folder / "config.yaml").exists():  # a full disk may have stopped it before
+        if (folder / "config.yaml").exists():  # missing where a full disk stopped the run early
             return resume(folder, make=make, show=show)
     with claimed(folder):
         return _begin(config, folder, make, show)
@@ -46,12 +51,17 @@ def _begin(config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool) 
 
 
 def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, show: bool = True) -> Path:
-    """Goes on with the run in a folder, to `steps` if given; returns the best policy's folder.
+    """Resume the run in a folder; return the best policy's folder.
 
-    A run that was stopped before its first checkpoint begins anew; one that is finished has nothing left to do.
+    A run that was stopped before its first checkpoint starts again; a finished one is not trained further.
+
+    Args:
+        folder: the run's folder.
+        steps: new total of environment steps; None for that of the run's configuration.
+        make, show: see `train`.
 
     Raises:
-        UserError: no run is there, its last checkpoint is gone or damaged, or another process trains there.
+        UserError: there is no run, its last checkpoint is missing or damaged, or another process trains there.
     """
     config = read_config(folder / "config.yaml")
     with claimed(folder):
@@ -69,8 +79,8 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
             return _begin(asked, folder, make, show)
         run = SacRun(asked, folder, make, show)
         run.resume()
-        if steps is not None:  # only now: a checkpoint that is damaged leaves the folder as it was
+        if steps is not None:  # only after the checkpoint was read: a damaged one leaves the folder as it was
             asked.write(folder / "config.yaml")
         best = run.run()
-        shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # of a distillation before, whose run was killed after it
+        shutil.rmtree(folder / ROUNDS, ignore_errors=True)  # left by a run that was killed after its distillation
         return best
