@@ -29,7 +29,7 @@ def settled(config: TrainConfig) -> TrainConfig:
 
 
 def begin(config: TrainConfig, folder: Path) -> None:
-    """Make a run's folder and write config.yaml; clear the curves of a run that was stopped before a checkpoint."""
+    """Make a run's folder and write config.yaml; delete the curves of a run stopped before its first checkpoint."""
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / "tensorboard").is_dir():
         shutil.rmtree(folder / "tensorboard", ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Where a run's curves go beside progress.csv: TensorBoard, and Weights & Biases where the run asks for it."""
+"""Log a run's curves to TensorBoard and, where the run asks for it, to Weights & Biases."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from vispeg.learn.config import TrainConfig
 from vispeg.learn.curves.progress import Row
 
 TOLD = ("success", "reward", "peak_force", "train_success", "level", "actor_loss")
-RUN_ID = "wandb.json"  # which run of Weights & Biases a folder is: a resumed one goes on there
+RUN_ID = "wandb.json"  # the folder's run id at Weights & Biases, so that a resumed run continues there
 STEP = "steps"
 
 
 def curves(folder: Path, config: TrainConfig) -> Logger:
-    """Give a logger into the run's folder and, where the configuration names a project, into Weights & Biases.
+    """Return a logger to TensorBoard files in the run's folder and, if the run names a project, to Weights & Biases.
 
-    Nothing goes to TensorBoard where it is not installed.
+    Without TensorBoard installed, no files for it are written.
 
     Raises:
         UserError: the extra `wandb` is missing, or Weights & Biases refuses the run (no login, no network).
@@ -43,7 +43,7 @@ def curves(folder: Path, config: TrainConfig) -> Logger:
 
 
 def record(logger: Logger, row: Row, stage: str, step: int) -> None:
-    """Give an evaluation's row as `STAGE/success` and so on, at a step."""
+    """Log the TOLD columns of an evaluation's row at a step, each under the name `STAGE/COLUMN`."""
     for name in TOLD:
         if (value := row.get(name)) is not None:
             logger.record(f"{stage}/{name}", value)
@@ -51,11 +51,14 @@ def record(logger: Logger, row: Row, stage: str, step: int) -> None:
 
 
 class WeightsAndBiases(KVWriter):
-    """Sends what is logged to a run of Weights & Biases, named after the folder; the mode is WANDB_MODE's.
+    """Send what is logged to a run at Weights & Biases, named after the folder; WANDB_MODE sets the mode.
 
     Args:
-        folder: of the run; its `wandb/` keeps what is not sent yet.
-        config: of the run, with the project.
+        folder: the run's folder; its `wandb/` keeps what is not sent yet.
+        config: the run's configuration, which names the project.
+
+    Raises:
+        UserError: the extra `wandb` is missing, or Weights & Biases refuses the run.
     """
 
     def __init__(self, folder: Path, config: TrainConfig):
@@ -83,16 +86,16 @@ class WeightsAndBiases(KVWriter):
         self.run.define_metric("*", step_metric=STEP)
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
-        """Send numbers of a step."""
+        """Send the numeric values of a step."""
         self.run.log({**{k: v for k, v in key_values.items() if isinstance(v, int | float)}, STEP: step})
 
     def close(self) -> None:
-        """Send the rest; the run can be gone on with."""
+        """Send what is left and end the session; the run can be resumed."""
         self.run.finish()
 
 
 def _run_id(folder: Path) -> str:
-    """Give the id that the folder's run has there, made where it has none yet."""
+    """Return the id of the folder's run at Weights & Biases; make and store one if there is none yet."""
     file = folder / RUN_ID
     try:
         return str(read_json(file)["id"])

@@ -1,4 +1,4 @@
-"""What a run tells while it goes: progress.csv, TensorBoard, and a bar or lines on the terminal."""
+"""The progress of a run: progress.csv, and a bar or lines on the terminal."""
 
 from __future__ import annotations
 
@@ -59,15 +59,16 @@ class Row(TypedDict):
 
 
 class Table:
-    """progress.csv: a row an evaluation. Rows past the step from which a run goes on are dropped.
+    """progress.csv: one row per evaluation. Rows after the step from which a run resumes are dropped.
 
-    `stage` is the curriculum's number, or `distill K`, whose steps are the teacher's and the student's together;
-    `level` how far training's ranges are open, where they are not so all along.
+    `stage` is the index of the curriculum's stage, or `distill K` for round K of a distillation, where `steps` counts
+    those of teacher and student together. `level` is how far the world's ranges are open, 0 to 1; empty where they are
+    fully open throughout.
 
     Args:
-        path: of the file, which may not exist yet.
-        upto: steps of reinforcement from which the run goes on.
-        rounds: of its distillation that are finished; by default all.
+        path: the file, which may not exist yet.
+        upto: reinforcement steps from which the run resumes.
+        rounds: number of finished rounds of its distillation; by default all count as finished.
     """
 
     def __init__(self, path: Path, upto: int, rounds: float = math.inf):
@@ -80,23 +81,23 @@ class Table:
 
     @property
     def seconds(self) -> float:
-        """Wall clock of the rows so far."""
+        """Wall-clock time of the run at the last row, s; 0 without rows."""
         return float(self.rows[-1]["seconds"]) if self.rows else 0.0
 
     def add(self, row: Row) -> None:
-        """Add a row and write the whole file anew."""
+        """Add a row and rewrite the whole file."""
         self.rows.append({name: _cell(row.get(name)) for name in COLUMNS})
         lines = [",".join(COLUMNS), *(",".join(str(row.get(name, "")) for name in COLUMNS) for row in self.rows)]
         write_text_atomic(self.path, "\n".join(lines) + "\n", overwrite=True)
 
 
 class Watch(BaseCallback):
-    """Follows the training episodes, shows how they go, and opens the ranges of the next ones.
+    """Record the outcomes of training episodes, show them on the bar, and set the ranges of the next episodes.
 
     Args:
-        bar: where it is shown.
-        recent: success and category of the last episodes, newest last; added to.
-        opening: of the ranges; None where they are open all along.
+        bar: shows the progress.
+        recent: success and category of the last episodes, newest last; this object appends to it.
+        opening: opens the ranges; None where they are fully open throughout.
     """
 
     def __init__(self, bar: Bar, recent: deque[tuple[bool, str]], opening: Opening | None = None):
@@ -120,7 +121,12 @@ class Watch(BaseCallback):
 
 
 class Bar:
-    """A progress bar on a terminal; a line an evaluation elsewhere."""
+    """Show a progress bar on a terminal, or one line per evaluation where stderr is not one.
+
+    Args:
+        total: value of `steps` at the end.
+        show: False to show nothing.
+    """
 
     def __init__(self, total: int, show: bool):
         self.total, self.show, self.live, self.shown = total, show, None, 0.0
@@ -142,7 +148,7 @@ class Bar:
             self.live.stop()
 
     def at(self, steps: int, success: float) -> None:
-        """Where the run is."""
+        """Move the bar to this step and show this success rate, at most five times a second."""
         if self.live is not None and time.monotonic() - self.shown > 0.2:
             self.shown = time.monotonic()
             self.live.update(
@@ -150,7 +156,7 @@ class Bar:
             )
 
     def say(self, line: str) -> None:
-        """Give a line that stays."""
+        """Print a line that stays above the bar."""
         if self.live is not None:
             self.live.console.print(line, highlight=False)
         elif self.show:
@@ -158,7 +164,7 @@ class Bar:
 
 
 def failures(categories: list[str]) -> str:
-    """`jam 3 search 1`, most frequent first; successes left out."""
+    """Return the count of each failure category as text such as `jam 3 search 1`, most frequent first."""
     counted = Counter(category for category in categories if category != "success")
     return " ".join(f"{name} {number}" for name, number in counted.most_common())
 

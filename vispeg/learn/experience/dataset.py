@@ -1,4 +1,4 @@
-"""Rendered datasets as PyTorch takes them: one frame an item, channels first."""
+"""Rendered datasets as PyTorch datasets: one frame per item, channels first."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
     """The frames of a dataset's folder, for a DataLoader; each worker opens the files for itself.
 
     An item maps feature names to tensors: colour (3, H, W) uint8, depth (1, H, W) float32 in m with 0 = no reading,
-    part labels (1, H, W) uint8, numbers as they are. With `task_names`, pictures, the policy's proprioception and the
-    truth are called as in the task's observations (`rgb_wrist_wide`, `depth_wrist_wide`, `policy`, `privileged`), so
-    that an item can be given to a policy.
+    part labels (1, H, W) uint8, numbers as stored. With `task_names`, images, the policy's vector and the ground truth
+    are named as in the task's observations (`rgb_wrist_wide`, `depth_wrist_wide`, `policy`, `privileged`), so that an
+    item can be given to a policy.
 
     Args:
-        folder: of the dataset.
-        features: those that are read; default: all.
-        task_names: whether names are the task's.
+        folder: the dataset's folder.
+        features: names of the features to read; None for all.
+        task_names: whether items use the names of the task's observations.
 
     Raises:
         UserError: as `vispeg.datasets.read.Dataset`.
@@ -59,4 +59,4 @@ class Frames(torch.utils.data.Dataset[dict[str, torch.Tensor]]):
         return {"observation.policy": "policy", truth_of(self.features): "privileged"}.get(name, name)
 
     def __getstate__(self) -> dict[str, object]:
-        return {**self.__dict__, "_data": None}  # open files do not travel to the loader's workers
+        return {**self.__dict__, "_data": None}  # open files cannot be sent to the loader's workers

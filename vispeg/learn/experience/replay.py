@@ -1,9 +1,8 @@
-"""Replay of dictionaries of observations, in which every frame stands once.
+"""Replay buffer for dictionaries of observations that stores every frame once.
 
-Each of N environments owns a ring of T entries (observation, action, reward). The observation after entry i is entry i
-+ 1, so a frame is not stored again as its predecessor's successor; an episode's last observation gets an entry of its
-own, from which no transition starts. Entries of one episode lie in order, so that sequences for recurrent policies are
-slices.
+Each of N environments has a ring of T entries (observation, action, reward). The next observation of entry i is the
+observation of entry i + 1, so no frame is stored twice. An episode's last observation gets an entry of its own, from
+which no transition starts. Entries of one episode are consecutive, so sequences for recurrent policies are slices.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ from vispeg.core.memory import available, in_words
 from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import kind_of
 
-SHARE = 0.9  # of free memory that a ring may take: networks and environments take some too
+SHARE = 0.9  # largest share of free memory for a ring; networks and environments need the rest
 Images = Literal["before", "after", "both", "none"]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Transitions. Arrays have leading axes (n,), or (time, n) for sequences.
+    """A batch of transitions. Arrays have leading axes (n,), or (time, n) for sequences.
 
     Attributes:
-        obs, next_obs: by key.
+        obs, next_obs: observations before and after the transition, by key.
         action: (..., action) within +-1.
         reward: (...).
-        done: (...), 1 where the episode ended for good, 0 where it went on or was cut by its time limit.
+        done: (...), 1 where the episode terminated, 0 where it continued or only its time limit ended it.
         weight: (...), 1 where there is a transition; 0 past an episode's end in a sequence.
     """
 
@@ -50,14 +49,14 @@ class Replay:
     """A ring of transitions with the constructor and `add` that Stable-Baselines3 expects of a replay buffer.
 
     Args:
-        buffer_size: entries over all environments.
+        buffer_size: number of entries over all environments.
         observation_space: gymnasium Dict: vectors, `depth_*` (float32 metres, kept in steps of 0.05 mm), `rgb_*`
             (uint8).
         action_space: gymnasium Box.
-        device: where batches go.
-        n_envs: environments.
-        optimize_memory_usage: of no effect; memory is always used once.
-        seed: of the draws.
+        device: torch device of the batches.
+        n_envs: number of environments.
+        optimize_memory_usage: without effect; Stable-Baselines3 passes it.
+        seed: seed of the draws.
     """
 
     def __init__(
@@ -81,15 +80,15 @@ class Replay:
         self.action = np.zeros((*rows, *action_space.shape), np.float32)
         self.reward = np.zeros(rows, np.float32)
         self.done = np.zeros(rows, np.float32)
-        self.starts = np.zeros(rows, bool)  # whether a transition starts here whose end is stored too
-        self.head = np.zeros(n_envs, np.int64)  # where the next entry goes
-        self.open = np.full(n_envs, -1, np.int64)  # the entry that waits for its successor, -1 for none
-        self.began = np.zeros(n_envs, np.int64)  # where the present episode began
+        self.starts = np.zeros(rows, bool)  # whether a complete transition starts at this entry
+        self.head = np.zeros(n_envs, np.int64)  # index of the next entry to write
+        self.open = np.full(n_envs, -1, np.int64)  # index of the entry whose next observation is awaited, -1 for none
+        self.began = np.zeros(n_envs, np.int64)  # index of the present episode's first entry
         self.full, self.refused = False, 0
 
     @staticmethod
     def size(entries: int, observation_space: Any, action_space: Any) -> int:
-        """Bytes of a ring of that many entries."""
+        """Return the size of a ring of that many entries, bytes."""
         each = sum(
             int(np.prod(space.shape)) * np.dtype(_stored(key, space.dtype)).itemsize
             for key, space in observation_space.spaces.items()
@@ -106,12 +105,20 @@ class Replay:
         infos: Sequence[Mapping[str, Any]],
         keep: np.ndarray | None = None,
     ) -> None:
-        """One step of every environment. `next_obs` holds the terminal observation where `done`.
+        """Add one step of every environment.
 
-        Where an episode ends whose row is False in `keep` (n,), the whole episode is dropped.
+        A transition with a value that is not finite, or in a simulation that diverged, is refused and counted in
+        `refused`.
 
-        A transition with anything in it that is not finite is refused, and counted in `refused`; so is one into a
-        simulation that `diverged`, whatever its numbers look like.
+        Args:
+            obs, next_obs: observations before and after the step, arrays (n, ...); `next_obs` holds an episode's last
+                observation where `done`.
+            action: (n, action) within +-1.
+            reward: (n,).
+            done: (n,) bool, whether the episode ended with this step.
+            infos: info of each row, with `TimeLimit.truncated` where only the time limit ended the episode, and
+                `category`.
+            keep: (n,) bool; an episode that ends in a row where this is False is dropped as a whole. None to keep all.
         """
         fine = np.isfinite(action).all(-1) & np.isfinite(reward)
         fine &= np.array([info.get("category") != "diverged" for info in infos])
@@ -135,12 +142,12 @@ class Replay:
             self.began[over] = self.head[over]
 
     def cut(self) -> None:
-        """End the episodes in progress without their last transition: what follows is another episode."""
+        """End the episodes in progress, without their last transition; the next entries begin new episodes."""
         self.open[:] = -1
         self.began[:] = self.head
 
     def _span(self, row: int) -> np.ndarray:
-        """Entries of the row's present episode."""
+        """Return the indices of the entries of the row's present episode."""
         return (
             np.arange(self.began[row], self.head[row] + self.length * (self.head[row] <= self.began[row])) % self.length
         )
@@ -156,29 +163,33 @@ class Replay:
 
     @property
     def _used(self) -> int:
-        """Rows that have ever been written; the ring has gone round where `full`."""
+        """The number of indices that have been written in any row; all of them once a ring has wrapped round."""
         return self.length if self.full else int(self.head.max())
 
     def __len__(self) -> int:
-        """Give the number of transitions that can be drawn."""
+        """Return the number of transitions that can be drawn."""
         return int(self.starts.sum())
 
     def sample(self, n: int, rng: np.random.Generator | None = None, images: Images = "both") -> Batch:
-        """Draws n transitions uniformly with replacement.
+        """Draw n transitions uniformly with replacement.
 
         Args:
-            n: how many.
-            rng: of the draws; by default the ring's own.
-            images: which images are fetched: those `before` the transition, `after` it, `both` or `none`.
+            n: number of transitions.
+            rng: generator of the draws; None for the ring's own.
+            images: which images the batch includes: those `before` the transition, `after` it, `both` or `none`.
 
         Raises:
-            UserError: there is none yet.
+            UserError: the ring holds no transition.
         """
         at, env = self._draw(n, self.starts, rng or self.rng)
         return self._batch(at, env, images=images)
 
     def sequences(self, n: int, steps: int, rng: np.random.Generator | None = None) -> Batch:
-        """Draws n episodes (steps, n, ...) from their beginning; what follows an episode's end has weight 0."""
+        """Draw the first `steps` transitions of n episodes, (steps, n, ...); those past an episode's end have weight 0.
+
+        Raises:
+            UserError: the ring holds no transition.
+        """
         first = self.starts & ~np.roll(self.starts, 1, axis=0)
         at, env = self._draw(n, first, rng or self.rng)
         at = (at + np.arange(steps)[:, None]) % self.length  # (steps, n)
@@ -189,7 +200,8 @@ class Replay:
         if not allowed.any():
             raise UserError("nothing to learn from: the replay holds no transition")
         indices = np.empty(0, np.int64)
-        while len(indices) < n:  # nearly all entries may be drawn, so one round is enough; of episodes' starts, few may
+        # draw more than n, then drop those not allowed: few of all transitions, most of the episodes' starts
+        while len(indices) < n:
             drawn = rng.integers(0, self._used * self.n_envs, 2 * n if allowed is self.starts else 64 * n)
             indices = np.concatenate([indices, drawn[allowed.reshape(-1)[drawn]]])
         return np.divmod(indices[:n], self.n_envs)
@@ -216,15 +228,15 @@ class Replay:
         return torch.from_numpy(packed if kind is None else kind.unpack(packed)).to(self.device)
 
     def save(self, folder: Path) -> None:
-        """Write the ring as one .npy an array, so that no more than the file's own size is in memory."""
+        """Write each array of the ring to its own .npy file, without the entries never written."""
         for name, array in self._arrays().items():
             np.save(folder / f"{name}.npy", array[: self._used] if array.ndim > 1 else array)
 
     def load(self, folder: Path) -> None:
-        """Read what `save` wrote into a ring of the same shapes.
+        """Read what `save` wrote into this ring, which must have the same shapes.
 
         Raises:
-            UserError: a file is missing, or is from a ring of other shapes.
+            UserError: a file is missing or not an array, or comes from a ring of other shapes.
         """
         for name, array in self._arrays().items():
             path = folder / f"{name}.npy"
@@ -243,16 +255,18 @@ class Replay:
 
 
 def afford(entries: int, observation_space: Any, action_space: Any, key: str, what: str) -> str:
-    """Give the memory that a ring will take, in words, before it takes it: pages come only as they are written.
+    """Return a sentence on the memory that a ring will take; refuse one that is too large.
+
+    The system commits memory only as the ring is filled, so without this check a run would fail late.
 
     Args:
-        entries: that will be written.
-        observation_space, action_space: as of Replay.
-        key: the option that sets its size.
-        what: it is, for people.
+        entries: number of entries that will be written.
+        observation_space, action_space: as for `Replay`.
+        key: the option that sets the size, for the error.
+        what: name of the ring, for the sentence.
 
     Raises:
-        UserError: this machine, or the control group of this process, has less.
+        UserError: the ring needs more than SHARE of the free memory of this machine or of its control group.
     """
     need, free = Replay.size(entries, observation_space, action_space), available()
     said = f"{what} of {entries} entries: {in_words(need)}"
@@ -266,8 +280,8 @@ def afford(entries: int, observation_space: Any, action_space: Any, key: str, wh
 
 
 def mixed(first: Batch, second: Batch) -> Batch:
-    """Both batches' transitions, first ones first."""
-    axis = first.reward.ndim - 1  # of transitions; before it may stand an axis of time
+    """Return one batch with the transitions of both, those of `first` first."""
+    axis = first.reward.ndim - 1  # the axis n, the second one of sequences
 
     def join(a: Tensor, b: Tensor) -> Tensor:
         return torch.cat([a, b], dim=axis)
@@ -296,7 +310,7 @@ def _gaps(key: str) -> bool:
 
 
 def _finite(obs: Mapping[str, np.ndarray], n: int) -> np.ndarray:
-    """(n,) whether all vectors are finite; a depth image's NaN only means that there is no reading."""
+    """Return (n,) bool, whether all values are finite; NaN in a depth image is allowed, it stands for no reading."""
     fine = np.ones(n, bool)
     for key, value in obs.items():
         if value.dtype.kind == "f" and not _gaps(key):

@@ -1,4 +1,4 @@
-"""Demonstrations from a folder in LeRobot's layout, as a replay to imitate or to reinforce from."""
+"""Read demonstrations from a folder in LeRobot's layout into a replay, for imitation or reinforcement learning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,12 @@ from vispeg.task.terms import POLICY
 
 
 def feature_of(key: str, features: Container[str]) -> str:
-    """Give the feature that holds `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged` of our observations."""
+    """Return the dataset's feature for a key of our observations.
+
+    Args:
+        key: `depth_<camera>`, `rgb_<camera>`, `policy` or `privileged`.
+        features: names of the dataset's features.
+    """
     if key == PRIVILEGED:
         return truth_of(features)
     kind = kind_of(key)
@@ -45,24 +50,26 @@ def from_folder(
     config: TaskConfig | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Replay:
-    """Give the folder's successful episodes; all of them where it does not say which succeeded.
+    """Return the folder's successful episodes; all episodes where it does not record success.
 
-    A folder without `observation.policy`, or one whose kind of actions is stated, is read as `Theirs` does.
+    With `config`, a folder without `observation.policy`, or one with `?action=KIND`, is read by `Theirs`.
 
     Args:
-        folder: of a LeRobotDataset, with `?action=KIND` behind it where its actions are no offsets and do not say so.
-        modality: of the policy that learns from it; not one that knows the goal.
-        layout: what the policy sees; images must have its sizes.
-        seed: of later draws from the replay.
-        device: where batches go: the learning network's.
-        beside: observation space of the replay beside which this one is reinforced from. Then all of that must be
-            there, and rewards; an action is the one that was executed, in place of the one that was meant (`action`).
-        config: of the policy's task.
-        say: called where actions ask for more than the controller takes.
+        folder: a LeRobotDataset's folder, followed by `?action=KIND` where its actions are not offsets and their names
+            do not tell their kind.
+        modality: name of the learning policy's modality; not one that is told the goal's place.
+        layout: the policy's layout; images must have its sizes.
+        seed: seed of later draws from the replay.
+        device: torch device of the batches, that of the learning network.
+        beside: None for imitation: actions are the intended ones (`action`), rewards are 0. For reinforcement
+            learning, the observation space of the run's own replay: the folder must then hold all its parts and the
+            rewards, and actions are those executed (`executed.action`), where the folder has them.
+        config: the settings of the policy's task.
+        say: called with a line if actions exceed what the controller accepts; they are clipped to +-1.
 
     Raises:
-        UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action of another
-            shape, or a policy that would see something else than the folder holds.
+        UserError: not such a folder, no episode succeeded, a feature is missing, an observation or action has another
+            shape, or the policy is told the goal's place.
     """
     if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the goal is"
@@ -110,7 +117,7 @@ def from_folder(
         steps = len(actions)
         clipped += int((np.abs(actions) > 1 + BEYOND).any(axis=1).sum())
         for t in range(steps):
-            # A dataset has no frame after its last action; the last one stands for it, and no value is read from it.
+            # An episode has no frame after its last action: the last frame stands in, and `done` keeps it unused.
             last, after = t == steps - 1, min(t + 1, steps - 1)
             ring.add(
                 {key: value[t : t + 1] for key, value in observations.items()},
@@ -126,19 +133,19 @@ def from_folder(
 
 
 def successes(data: Dataset) -> list[int]:
-    """Give the numbers of the episodes that succeeded; all where the data set does not say."""
+    """Return the numbers of the episodes that succeeded; all of them where the data set does not record success."""
     ended = data.successes
     return [number for number in range(len(data.episodes)) if ended is None or ended[number]]
 
 
 def made_in(folder: str | Path) -> Origin:
-    """Give the dataset's world as a policy's record has it; empty entries where the dataset does not say."""
+    """Return the dataset's world in the form of a policy's record; its entries are None where they are unknown."""
     plan = Dataset(split(str(folder))[0], theirs=True).made.get("plan") or {}
     return {"world": plan.get("world"), "world_hash": plan.get("world_hash")}
 
 
 def _channels_first(key: str, value: np.ndarray) -> np.ndarray:
-    """Images (T, H, W[, C]) -> (T, C, H, W); vectors (T, n), a lone number being one of them."""
+    """Return images (T, H, W[, C]) as (T, C, H, W), and other values as vectors (T, n)."""
     if kind_of(key) is None:
         return value.reshape(len(value), -1)
     return value[:, None] if value.ndim == 3 else np.moveaxis(value, -1, 1)

@@ -1,8 +1,8 @@
-"""A policy's input from what a robot's data set states by name, for folders that nobody rendered for it.
+"""Build a policy's input from a robot's data set that `vispeg render` did not write.
 
-`vispeg render` writes what its policies are told (`observation.policy`). Other folders in LeRobot's layout have joints,
-places, velocities and wrenches, each number by its name. From these the input is built as on a robot, by the terms and
-the observer of `vispeg.interface`.
+`vispeg render` stores the policy's vector (`observation.policy`). Other folders in LeRobot's layout hold joint angles,
+positions, velocities and wrenches, each number with a name. From these the vector is built as on a robot, with the
+terms and the observer of `vispeg.interface`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vispeg.interface.terms import scaled, told
 
 ACTION, EXECUTED = "action", "executed.action"
 TIP, VELOCITY, WRENCH = TASK_STATE[:3], TASK_STATE[3:6], TASK_STATE[6:]
-RATE = 0.05  # share by which a folder's rate may differ: LeRobot's videos have whole ones, 6 in place of 6.25
+RATE = 0.05  # largest relative difference of a folder's frame rate: LeRobot's are whole, so 6 Hz in place of 6.25 Hz
 
 
 class Theirs:
@@ -29,12 +29,12 @@ class Theirs:
 
     Args:
         data: the data set.
-        interface: of the policy.
-        action: the kind of its actions; None: as their names say.
+        interface: the policy's interface.
+        action: the kind of the data set's actions; None for the kind that their names tell.
 
     Attributes:
-        features: those that must be read.
-        actions: what its actions are.
+        features: names of the features that `read` needs.
+        actions: the meaning of the data set's actions.
 
     Raises:
         UserError: it lacks a value that the policy observes, has another rate, or its actions are of no known kind.
@@ -58,7 +58,7 @@ class Theirs:
         self.features: list[str] = list(dict.fromkeys([*read, *more]))
 
     def _check(self, rate: float) -> None:
-        """Raise UserError for what the folder lacks."""
+        """Raise UserError where the frame rate (Hz) differs, or the folder lacks values for one of the terms."""
         period = self.interface.policy_period_s
         if abs(rate * period - 1) > RATE:
             raise UserError(
@@ -84,7 +84,7 @@ class Theirs:
         return all(name in self._places for name in names)
 
     def _values(self, episode: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
-        """(T, len(names)) numbers of an episode by name."""
+        """Return the named values of an episode's frames, (T, len(names))."""
         places = [self._places[name] for name in names]
         return np.stack([episode[f].reshape(len(episode[f]), -1)[:, i] for f, i in places], axis=1).astype(float)
 
@@ -100,14 +100,14 @@ class Theirs:
         if not np.isfinite(offset).all():
             raise UserError("actions that are not finite", file=self.folder, key=ACTION)
         done = episode[EXECUTED].reshape(len(meant), -1) if self._executed else offset
-        o.action[1:] = np.clip(done, -1, 1)[:-1]  # of the step before; an episode begins with none
+        o.action[1:] = np.clip(done, -1, 1)[:-1]  # of the step before; none at the first frame
         values, stack = scaled(self.interface.terms, o), Stack(self.interface.stack, o.n, o.stack.values.shape[-1])
         for back in range(self.interface.stack):
             stack.values[back] = np.nan_to_num(values[np.maximum(np.arange(o.n) - back, 0)])
         return told(stack), offset
 
     def _observer(self, episode: Mapping[str, np.ndarray], n: int) -> Observer:
-        """Give an observer of the episode's frames, one a row."""
+        """Return an observer with one row for each of the episode's n frames."""
         o = self.interface.observer(n)
         o.believed[:] = self.interface.goal.nominal_m
         if self._has(self.joints):
@@ -126,5 +126,5 @@ class Theirs:
             o.twist[:, :3] = self._values(episode, VELOCITY)
         for part in (slice(0, 3), slice(3, 6)):
             if self._has(WRENCH[part]):
-                o.wrench[1:, part] = self._values(episode, WRENCH[part])[1:]  # an episode begins with none
+                o.wrench[1:, part] = self._values(episode, WRENCH[part])[1:]  # none at the first frame
         return o

@@ -1,4 +1,4 @@
-"""Imitation: an actor's mean action and its estimate of the offset, regressed on what is stored."""
+"""Imitation: regress an actor's mean action, and its estimate of the tip in the goal's frame, on stored data."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from vispeg.learn.networks.recurrent import draw, latents
 
 @dataclass(frozen=True)
 class CloneSettings:
-    """Numbers of imitation.
+    """Settings of imitation.
 
     Attributes:
-        lr: learning rate (Adam) at the start; it falls to zero along half a cosine in each `clone`, so that what is
-            judged afterwards has settled.
-        batch: transitions an update.
-        shift: random shift of images, in pixels.
-        offset: weight of the estimate of the tip in the goal's frame beside the action.
-        horizon: steps of an episode that a recurrent actor learns from.
+        lr: initial learning rate (Adam); in each `clone` it falls to zero along half a cosine, so that the weights
+            have settled before an evaluation.
+        batch: transitions per update.
+        shift: largest random shift of images, in pixels.
+        offset: weight of the loss of the estimate of the tip in the goal's frame; that of the action has weight 1.
+        horizon: largest number of steps of an episode that a recurrent actor learns from.
         encoders: learning rate of the image encoders, as a share of `lr`.
     """
 
@@ -39,7 +39,7 @@ class CloneSettings:
 
 
 def optimizer_of(actor: Actor, settings: CloneSettings) -> torch.optim.Optimizer:
-    """Adam on an actor, its image encoders in a group of their own where they learn at another rate."""
+    """Return Adam for an actor; image encoders with another learning rate get their own parameter group."""
     if settings.encoders == 1.0 or not len(actor.encoders):
         return torch.optim.Adam(actor.parameters(), settings.lr, fused=True)
     eyes = [*actor.encoders.parameters()]
@@ -58,22 +58,25 @@ def clone(
     optimizer: torch.optim.Optimizer | None = None,
     frozen: int = 0,
 ) -> float:
-    """Huber loss on actions, plus one on that estimate where actor and data have it. Moves `actor`.
+    """Train `actor` to imitate the stored actions.
+
+    The loss is a Huber loss on actions, plus one on the estimate of the tip in the goal's frame where the actor makes
+    one and the data hold the truth.
 
     Args:
         actor: the student.
-        rings: stores of (observation, action to imitate) and the share of each batch that each gives.
-        updates: gradient steps.
-        settings: numbers.
-        rng: of the draws.
-        optimizer: goes on with its moments if given.
-        frozen: updates at the beginning in which image encoders stay as they are.
+        rings: replays of (observation, action to imitate), each with its share of each batch; shares are normalised.
+        updates: number of gradient steps.
+        settings: learning rates, batch size and weights.
+        rng: generator of the draws.
+        optimizer: an optimizer to continue with, with its moments; None for a new one.
+        frozen: number of first updates that leave the image encoders unchanged.
 
     Returns:
         Mean loss of the last tenth of the updates.
 
     Raises:
-        UserError: shares that are not positive, or a store without transitions.
+        UserError: shares that are not positive, or a replay without transitions.
     """
     if not rings or min(share for _, share in rings) <= 0:
         raise UserError("imitation needs stores with positive shares", got=[share for _, share in rings])

@@ -1,4 +1,4 @@
-"""Easier worlds first: the stages of a run and when it moves on."""
+"""Curriculum: the stages of a run, easiest first, and when it moves to the next."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from vispeg.task.config import TaskConfig
 
 
 class Curriculum:
-    """Where a run stands in its stages.
+    """The stages of a run, and the index `at` of the present one.
 
     Args:
-        stages: in order; the last one is what is trained for.
-        pass_rate: success rate that moves on to the next.
+        stages: the stages in order; the last one is the task that is trained for.
+        pass_rate: success rate that moves the run to the next stage.
     """
 
     def __init__(self, stages: Sequence[Stage], pass_rate: float):
@@ -26,39 +26,39 @@ class Curriculum:
 
     @property
     def stage(self) -> Stage:
-        """The present one."""
+        """The present stage."""
         return self.stages[self.at]
 
     @property
     def last(self) -> bool:
-        """Whether the present stage is what is trained for."""
+        """Whether the present stage is the last one."""
         return self.at == len(self.stages) - 1
 
     def after(self, success: float) -> bool:
-        """Move on if an evaluation's success rate allows; return whether it did."""
+        """Move to the next stage if an evaluation's success rate is high enough; return whether it moved."""
         if self.last or success < self.pass_rate:
             return False
         self.at += 1
         return True
 
     def settings(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Give the task's settings at this stage, from the run's own."""
+        """Return the task's settings at this stage: the run's, with those that the stage replaces."""
         radius = {} if self.stage.radius is None else {"start_radius": self.stage.radius}
         return {**settings, **self.stage.settings, **radius}
 
 
 def stages(tolerances: Sequence[float], radii: Sequence[float], task: TaskConfig) -> tuple[Stage, ...]:
-    """Stages that narrow the tolerance, move the start away and open the world; the last one is the task as it is.
+    """Return stages that narrow the tolerance and move the start away; the last one is the task itself.
 
-    The first has half of every range, all others have all of it.
+    If there are easier stages, the first draws from half of every range of the world, all others from the full ranges.
 
     Args:
-        tolerances: of the stages before the last, widest first, in the unit of the task's own.
-        radii: lateral ranges of their starts, m, nearest first. Where one list is shorter, the task's own value stands.
-        task: what is trained for; either list may end with its value, which is not trained for twice.
+        tolerances: tolerances of the stages before the last, widest first, in the unit of the task's own.
+        radii: lateral ranges of their starts, m, nearest first. The shorter list is filled up with the task's value.
+        task: the task that is trained for; either list may end with its value, which then gives no stage of its own.
 
     Raises:
-        UserError: a list is out of order, or does not lead to the task's own value; a task without a tolerance.
+        UserError: a list is out of order or goes past the task's own value, or the task has no tolerance to widen.
     """
     wide = _wide(tolerances, task)
     near_first = f"above 0, nearest first, below the {task.start_radius:g} m that are trained for"
@@ -68,7 +68,7 @@ def stages(tolerances: Sequence[float], radii: Sequence[float], task: TaskConfig
 
 
 def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float]]:
-    """Give the setting of each stage that has one of its own."""
+    """Return the tolerance of each easier stage as {setting: value}."""
     if not tolerances:
         return []
     if task.tolerance is None:
@@ -79,7 +79,11 @@ def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float
 
 
 def _towards(values: Sequence[float], easiest: float, target: float, key: str, order: str) -> list[float]:
-    """Give the values without `target` at their end; they must go one way from `easiest` to it."""
+    """Return the values without a last one equal to `target`; they must be monotonic from `easiest` to `target`.
+
+    Raises:
+        UserError: they are not; `order` says what is expected of the option `key`.
+    """
     before = [*values[:-1], *(v for v in values[-1:] if v != target)]
     steps = np.diff([easiest, *before, target])
     if len(values) and not (np.all(steps > 0) or np.all(steps < 0)):

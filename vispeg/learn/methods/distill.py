@@ -1,11 +1,11 @@
-"""Teacher to student: the student acts, the teacher says what it should have done (DAgger, Ross et al. 2011).
+"""Distil a teacher into a student: the student acts, the teacher labels each state (DAgger, Ross et al. 2011).
 
 In round k the executed action is the teacher's with probability beta_k. Every round's observations are kept with the
-teacher's actions as labels, and the student learns from all of them. Round 0 is the teacher's own, so that its
-transitions are demonstrations, which reinforcement learning may draw from afterwards.
+teacher's actions as labels, and the student learns from all of them. By default the teacher alone acts in round 0
+(beta_0 = 1). That round's transitions are demonstrations, which reinforcement learning draws from afterwards.
 """
 
-# SB3 declares its networks and observations more widely than what stands in them here.
+# SB3 declares wider types for its networks and observations than those used here.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
@@ -33,16 +33,17 @@ from vispeg.learn.teacher import Teacher
 
 @dataclass(frozen=True)
 class DistillSettings:
-    """Numbers of a distillation.
+    """Settings of a distillation.
 
     Attributes:
-        betas: probability of the teacher acting, round by round.
-        steps: environment steps a round.
+        betas: probability that the teacher acts, for each round.
+        steps: environment steps per round.
         updates: gradient steps after each round.
-        looks: in which each state is kept, of the world's: the episode's own, and others under the same physics.
-        noise: standard deviation of what is added to executed actions in the mixed rounds, so that the teacher shows
-            how to come back; none in the teacher's own, whose labels are then what was done.
-        clone: numbers of the imitation.
+        looks: number of looks (draws of what only cameras see) in which each state is stored; the first is the
+            episode's own.
+        noise: standard deviation of noise on executed actions in rounds with 0 < beta < 1, so that the teacher shows
+            how to recover. Other rounds have none: where the teacher alone acts, labels are the executed actions.
+        clone: settings of the imitation.
     """
 
     betas: tuple[float, ...] = (1.0, 0.5, 0.25, 0.0, 0.0)
@@ -71,21 +72,24 @@ def collect(
     device: torch.device | str = "cpu",
     looks: int = 1,
 ) -> Replay:
-    """Give a round of experience.
+    """Play one round and return its transitions.
 
     Args:
         env: the student's environment.
-        teacher: whose actions are the labels.
+        teacher: gives the labels.
         student: acts where the teacher does not; None where the teacher always acts.
-        beta: probability of the teacher acting, drawn for every row and step.
-        steps: environment steps, over all rows; episodes in progress at the end are kept without their last transition.
-        noise: of executed actions.
-        seed: of episodes and of the mixing.
-        device: where batches go: the learning network's.
-        looks: in which each state is kept. Who acts sees the first one.
+        beta: probability that the teacher acts, drawn for every row and step.
+        steps: environment steps over all rows; episodes in progress at the end are kept without their last transition.
+        noise: standard deviation of noise on executed actions.
+        seed: seed of the episodes, of who acts and of the noise.
+        device: torch device of the batches, that of the learning network.
+        looks: number of looks in which each state is stored; teacher and student act on the first.
 
     Returns:
         The transitions, with the teacher's actions in place of the executed ones.
+
+    Raises:
+        UserError: too little memory, or several looks where nothing that is seen varies.
     """
     n, rng = env.num_envs, stream(seed, "distill")
     length, rows = -(-steps // n), np.tile(np.arange(n), looks)
@@ -101,23 +105,23 @@ def collect(
 def demonstrations(
     env: Sb3Env, teacher: Teacher, episodes: int, seed: int, device: torch.device | str = "cpu"
 ) -> tuple[Replay, int]:
-    """Successful episodes of a teacher.
+    """Play a teacher until enough of its episodes have succeeded.
 
     Args:
-        env: what the student would see.
+        env: the student's environment.
         teacher: acts alone.
-        episodes: how many to keep.
-        seed: of the episodes.
-        device: where batches go: the learning network's.
+        episodes: number of successful episodes to keep.
+        seed: seed of the episodes.
+        device: torch device of the batches, that of the learning network.
 
     Returns:
-        Their transitions and how many episodes were tried for them.
+        The transitions of the successful episodes, and the number of episodes played.
 
     Raises:
-        UserError: fewer than one in ten of the teacher's episodes succeeds.
+        UserError: too few of the teacher's episodes succeed, about one in ten; or too little memory.
     """
     limit = max(10 * episodes, 4 * env.num_envs)
-    longest = 60  # steps; the ring holds every step that is tried
+    longest = 60  # assumed steps per episode: the ring holds every step, of failed episodes too
     ring = _room(env, -(-limit // env.num_envs) * longest, seed, device)
     succeeded = tried = 0
     for obs, ends, label, reward, done, infos in _steps(
@@ -144,8 +148,9 @@ def demonstrations(
 
 
 def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks: int = 1) -> Replay:
-    """Give a ring for `length` steps of every row in every look; an episode's end takes an entry of its own, every
-    other step at most.
+    """Return a ring for `length` steps of every row in every look.
+
+    Each episode's end takes an entry of its own; there is room for one end in two steps.
     """
     rows = env.num_envs * looks
     size = rows * (length + length // 2 + 2)
@@ -163,7 +168,12 @@ def _steps(
     rng: np.random.Generator,
     length: int | None,
 ) -> Iterator[tuple[Any, Any, np.ndarray, np.ndarray, np.ndarray, Any]]:
-    """Plays; gives (observation, the one after it, the teacher's action, reward, done, infos) of every step."""
+    """Play `length` steps of all rows, or without end for None.
+
+    Yields:
+        Of each step: the observation, the next one, the teacher's action, reward, done and infos. At an episode's end
+        the next observation is the episode's last.
+    """
     n = env.num_envs
     env.seed(restart_seed(seed, 0))
     obs = env.reset()
@@ -199,18 +209,18 @@ def distill(
     watch: Callable[[int, float], RoundResult] | None = None,
     rounds: Rounds | None = None,
 ) -> list[Replay]:
-    """Run all rounds; move `actor`.
+    """Train `actor` in all rounds of a distillation.
 
     Args:
         actor: the student.
-        modality: its name.
-        env: what the student sees.
-        teacher: whose actions are the labels.
-        settings: numbers.
-        seed: of everything drawn.
-        watch: called after each round with its number and the loss; what it returns is kept with the round, and where
-            that says `stop`, no more rounds follow.
-        rounds: where rounds are kept; goes on after those that are there.
+        modality: name of its modality.
+        env: the student's environment.
+        teacher: gives the labels.
+        settings: settings of the distillation.
+        seed: seed of everything drawn.
+        watch: called after each round with its number and loss. Its result is stored with the round; if that has a
+            true `stop`, no more rounds follow.
+        rounds: stores the finished rounds; those already stored are not played again. None to store none.
 
     Returns:
         The rounds' transitions with the teacher's actions, first round first.
@@ -234,7 +244,7 @@ def imitate(
     watch: Callable[[int, float], RoundResult] | None = None,
     rounds: Rounds | None = None,
 ) -> None:
-    """Behaviour cloning of what is there, with the updates of all rounds and watched after as many; moves `actor`.
+    """Train `actor` by behaviour cloning, with as many rounds and updates as `distill` but without playing.
 
     Args:
         actor: the student.
@@ -253,7 +263,17 @@ def _learn(
     watch: Callable[[int, float], RoundResult] | None,
     rounds: Rounds | None,
 ) -> list[Replay]:
-    """Round of cloning from what was shown and from what each of them (number, beta) plays before; return both."""
+    """Run the rounds: in each play if there is `played`, then clone from all transitions so far.
+
+    Args:
+        actor: the student.
+        demos: transitions that are there before the first round.
+        played: plays the round of a number and beta, and returns its transitions; None to play nothing.
+        settings, seed, watch, rounds: as for `distill`.
+
+    Returns:
+        `demos` and the transitions of all rounds, in order.
+    """
     optimizer = torch.optim.Adam(actor.parameters(), settings.clone.lr, fused=True)
     done, rings = 0, list(demos)
     if rounds is not None:

@@ -1,8 +1,8 @@
-"""A few demonstrations in a target world make a trained policy at home there.
+"""Fine-tune a trained policy to a target world with a few demonstrations.
 
-Imitation at a tenth of the learning rate that the policy was trained at; the image encoders frozen for the first half
-of the updates, and at a hundredth of the other networks' rate after that; a share of each batch from the world that
-the policy knows, so that it forgets little.
+By default it imitates at a tenth of the learning rate that the policy was trained at. The image encoders are frozen for
+the first half of the updates and then learn at a hundredth of the other networks' rate. A share of each batch comes
+from the world that the policy was trained in, so that it forgets little.
 """
 
 from __future__ import annotations
@@ -38,19 +38,20 @@ from vispeg.task.start import Start
 
 @dataclass(frozen=True)
 class FinetuneSettings:
-    """Numbers of a fine-tuning.
+    """Settings of a fine-tuning.
 
     Attributes:
-        demos: successful episodes of the teacher in the target world.
+        demos: number of successful episodes of the teacher in the target world.
         updates: gradient steps.
-        lr: learning rate, which falls as in `distill`; None for a tenth of the one that the policy was trained at.
-        encoders: learning rate of the image encoders once they thaw, as a share of it.
+        lr: initial learning rate, which falls as `CloneSettings.lr` does; None for a tenth of the one that the policy
+            was trained at.
+        encoders: learning rate of the image encoders in the second half of the updates, as a share of `lr`.
         known: share of each batch from the world that the policy was trained in, 0 to 0.5.
-        known_steps: environment steps collected there.
-        batch: transitions an update.
-        shift: random shift of images, in pixels.
-        rows: environments stepped together.
-        episodes: of the evaluations before and after.
+        known_steps: environment steps collected in that world.
+        batch: transitions per update.
+        shift: largest random shift of images, in pixels.
+        rows: number of environments stepped together.
+        episodes: number of episodes in each of the evaluations before and after.
     """
 
     demos: int = 100
@@ -89,24 +90,28 @@ def finetune(
     overwrite: bool = False,
     say: Callable[[str], None] = print,
 ) -> Path:
-    """Fine-tunes a policy into a new folder.
+    """Fine-tune a policy; write the new policy and `finetune.json`, with success before and after, to a new folder.
 
     Args:
         source: the policy's folder.
-        out: of the new policy; also gets `finetune.json` with success before and after.
-        target: makes the target world's environments, for demonstrations and for judging.
-        training: makes those of the world that the policy was trained in; None to learn from the target alone.
-        teacher: gives the teacher for an environment.
-        settings: numbers.
-        seed: of everything random.
+        out: the new policy's folder.
+        target: makes environments of the target world, for demonstrations and evaluations.
+        training: makes environments of the world that the policy was trained in; None to learn from the target alone.
+        teacher: returns the teacher for an environment.
+        settings: settings of the fine-tuning.
+        seed: seed of everything random.
         dataset: demonstrations in LeRobot's layout, in place of the teacher's in `target`; see `from_folder`.
-        starts: how the teacher's episodes begin, in turn; none: as the world draws them.
-        device: where the network runs: `cpu`, `cuda` or `auto`.
+        starts: starts of the teacher's episodes, used in turn; empty for those that the world draws.
+        device: device of the network: `cpu`, `cuda` or `auto`.
         overwrite: whether `out` may be replaced.
-        say: called with the progress.
+        say: called with each line of progress.
+
+    Returns:
+        `out`.
 
     Raises:
-        UserError: the policy does not fit the environments, or the teacher fails in them.
+        UserError: the policy, the teacher or the dataset does not fit the environments, the teacher fails in them, or
+            `out` exists and may not be replaced.
     """
     torch.set_num_threads(1)
     torch.manual_seed(seed)
@@ -117,15 +122,15 @@ def finetune(
     read = None if dataset is None else Path(split(str(dataset))[0])
     with new_folder(out, overwrite, holds="policy", inputs=(source, read)) as folder:
         env = Sb3Env(target(settings.rows, {}), starts)
-        teacher(env.env)  # refuses who cannot teach here, before anything is played
+        teacher(env.env)  # refuse an unfit teacher before anything is played
         shown = None
-        if dataset is not None:  # likewise refuses a folder that cannot
+        if dataset is not None:  # likewise an unfit folder
             told: Any = {"config": getattr(env.env, "config", None), "say": say}
             shown = from_folder(dataset, policy.modality, actor.layout, seed, actor.device, **told)
         before = _success(policy, env, settings.episodes)
         say(f"before: {before:.0%} of {settings.episodes} episodes in the target world")
         rings: list[tuple[Replay, float]] = []
-        others: list[Origin] = []  # of the worlds that it learns in beside the target
+        others: list[Origin] = []  # the worlds that it learns in, without the target
         if dataset is not None and shown is not None:
             others.append(made_in(dataset))
             say(f"{int(shown.done.sum())} demonstrations that succeeded")
@@ -160,9 +165,7 @@ def finetune(
 
 
 def trained_at(policy: NetPolicy) -> float:
-    """Give the learning rate of a policy's training, by its record; of its recipe's default where the record has
-    none.
-    """
+    """Return the learning rate that a policy's record states, or its recipe's default where it states none."""
     if "lr" in policy.meta:
         return float(policy.meta["lr"])
     imitated = policy.meta.get("recipe") == "distill"
@@ -183,7 +186,15 @@ def finetune_in_worlds(
     seed: int,
     **more: Any,
 ) -> Path:
-    """`finetune` between two worlds by name or file; a policy's own stack, directions and cameras are kept."""
+    """Run `finetune` with worlds by name or file; the policy's stack, directions and cameras are kept.
+
+    Args:
+        source, out, settings, seed: as for `finetune`.
+        world: name or file of the target world.
+        training: name or file of the world that the policy was trained in; None for the one in its record.
+        teacher: policy folder of the teacher, or `expert`.
+        more: further keyword arguments of `finetune`.
+    """
     policy = load(source)
     training = training or home(policy)
     return finetune(

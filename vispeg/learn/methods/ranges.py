@@ -1,4 +1,4 @@
-"""How far training's episodes may leave nominal, from step to step. Evaluations are always at the full ranges."""
+"""Open the world's ranges while a run trains. Evaluations always draw from the full ranges."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from vispeg.core.errors import UserError
 from vispeg.worlds.adaptive import Adaptive, Schedule
 from vispeg.worlds.randomized import RandomizedWorld
 
-Levels = float | dict[str, float]  # of all ranges, or by label
+Levels = float | dict[str, float]  # level of all ranges, or of each by label: 0 is the nominal world, 1 the full range
 
 
 class Opening:
-    """Ranges that open while a run goes on: `schedule` by its steps, `adaptive` as its policy copes.
+    """Open ranges while a run trains: `schedule` by its steps, `adaptive` by its policy's success.
 
-    They are open whole while actions are random, because what is seen then sets the networks' input scales for good.
+    They are fully open during the random actions at the start, because those observations set the networks' input
+    scales for the whole run.
 
     Args:
         kind: `schedule` or `adaptive`.
-        world: whose ranges they are.
-        steps: of the run.
-        random: steps of random actions that it begins with.
+        world: the world with the ranges.
+        steps: the run's number of steps.
+        random: number of steps with random actions at the start.
 
     Raises:
         UserError: nothing varies in this world.
@@ -36,16 +37,16 @@ class Opening:
             raise UserError("nothing varies in this world", key="ranges", expected="full", got=kind)
         self.adaptive = adaptive if kind == "adaptive" else None
         self.schedule, self.steps, self.random = Schedule(), steps, random
-        self.levels: Levels = 1.0  # of the episodes that begin next
-        self.drawn: list[Levels] = []  # of each row's present episode
+        self.levels: Levels = 1.0  # levels of the episodes that begin next
+        self.drawn: list[Levels] = []  # levels of each row's present episode
 
     def begin(self, env: VecEnv, step: int) -> None:
-        """Note that all rows are about to be reset at this step of the run."""
+        """Set the levels before all rows are reset at this step of the run."""
         self._set(env, step)
         self.drawn = [self.levels] * env.num_envs
 
     def after(self, env: VecEnv, step: int, dones: np.ndarray, infos: Sequence[Mapping[str, Any]]) -> None:
-        """Update after a step of every row, rows that are done (n,) have already been reset."""
+        """Update the levels after a step of every row; rows with `dones` (n,) have already been reset."""
         for row in np.flatnonzero(dones).tolist():
             drawn, self.drawn[row] = self.drawn[row], self.levels
             if self.adaptive is not None and isinstance(drawn, dict):
@@ -54,15 +55,15 @@ class Opening:
 
     @property
     def level(self) -> float:
-        """Of the episodes that begin next, 0 to 1; of ranges that go each by itself, the mean."""
+        """The level of the episodes that begin next, 0 to 1; the mean over ranges that have levels of their own."""
         return float(np.mean([*self.levels.values()])) if isinstance(self.levels, dict) else self.levels
 
     def state(self) -> Mapping[str, object]:
-        """For a checkpoint, as JSON. A run that is prolonged keeps its schedule."""
+        """Return the state for a checkpoint, as JSON data. It has the steps, so a prolonged run keeps its schedule."""
         return {"steps": self.steps, **(self.adaptive.state() if self.adaptive is not None else {})}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Goes on from what `state` gave. Raises UserError if that is of a world with other ranges."""
+        """Restore what `state` returned. Raises UserError if it comes from a world with other ranges."""
         self.steps = int(state["steps"])
         if self.adaptive is not None:
             self.adaptive.restore(state)

@@ -1,6 +1,6 @@
-"""The recipes that begin with a teacher: `distill`, and `distill+sac` which goes on with reinforcement."""
+"""The recipes that begin with a teacher or a dataset: `distill`, and `distill+sac`, which then reinforces with SAC."""
 
-# SB3 declares its networks and observations more widely than what stands in them here.
+# SB3 declares wider types for its networks and observations than those used here.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from vispeg.learn.teacher import Teacher, teacher_of
 def distilled(
     config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool, teacher: Teacher | None = None
 ) -> Path:
-    """Distils, then reinforces if the recipe says so; returns the best policy's folder.
+    """Distil, then train with SAC if the recipe says so; return the best policy's folder.
 
-    Rounds that a killed distillation finished in the folder are not done again.
+    Rounds that a killed distillation has finished in the folder are not repeated.
 
     Args:
-        config: with `teacher` or `dataset` set, unless `teacher` is given.
-        folder: of the run.
-        make: environments; by default those of the configuration's world.
-        show: whether to tell of progress on stderr.
-        teacher: in place of the configuration's.
+        config: the run's configuration; it must name `teacher` or `dataset`, unless `teacher` is passed.
+        folder: the run's folder.
+        make: makes the environments; None for those of the configuration's world.
+        show: whether to print progress to stderr.
+        teacher: replaces the configuration's teacher.
 
     Raises:
         UserError: there is neither teacher nor dataset, or it does not fit the task.
@@ -66,7 +66,7 @@ def distilled(
     before: RoundResult = rounds.state or {}
     if "best" in before and "command" in before:
         run.best, run.command = (before["best"][0], before["best"][1]), before["command"]
-    reached = int(before.get("reached", 0))  # rounds in a row, as of SAC's own evaluations afterwards
+    reached = int(before.get("reached", 0))  # number of latest rounds in a row that reached the target
     table = Table(folder / "progress.csv", 0, rounds.done)
     logger = curves(folder, config)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
@@ -98,7 +98,7 @@ def distilled(
 
 
 def distill_settings(overrides: Any) -> DistillSettings:
-    """Give settings with some replaced. Raises UserError for an unknown key."""
+    """Return DistillSettings with these values replaced. Raises UserError for an unknown key."""
     choices = [f.name for f in fields(DistillSettings) if f.name != "clone"]
     for key in overrides:
         if key not in choices:

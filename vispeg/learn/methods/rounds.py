@@ -1,4 +1,4 @@
-"""Finished rounds of a distillation on disk, so that a killed one goes on with the same curve. No pickle."""
+"""Store the finished rounds of a distillation, so that a killed one resumes with the same curve. No pickle."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from vispeg.learn.experience.replay import Replay
 from vispeg.learn.networks.actor import Actor
 from vispeg.learn.networks.tensors import adam, fill, wake, write
 
-ROUNDS = "rounds"  # of a distillation that is not finished, in the run's folder
+ROUNDS = "rounds"  # folder inside the run's folder; deleted once the run is finished
 
 
 class RoundResult(TypedDict):
-    """What is known after a round.
+    """The result of a round.
 
     Keys:
-        best: success and less force of the best student so far.
-        command: that began the run.
-        reached: rounds in a row that reached the target.
-        stop: whether no more rounds follow.
+        best: success rate, and mean peak force in N with a minus sign, of the best student so far.
+        command: the command line that began the run.
+        reached: number of latest rounds in a row that reached the target.
+        stop: whether this was the last round.
     """
 
     best: NotRequired[list[float]]
@@ -38,18 +38,18 @@ class RoundResult(TypedDict):
 
 
 class RoundState(RoundResult):
-    """The same, how many rounds are finished, and the file of the last one's weights."""
+    """A round's result, with the number of finished rounds and the file of the last one's weights."""
 
     rounds: int
     student: str
 
 
 class Rounds:
-    """The rounds in a folder: each one's transitions, and the student with its optimizer after the last.
+    """The finished rounds in a folder: each one's transitions and student, with the state of the optimizer.
 
     Args:
-        folder: `rounds/` of a run; made by the first `keep`.
-        like: a ring of the spaces that the stored ones have.
+        folder: `rounds/` in a run's folder; the first `keep` makes it.
+        like: a ring with the observation and action spaces of the stored ones.
     """
 
     def __init__(self, folder: Path, like: Replay):
@@ -57,7 +57,7 @@ class Rounds:
 
     @property
     def state(self) -> RoundState | None:
-        """The arguments of `keep` at the last finished round; None before the first.
+        """The result passed to `keep` after the last finished round, with its number and file; None before the first.
 
         Raises:
             UserError: the file is damaged.
@@ -71,12 +71,19 @@ class Rounds:
 
     @property
     def done(self) -> int:
-        """How many rounds are finished."""
+        """The number of finished rounds."""
         state = self.state
         return 0 if state is None else state["rounds"]
 
     def keep(self, ring: Replay | None, actor: Actor, optimizer: torch.optim.Optimizer, result: RoundResult) -> None:
-        """Store one more round. `result` (JSON) comes back as `state`, which is written last: only then it counts."""
+        """Store one more round; it counts as finished once its `state`, written last, is there.
+
+        Args:
+            ring: its transitions; None where nothing was played.
+            actor: the student after the round.
+            optimizer: Adam after the round.
+            result: JSON data that `state` returns.
+        """
         done = self.done
         self.folder.mkdir(exist_ok=True)
         if ring is not None:
@@ -87,14 +94,14 @@ class Rounds:
         write_text_atomic(self.folder / "state.json", text, overwrite=True)
 
     def rings(self) -> list[Replay]:
-        """Give what was played in the finished rounds, of which each has a ring. Raises UserError where one lacks."""
+        """Return the transitions of each finished round. Raises UserError where a round's are missing."""
         return [kept_ring(self.folder / f"ring-{number}", self.like) for number in range(self.done)]
 
     def restore(self, actor: Actor, optimizer: torch.optim.Optimizer) -> None:
-        """Put student, optimizer and torch's generator where the last round left them, if there was one.
+        """Restore student, optimizer and torch's random state as after the last round, if there was one.
 
         Raises:
-            UserError: a file is missing, damaged, or of another student.
+            UserError: a file is missing or damaged, or the student has other shapes.
         """
         state = self.state
         if state is None:
@@ -111,14 +118,14 @@ class Rounds:
 
 
 def keep_ring(ring: Replay, folder: Path) -> None:
-    """Store transitions, with the size of the ring that they need."""
+    """Store a ring's transitions and its size."""
     with new_folder(folder, overwrite=True, holds=None) as place:
         ring.save(place)
         (place / "ring.json").write_text(json.dumps({"length": ring.length, "n_envs": ring.n_envs}) + "\n")
 
 
 def kept_ring(folder: Path, like: Replay) -> Replay:
-    """Give the transitions that `keep_ring` stored, for another ring's spaces. Raises UserError if they do not fit."""
+    """Return the ring that `keep_ring` stored; `like` has its spaces. Raises UserError if the two do not fit."""
     with as_written(folder / "ring.json", "vispeg train"):
         size = read_json(folder / "ring.json")
         length, rows = int(size["length"]), int(size["n_envs"])

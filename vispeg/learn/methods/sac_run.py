@@ -1,6 +1,6 @@
 """One training run with SAC: environments, model, checkpoints, evaluations and the best policy so far."""
 
-# SB3 declares its networks and observations more widely than what stands in them here.
+# SB3 declares wider types for its networks and observations than those used here.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from vispeg.learn.run_folder import begun_by
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.worlds.randomized import RandomizedWorld
 
-DIVERGED = "diverged"  # folder of a run's episodes that stopped being finite, to be played again
-EVALUATION_ROWS = 25  # environments an evaluation steps together, at most
+DIVERGED = "diverged"  # folder for a run's episodes whose simulation diverged, to be replayed
+EVALUATION_ROWS = 25  # largest number of environments that an evaluation steps together
 
 
 class SacRun:
     """One run in its folder; see `train` and `resume`.
 
     Args:
-        config: what to do.
-        folder: of the run.
-        make: environments; by default those of the configuration's world.
-        show: whether to tell of progress on stderr.
+        config: the run's configuration.
+        folder: the run's folder.
+        make: makes the environments; None for those of the configuration's world.
+        show: whether to print progress to stderr.
     """
 
     def __init__(
@@ -69,7 +69,8 @@ class SacRun:
         self.env, self.judge = self._environments()
         self.opening: Opening | None = None
         if config.ranges != "full":
-            drawn = getattr(self.env.env, "sim", self.env.env)  # whose world is without what no camera sees
+            # the simulation's world has the physical effects only, not those on looks and cameras
+            drawn = getattr(self.env.env, "sim", self.env.env)
             world = getattr(drawn, "world", RandomizedWorld())
             self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
         device = device_of(config.device)
@@ -100,12 +101,12 @@ class SacRun:
         return Sb3Env(env), judge
 
     def resume(self) -> None:
-        """Put everything where the last checkpoint left it. Raises UserError where there is none."""
+        """Restore the last checkpoint. Raises UserError where there is none."""
         folder = self.folder / "checkpoints" / "last"
         if not folder.is_dir():
             raise UserError("there is no checkpoint to go on from", file=folder)
         counters = load_state(folder, self.model)
-        self.command = counters.get("command", self.command)  # what made the policy; to resume alone would make none
+        self.command = counters.get("command", self.command)  # the command that began the run, not this one
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]
         self.recent.extend((bool(success), str(category)) for success, category in counters["recent"])
         if self.opening is not None and counters.get("ranges"):
@@ -128,7 +129,7 @@ class SacRun:
         self.model.restart(restart_seed(self.config.seed, self.model.num_timesteps))
 
     def run(self) -> Path:
-        """Trains to the end of the configuration's steps; returns the folder of the best policy."""
+        """Train until the configuration's steps or its target success are reached; return the best policy's folder."""
         c, model = self.config, self.model
         table = Table(self.folder / "progress.csv", model.num_timesteps)
         started = time.monotonic() - table.seconds
@@ -145,7 +146,7 @@ class SacRun:
                 level = None if self.opening is None else self.opening.level
                 row = self.row(outcomes, time.monotonic() - started)
                 row["train_success"], row["level"] = watch.success, level
-                table.add(row)  # first, because a row without its checkpoint is dropped again, and none is missing
+                table.add(row)  # before the checkpoint: a resumed run drops later rows
                 self._note(row)
                 record(logger, row, "eval", model.num_timesteps)
                 bar.say(line(row))
@@ -154,19 +155,19 @@ class SacRun:
         return self.close()
 
     def close(self) -> Path:
-        """Frees the environments; returns the folder of the best policy."""
+        """Close the environments; return the best policy's folder, or that of the last checkpoint if there is none."""
         self.env.close()
         self.judge.close()
         best = self.folder / "checkpoints" / "best"
         return best if best.is_dir() else self.folder / "checkpoints" / "last"
 
     def evaluate(self) -> list[Outcome]:
-        """Episodes of the present actor on held-out seeds, without exploring."""
+        """Play the present actor on held-out seeds, without exploration noise; return the outcomes."""
         policy = NetPolicy(self.model.actor, self.modality.name)
         return run_episodes(policy, self.judge, range(HELD_OUT, HELD_OUT + self.config.episodes))
 
     def row(self, outcomes: list[Outcome], seconds: float) -> Row:
-        """Give a row of progress.csv."""
+        """Return a row of progress.csv for these outcomes, after this many seconds of the run."""
         values = self.model.logger.name_to_value
         return {
             "steps": self.model.num_timesteps,
@@ -185,10 +186,14 @@ class SacRun:
         }
 
     def keep(self, row: Row, contender: bool = True) -> None:
-        """Export the actor, and as the best if it did better than ever: more successes, or as many with less force.
+        """Save the actor as `checkpoints/steps-N` (`updates-N` at step 0), and as `checkpoints/best` if it is better.
 
-        Every evaluation's actor is kept, bad ones too: how well success at home foretells success elsewhere is only
-        known from policies that differ.
+        It is better with more successes, or with as many and a smaller mean peak force. Every evaluation's actor is
+        kept, because a study of how success in one world predicts success in another needs policies of all qualities.
+
+        Args:
+            row: the evaluation's row of progress.csv.
+            contender: whether it may become the best.
         """
         places = [f"steps-{row['steps']}" if row["steps"] else f"updates-{row['updates']}"]
         score = row["success"], -row["peak_force"]
@@ -200,7 +205,7 @@ class SacRun:
                 save(place, self.model.actor, self.modality.name, self.meta(row))
 
     def _note(self, row: Row) -> None:
-        """Keep the best, move the curriculum on, write the checkpoint."""
+        """Save the policy, update the curriculum, write the checkpoint."""
         success, last = row["success"], self.course.last
         self.keep(row, last)
         self.reached = self.reached + 1 if last and success >= self.config.target else 0
@@ -237,7 +242,7 @@ class SacRun:
 
 
 def line(row: Row) -> str:
-    """Give a row of progress.csv for a terminal."""
+    """Return a row of progress.csv as a line for the terminal."""
     opened = "" if (level := row.get("level")) is None else f"  ranges {level:4.0%}"
     return (
         f"{row['steps']:>8} steps {row['seconds']:6.0f} s  success {row['success']:4.0%}  "

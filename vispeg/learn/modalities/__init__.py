@@ -1,4 +1,4 @@
-"""What a policy may see. One file a modality; a new file here is all it takes to add one."""
+"""Modalities: what a policy may see. Each has its own file; to add one, add a file here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from vispeg.core.errors import UserError
 
-if TYPE_CHECKING:  # what is known of a modality that sees no images needs no torch
+if TYPE_CHECKING:  # modalities without images must load without torch
     from torch import nn
 
 _REGISTRY: dict[str, Modality] = {}
@@ -18,16 +18,17 @@ _REGISTRY: dict[str, Modality] = {}
 
 @dataclass(frozen=True)
 class Modality:
-    """One way of seeing the task.
+    """What a policy sees of the task.
 
     Attributes:
-        name: as in `vispeg train LABEL-NAME`.
-        obs_mode: what the environment is asked to observe.
-        kinds: prefixes of the image keys that are read: `depth`, `rgb`.
-        encoder: (key, (C, H, W)) -> a module from raw images (n, C, H, W) to (n, features) with an attribute
-            `features`.
-        summary: one line for people.
-        knows: whether it also reads what a teacher may of the ground truth (`privileged`), which no robot has.
+        name: its name, as in `vispeg train LABEL-NAME`.
+        obs_mode: the environment's observation mode.
+        kinds: kinds of images that it reads, any of `depth` and `rgb`: the prefixes of their keys.
+        encoder: function of a key and a shape (C, H, W); returns a module from raw images (n, C, H, W) to (n,
+            features), with an attribute `features`.
+        summary: description in one line.
+        knows: whether it also reads the part of the ground truth (`privileged`) that is meant for teachers; no robot
+            has it.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Modality:
 
 
 def enrol(modality: Modality) -> Modality:
-    """Make a modality known by its name. Raises UserError where another has it."""
+    """Register a modality. Raises UserError where another has its name."""
     if modality.name in _REGISTRY:
         raise UserError("two modalities share a name", got=modality.name)
     _REGISTRY[modality.name] = modality
@@ -47,14 +48,16 @@ def enrol(modality: Modality) -> Modality:
 
 
 def names() -> tuple[str, ...]:
-    """All modalities."""
+    """Return the names of all modalities, sorted."""
     _load()
     return tuple(sorted(_REGISTRY))
 
 
 def modality(name: str) -> Modality:
-    """Give the modality of that name; a file of that name is looked into first. Raises UserError that lists the
-    choices.
+    """Return the modality of that name; its file is imported if need be.
+
+    Raises:
+        UserError: no such modality; the error lists the choices.
     """
     if name not in _REGISTRY and name in _files():
         importlib.import_module(f"{__name__}.{name}")
@@ -75,5 +78,5 @@ def _load() -> None:
 
 
 def blind(key: str, shape: tuple[int, int, int]) -> nn.Module:
-    """Give the encoder of a modality without images."""
+    """Raise UserError: the encoder of modalities without images."""
     raise UserError("this modality sees no images", key=key, got=shape)

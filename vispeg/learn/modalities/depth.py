@@ -8,20 +8,21 @@ from torch import Tensor
 from vispeg.learn.modalities import Modality, enrol
 from vispeg.learn.networks.nets import ConvEncoder
 
-NEAR_M, FAR_M = 0.0, 0.4  # what a wrist camera looks at; what lies beyond is background
+NEAR_M, FAR_M = 0.0, 0.4  # depth range of a wrist camera's subject; farther pixels are background
 
 
 class DepthEncoder(ConvEncoder):
-    """Metres in, where 0 and NaN mean no reading; scaled to -1 to 1 over the range of interest, no rounding.
+    """Encode depth in metres, in which 0 and NaN stand for no reading.
 
-    A second channel says where there was a reading, so that a gap in the image is not a near surface.
+    Depth from NEAR_M to FAR_M is scaled to -1 to 1. A second channel is 1 where there is a reading, so that a gap is
+    not taken for a surface.
     """
 
     def __init__(self, shape: tuple[int, int, int], features: int = 64):
         super().__init__((2 * shape[0], *shape[1:]), features)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, 1, H, W) in metres -> (n, features)."""
+        """Return features (n, features) of depth images (n, 1, H, W) in metres."""
         valid = (x > 0).to(x.dtype)  # False for NaN too
         z = torch.nan_to_num(x).clamp(NEAR_M, FAR_M)
         scaled = ((z - NEAR_M) * (2 / (FAR_M - NEAR_M)) - 1) * valid

@@ -1,7 +1,7 @@
-"""Privileged: the state, and what a robot cannot know of contact and physics. A teacher that knows.
+"""Privileged: the state, and quantities of contact and physics that a robot cannot know. For teachers.
 
-It reads no more of the ground truth than that (terms that a task shows to a `teacher`): one that read all of it, the
-goal's place in the cell and the time too, learned more slowly (docs/results/training_options.md).
+Of the ground truth it reads only the terms that a task shows to a `teacher`. A policy that read all of it, with the
+goal's place in the cell and the time, learned more slowly (docs/results/training_options.md).
 """
 
 from vispeg.learn.modalities import Modality, blind, enrol

@@ -1,4 +1,4 @@
-"""Proprioception alone: no idea where the goal is. The blind control of every comparison of policies that see."""
+"""Proprioception alone, without the goal's place: the control to compare policies with images against."""
 
 from vispeg.learn.modalities import Modality, blind, enrol
 

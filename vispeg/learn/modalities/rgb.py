@@ -9,10 +9,10 @@ from vispeg.learn.networks.nets import ConvEncoder
 
 
 class RgbEncoder(ConvEncoder):
-    """uint8 colours in, scaled to -1 to 1."""
+    """Encode uint8 colour images, scaled to -1 to 1."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, 3, H, W) in 0-255 -> (n, features)."""
+        """Return features (n, features) of colour images (n, 3, H, W), 0 to 255."""
         return super().forward(x.float() * (2 / 255) - 1)
 
 

@@ -1,4 +1,4 @@
-"""Colour and depth images of the same cameras, an encoder each."""
+"""Colour and depth images of the same cameras, with one encoder for each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vispeg.render.image_kinds import DEPTH, kind_of
 
 
 def encoder(key: str, shape: tuple[int, int, int]) -> ConvEncoder:
-    """Make the encoder of one image, by its key's kind."""
+    """Make the encoder of one image, depth or colour by its key."""
     return DepthEncoder(shape) if kind_of(key) is DEPTH else RgbEncoder(shape)
 
 

@@ -1,4 +1,4 @@
-"""State: the position relative to where the target is believed to be. The teacher."""
+"""State: the tip's position relative to the target's believed place. For teachers."""
 
 from vispeg.learn.modalities import Modality, blind, enrol
 

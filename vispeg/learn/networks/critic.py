@@ -1,4 +1,4 @@
-"""The critics: Q functions of action and ground truth, without images, or of action and the actor's observations."""
+"""Critics: Q functions of the action and of ground truth, or of the action and the actor's observations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.learn.networks.nets import Scale, mlp, random_shift
 
 
 class Critic(nn.Module):
-    """Two independent Q(s, a), so that the smaller of the two bounds the overestimate (clipped double Q).
+    """Two independent Q(s, a); the smaller of the two limits overestimation (clipped double Q).
 
     Args:
         sizes: length of each observed vector, by key, in the order in which they are read.
@@ -44,10 +44,10 @@ class Critic(nn.Module):
         return torch.cat([obs[key] for key in self.keys], dim=-1)
 
     def forward(self, obs: Mapping[str, Tensor], action: Tensor, shift: int = 0) -> Tensor:
-        """Return Q values (..., 2); images are shifted randomly by up to `shift` px."""
+        """Return the two Q values (..., 2); images are shifted at random by up to `shift` px."""
         parts = [self.scale(self.inputs(obs))]
         for key, encoder in self.encoders.items():
-            images = obs[key].flatten(0, -4)  # (time, n) of sequences
+            images = obs[key].flatten(0, -4)  # sequences have leading axes (time, n)
             parts.append(encoder(random_shift(images, shift)).unflatten(0, obs[key].shape[:-3]))
         x = torch.cat([*parts, action], dim=-1)
         return torch.cat([net(x) for net in self.nets], dim=-1)

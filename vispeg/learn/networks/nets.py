@@ -10,9 +10,9 @@ from torch.nn import functional as F
 
 
 def mlp(inputs: int, hidden: Sequence[int]) -> nn.Sequential:
-    """Linear, LayerNorm, ReLU for each hidden width.
+    """Return a perceptron with Linear, LayerNorm and ReLU for each hidden width.
 
-    The normalisation bounds what a value network makes of actions it never saw (Ball et al. 2023, arXiv:2302.02948).
+    The normalisation bounds a value network's output for actions it never saw (Ball et al. 2023, arXiv:2302.02948).
     """
     layers: list[nn.Module] = []
     for width in hidden:
@@ -22,9 +22,14 @@ def mlp(inputs: int, hidden: Sequence[int]) -> nn.Sequential:
 
 
 class Scale(nn.Module):
-    """Normalises inputs to zero mean and unit standard deviation, with constants that are set once.
+    """Normalise inputs to zero mean and unit standard deviation, with constants that `measure` sets once.
 
-    Running statistics would also shift a value network's targets; these constants come from the first random motions.
+    Running statistics would shift a value network's targets during training.
+
+    Args:
+        size: length of the input.
+        floor: smallest standard deviation to divide by.
+        limit: outputs are clamped to +-limit.
     """
 
     mean: Tensor
@@ -37,12 +42,12 @@ class Scale(nn.Module):
         self.register_buffer("spread", torch.ones(size))
 
     def measure(self, x: Tensor) -> None:
-        """Set the numbers from samples (n, size); a spread below `floor` counts as `floor`."""
+        """Set mean and standard deviation from samples (n, size)."""
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(self.floor))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, size) -> the same shape, within +-limit."""
+        """Return the normalised inputs (n, size), within +-limit."""
         return ((x - self.mean) / self.spread).clamp(-self.limit, self.limit)
 
 
@@ -50,7 +55,7 @@ class ConvEncoder(nn.Module):
     """Three convolutions of stride 2 and 16, 32, 32 channels, then Linear, LayerNorm and tanh (DrQ's head).
 
     Args:
-        shape: (C, H, W) of what `forward` is given, after the modality has turned it into numbers of order one.
+        shape: (C, H, W) of the input of `forward`, whose values should be of order 1.
         features: length of the output.
     """
 
@@ -66,7 +71,7 @@ class ConvEncoder(nn.Module):
             nn.ReLU(),
             nn.Flatten(),
         )
-        # Channels last takes half the time of channels first on a CPU.
+        # On a CPU, channels last takes half the time of channels first.
         self.conv = conv.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         for _ in range(3):
             height, width = (height + 1) // 2, (width + 1) // 2
@@ -74,17 +79,17 @@ class ConvEncoder(nn.Module):
         self.features = features
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, C, H, W) -> (n, features), each within +-1."""
+        """Return features (n, features) within +-1 of images (n, C, H, W)."""
         return self.head(self.conv(x.contiguous(memory_format=torch.channels_last)))
 
 
 def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
-    """Images moved by a random whole number of pixels, up to `pixels` on either axis; edges are repeated.
+    """Return images shifted by a random whole number of pixels on each axis; pixels at the edges are repeated.
 
     Args:
         x: (n, C, H, W), any type.
-        pixels: 0 leaves the images as they are.
-        groups: neighbours in the batch share one of this many shifts, which makes it a handful of copies.
+        pixels: largest shift; 0 returns the images themselves.
+        groups: number of shifts that are drawn; each applies to a run of neighbours in the batch, which saves time.
     """
     if pixels == 0:
         return x
@@ -99,7 +104,7 @@ def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
 
 
 def soft_update(target: nn.Module, source: nn.Module, tau: float) -> None:
-    """Target <- (1 - tau) target + tau source, for all parameters at once."""
+    """Set target <- (1 - tau) target + tau source, for all parameters at once."""
     with torch.no_grad():
         torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
             list(target.parameters()), list(source.parameters()), tau
@@ -107,5 +112,5 @@ def soft_update(target: nn.Module, source: nn.Module, tau: float) -> None:
 
 
 def huber(x: Tensor, y: Tensor) -> Tensor:
-    """Mean Huber loss with its corner at 0.1, in the units of x."""
+    """Return the mean Huber loss; it is quadratic up to a difference of 0.1, in the units of x."""
     return F.huber_loss(x, y, delta=0.1)

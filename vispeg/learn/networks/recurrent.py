@@ -13,7 +13,7 @@ from torch import Tensor
 from vispeg.learn.experience.replay import Batch, Images, Replay
 from vispeg.learn.networks.actor import Actor
 
-PER_EPISODE = 32  # one episode replaces so many transitions of a batch
+PER_EPISODE = 32  # number of transitions in a batch that one episode replaces
 
 
 def draw(

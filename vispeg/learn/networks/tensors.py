@@ -1,4 +1,4 @@
-"""Tensors of networks and of Adam by name, for files without pickle."""
+"""Name the tensors of networks and of Adam, to store them without pickle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.core.errors import UserError
 
 
 def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
-    """Return Adam's state as `adam.NAME.PARAMETER.KEY`, not copied, without parameters that never had a gradient."""
+    """Return Adam's state as {`adam.NAME.PARAMETER.KEY`: tensor}, not copied; only parameters that had a gradient."""
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
     return {
         f"adam.{name}.{number}.{key}": value
@@ -23,7 +23,7 @@ def adam(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
 
 
 def wake(optimizer: torch.optim.Optimizer) -> None:
-    """Make Adam's moments exist, as zeros and without moving a weight, so that they can be filled."""
+    """Create Adam's moments as zeros, without changing a weight, so that `fill` can set them."""
     for group in optimizer.param_groups:
         for parameter in group["params"]:
             optimizer.state[parameter] = {
@@ -34,15 +34,20 @@ def wake(optimizer: torch.optim.Optimizer) -> None:
 
 
 def write(path: Path, tensors: Mapping[str, Tensor]) -> None:
-    """Write tensors of any device as safetensors."""
+    """Write tensors on any device to a safetensors file."""
     save_file({name: value.detach().cpu().contiguous() for name, value in tensors.items()}, path)
 
 
 def fill(wanted: Mapping[str, Tensor], stored: Mapping[str, Tensor], file: Path) -> None:
-    """Copy what was found into the tensors of the same names; moments that were not stored stay as they are.
+    """Copy the stored values into the tensors of the same names; moments that were not stored stay as they are.
+
+    Args:
+        wanted: tensors to fill, by name.
+        stored: values, by name.
+        file: file of the values, for the error.
 
     Raises:
-        UserError: a tensor lacks, is too many, or has another shape; nothing was copied.
+        UserError: a tensor is missing, has another shape, or is not wanted; then nothing was copied.
     """
     expected = {name: value for name, value in wanted.items() if name in stored or not name.startswith("adam.")}
     if {k: v.shape for k, v in expected.items()} != {k: v.shape for k, v in stored.items()}:
