@@ -1,7 +1,7 @@
 """Contact tasks: an arm under operational space control, a cell, a goal, and what may differ between worlds.
 
-A task of the package's own is a room here with a file `task.py`; its `__init__` enrols its environments with gymnasium
-and says in `TASK` which class it is, as MODULE:CLASS, and in `UNNAMED` whether worlds that name no task are of it.
+Each task of the package is a subpackage here with a file `task.py`. Its `__init__` registers its environments with
+gymnasium and defines `TASK`, its class as MODULE:CLASS, and `UNNAMED`: whether it is the task of worlds that name none.
 """
 
 from importlib import import_module

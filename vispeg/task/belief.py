@@ -1,6 +1,6 @@
-"""What a user believes to stand around the arm, built: a task's cell, or the bench that the robot's own file shows.
+"""Build the surroundings of the arm as the user believes them to be: a task's cell, or the scene in the robot's file.
 
-A cell is the MuJoCo scene, the task's settings, and the effects that are believed.
+A cell consists of the MuJoCo scene, the task's settings, and the effects that the user believes to be present.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from vispeg.worlds.randomized import RandomizedWorld
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
-DEFAULT = "nominal"  # the world of a belief that names none
+DEFAULT = "nominal"  # world of a belief that names no world
 
 
 @dataclass(frozen=True, eq=False)
 class Believed:
-    """A belief, built.
+    """A belief about the cell, as a model.
 
     Attributes:
-        scene: arm, tool, what it holds, fixture and table, all of them nominal; `scene.nominal` is the arm with what it
-            carries alone.
-        config: the task's settings: geometry and contact, and its controller.
-        world: the robot and the believed effects, to be placed on the scene.
+        scene: nominal arm, tool, held part, fixture and table; `scene.nominal` is the arm and what it carries, without
+            surroundings.
+        config: the task's settings: geometry, contact and controller.
+        world: the robot and the believed effects, which are applied to the scene.
     """
 
     scene: Scene
@@ -52,12 +52,12 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
 
     Args:
         cell: what is believed.
-        file: where it was stated, for errors.
-        robot: whose cell it is: the arm of a cell that names none itself.
+        file: the file that states the belief, for error messages.
+        robot: name or path of the robot; a cell that names no robot gets this one.
 
     Raises:
-        UserError: no such world, an unknown key, geometry that cannot be, no such effect or place, a cell of another
-            robot, or a bench, which has no task.
+        UserError: no such world, an unknown key, impossible geometry, no such effect or place, a cell that names
+            another robot, or a bench, which has no task.
     """
     cell = cell or CellBelief()
     at = str(file) if file is not None else None
@@ -87,22 +87,22 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
 
 
 def recorded_cell(rec: Recording) -> Believed:
-    """Give the task's cell that a recording states, with its robot. Raises UserError as `believed`, naming its file."""
+    """Build the task's cell that a recording states, with its robot. Raises UserError as `believed` does."""
     return believed(rec.cell, rec.path / "recording.yaml", rec.robot)
 
 
 def model_cell(world: World) -> Believed:
-    """Give the task's cell of a model, with its robot. Raises UserError as `believed`."""
+    """Build the task's cell of a model, with its robot. Raises UserError as `believed` does."""
     return believed(world.cell, robot=world.robot)
 
 
 def bench_of(world: World) -> Scene:
-    """Return the scene of a model without a task's cell: the arm and the surroundings in its robot's own file."""
+    """Return the scene of a model without a task's cell: the arm and the surroundings in the robot's own file."""
     return bench(load(world.robot, tool=world.tool))
 
 
 def scene_of(world: World, rec: Recording) -> Scene:
-    """Return the scene that a recording's cameras see according to a model: its cell, or its robot's own bench.
+    """Return the scene that a recording's cameras see according to a model: its cell, or the scene in its robot's file.
 
     Raises:
         UserError: as `believed`.
@@ -114,12 +114,12 @@ def scene_of(world: World, rec: Recording) -> Scene:
 
 
 def _same(robot: str, other: str) -> bool:
-    """Whether two names or paths are of one robot."""
+    """Return whether two names or paths denote the same robot."""
     return robot == other or (is_path(robot) and is_path(other) and Path(robot).resolve() == Path(other).resolve())
 
 
 def fixed(world: RandomizedWorld) -> list[EffectInstance]:
-    """Return the effects of a world that are the same in every episode; randomized effects are no part of a belief."""
+    """Return the effects of a world that are the same in every episode: a belief has no randomized effects."""
     same = [r for r in world.ranges if r.chance == 1.0 and all(isinstance(v, int | float) for v in r.params.values())]
     return [*world.base.effects, *(EffectInstance.of(r.effect, r.where, **dict(r.params)) for r in same)]  # type: ignore[arg-type]
 
@@ -138,10 +138,10 @@ def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | No
 
 
 def cell_of(world: World, rec: Recording) -> CellBelief | None:
-    """Give the cell of a recording under a model: the model's, or where that leaves it open (OPEN_CELL) the
-    recording's.
+    """Return the cell in which a model places a recording: the model's own, or the recording's if that is OPEN_CELL.
 
-    None where the model has no task's cell: what it shows is its robot's own file.
+    Return None for the scene in the robot's own file: if the model has no cell, or if the recording states a bench to
+    an open one.
     """
     if world.cell is None or (world.cell.open and rec.cell is not None and rec.cell.bench):
         return None
@@ -149,7 +149,7 @@ def cell_of(world: World, rec: Recording) -> CellBelief | None:
 
 
 def of_world(name: str) -> World:
-    """Give the model that a world's name or file is: its arm with what the arm carries, and its cell as the belief.
+    """Return a built-in world or world file as a model: its arm with what it carries, and its cell as the belief.
 
     Raises:
         UserError: as for `believed`.
@@ -161,7 +161,10 @@ def of_world(name: str) -> World:
 
 
 def robot_of_world(world: World) -> RobotModel:
-    """Return the model to which effects apply: the scene of its cell or of its robot's own file, or the arm alone."""
+    """Return the robot model to which a world's effects apply.
+
+    This is the scene of its cell, else the scene in its robot's file if that shows surroundings, else the arm alone.
+    """
     if world.cell is not None:
         return model_cell(world).scene
     scene = bench_of(world)

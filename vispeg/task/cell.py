@@ -1,4 +1,4 @@
-"""The cell as a batch of plants whose rows begin anew one by one."""
+"""The cell as a batch of simulated plants, one per row, each of which can start a new episode on its own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.sim.plant import Plant
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
-CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields that other fields are derived from
+CONSTANT = frozenset(mujoco.MjModel._setconst_inputs)  # fields from which MuJoCo derives other fields
 BAD = [
     int(w)
     for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
@@ -25,17 +25,17 @@ BAD = [
 
 
 class Cell(Plant):
-    """Cells with effects, one a row; see Plant. Contact is resolved by MuJoCo's own semi-implicit step.
+    """Cells with effects, one per row; see Plant. Contact is resolved by MuJoCo's own semi-implicit step.
 
-    That step's positions are second order where its velocity is read as that of the half step and a command is taken
-    to begin in the middle of its first step. Plant also makes forces of velocity second order, at twice the cost of a
-    step; here friction, damping and Coriolis terms are half a step late.
+    Positions of that step are second order if its velocity is read as that of the half step and a command is taken to
+    begin in the middle of its first step. Plant also makes forces that depend on velocity second order, at twice the
+    cost of a step. Here such forces (friction, damping, Coriolis) lag by half a step.
 
     Args:
         scene: the nominal cell.
-        worlds: one a row, already drawn.
+        worlds: one per row, already drawn.
         h, tick, nthread: physics step (s), control period (s), threads.
-        names: effects that any row may ever have, so that a row that begins anew can have them.
+        names: effects that a row may have in any of its episodes.
     """
 
     def __init__(
@@ -48,14 +48,14 @@ class Cell(Plant):
         self.site_pos, self.site_mat = self.batch.bind("site_xpos"), self.batch.bind("site_xmat")
         self.sensors = self.batch.bind("sensordata")
         self.filtered, self.mean = False, np.zeros_like(self.sensors)
-        self._held_by = scene.slip  # the joint along which the held part may slip
+        self._held_by = scene.slip  # joint along which the held part may slip; "" if it cannot
         self.slip = self.model.joint(scene.slip).qposadr[0] if scene.slip else None
         self.qposes = np.arange(self.model.nq)[self.qadr]
         self.dofs = np.arange(self.model.nv)[self.vadr]
         self.bodies = self.model.dof_bodyid[self.dofs]
         self.warned = np.zeros(self.nsim, dtype=np.int64)
         self.external = np.zeros((self.nsim, 3))  # N, pushes at the flange, world frame
-        self.beside: np.ndarray | None = None  # (nsim, nj) N m, on the links beside all effects; None: never any
+        self.beside: np.ndarray | None = None  # (nsim, nj) N m, on the links, not from effects; None until first used
         self.outer = self.batch.bind("xfrc_applied")
         self.hand = int(self.model.site_bodyid[self.site["flange"]])
 
@@ -70,13 +70,20 @@ class Cell(Plant):
         return kind.absent((self.nsim, len(kind.targets(self.robot))))
 
     def begin(self, rows: np.ndarray, worlds: Sequence[World], q: np.ndarray, weight: np.ndarray) -> None:
-        """Rows (indices) begin anew at rest at q (len(rows), nj) rad, in new worlds, their drives carrying `weight`."""
+        """Start rows anew at rest, in new worlds.
+
+        Args:
+            rows: their indices.
+            worlds: one for each of them, already drawn.
+            q: (len(rows), nj) joint angles, rad.
+            weight: (len(rows), nj) N m, torque of the drives before their first command.
+        """
         drawn = {a.effect.name: a.p for a in activate(self.robot, worlds)}
         fresh = RowFields(self.model, len(rows))
         fields = Fields(fresh, self.robot)
-        # dry friction is also set step by step, by effects that do not write it
+        # some effects set dry friction in every step, although `writes` does not list it
         for name in {w for a in self.active for w in a.effect.writes} | {"dof_frictionloss"}:
-            if self.batch.expanded(name) is not None:  # else a value of the row's last episode would stay
+            if self.batch.expanded(name) is not None:  # else the value of the row's last episode would remain
                 fresh.expand(name)
         for a in self.active:
             new = drawn.get(a.effect.name)
@@ -110,19 +117,21 @@ class Cell(Plant):
         return self.batch.warning[:, BAD, 1].sum(axis=1)
 
     def unstable(self) -> np.ndarray:
-        """(nsim,) rows that MuJoCo found not finite and put back to the start since they began."""
+        """Return the rows (nsim,) bool that MuJoCo has reset since their episode began, for values that diverged."""
         return self._warnings() > self.warned
 
     def start(self, q: np.ndarray, dq: np.ndarray, weight: np.ndarray, inertia: np.ndarray) -> None:
-        """See Plant.start; a drive carries `weight` before its first command."""
+        """Start all rows, see Plant.start; `weight` is the torque of the drives before their first command."""
         self.last = weight.copy()
         self.wrench, self.axis = self.batch.bind("cfrc_int"), self.batch.bind("cdof")
         self.spring = self.batch.bind("qfrc_spring")
         super().start(q, dq, weight, inertia)
 
     def recorded(self) -> None:
-        """From now on contacts are found exactly, a held part does not creep, and sensors filter: contact chatters in
-        step with the controller, so that a reading at a tick's end alone is a biased sample.
+        """Switch to the settings for recordings: exact contacts, no creep of a held part, and filtered sensors.
+
+        A filtered reading is the mean over the steps of a control tick. Contact chatters in step with the controller,
+        so that a reading of a tick's last step alone would be biased.
         """
         exact(self.batch)
         self._firm()
@@ -133,23 +142,23 @@ class Cell(Plant):
             firm(self.batch, self.model, self._held_by)
 
     def felt(self) -> np.ndarray:
-        """Give what the wrist's force sensor says of the last step, or of the mean of the last tick where it is
-        `filtered`: (nsim, 6) N and N m that the tool puts on the flange, in the flange's frame. To be asked once a
-        control tick.
+        """Return the wrist sensor's reading: the wrench of the tool on the flange, flange frame, (nsim, 6) N and N m.
+
+        It is that of the last step or, if `filtered`, the mean over the last tick. Call it once per control tick.
         """
         return self.loop.feel(reaction(self.read_out[:, :6]), self.x)
 
     @property
     def read_out(self) -> np.ndarray:
-        """(nsim, k) sensors of the last step; where they are `filtered`, their mean over the steps of the last tick."""
+        """Sensor values (nsim, k) of the last step or, if `filtered`, their mean over the steps of the last tick."""
         return self.mean if self.filtered else self.sensors
 
     def gear_torque(self) -> np.ndarray:
-        """Torque (nsim, nj) N m that the gears handed to the links in the last step."""
+        """Return the torque (nsim, nj) N m that the gears transmitted to the links in the last step."""
         return self.x.tau if self.loop.acts else self._geared(self.beside)
 
     def advance(self, command: np.ndarray, nsub: int) -> None:
-        """`nsub` physics steps under the held command (nsim, nj) N m."""
+        """Simulate `nsub` physics steps under the held command (nsim, nj) N m."""
         if not self.filtered:
             return self._advance(command, nsub)
         self.mean = np.zeros_like(self.sensors)
@@ -164,12 +173,12 @@ class Cell(Plant):
         self.outer[:, self.hand, :3] = self.external
         if self.beside is not None:
             self.applied[:, self.vadr] = self.beside
-        if not self.loop.acts:  # nothing to be asked between the steps
+        if not self.loop.acts:  # no effect has to be evaluated in each step
             self._move(command)
             if nsub > 1:
                 self._move(command, nsub - 1)
             return
-        if self.loop.foreseen:  # the motion between the steps changes nothing
+        if self.loop.foreseen:  # the effects depend on the command alone, not on the motion within the tick
             for _ in range(nsub):
                 self._move(self.forces(command).drive)
             self.x.tau = self._geared(self.beside)
@@ -185,7 +194,10 @@ class Cell(Plant):
             self.x.tau = self._geared(total(forces.link, self.beside))
 
     def _move(self, tau: np.ndarray, nstep: int = 1) -> None:
-        """Step under the torque `tau` (nsim, nj) N m; the first kick spans half of the last step, half of this one."""
+        """Simulate `nstep` steps under the torque `tau` (nsim, nj) N m.
+
+        The first velocity update spans half of the previous step and half of this one, so it uses the mean torque.
+        """
         self.ctrl[:, self.u] = 0.5 * (tau + self.last)
         self.last = tau
         before = self.qvel[:, self.vadr].copy()
@@ -193,33 +205,34 @@ class Cell(Plant):
         self.acc = (self.qvel[:, self.vadr] - before) / (self.h * nstep)
 
     def _geared(self, link: np.ndarray | None) -> np.ndarray:
-        """Torque (nsim, nj) N m that the gears handed to the links: what goes through the joints less what acts beside.
+        """Return the torque (nsim, nj) N m that the gears transmitted to the links.
 
-        The wrench between neighbouring links along the joint's axis, MuJoCo's `cfrc_int`, is what Plant sums up from
-        the drive's parts; here contact forces are among the constraint forces, and do not pass through the gear alone.
+        It is the wrench between neighbouring links (MuJoCo's `cfrc_int`) along the joint's axis, less the joint's
+        spring and less the torque `link` (nsim, nj) N m that acts on the link past the gear. Plant sums up the parts
+        of the drive instead; that fails here, where the constraint forces include contact.
         """
         through = np.einsum("njk,njk->nj", self.axis[:, self.dofs], self.wrench[:, self.bodies])
         through -= self.spring[:, self.vadr]
         return through if link is None else through - link
 
     def site_position(self, name: str) -> np.ndarray:
-        """World position (nsim, 3) m of `goal`, `tip` or `flange`."""
+        """Return the world position (nsim, 3) m of the site `goal`, `tip` or `flange`."""
         return self.site_pos[:, self.site[name]]
 
     def site_rotation(self, name: str) -> np.ndarray:
-        """World rotation (nsim, 3, 3) of a site."""
+        """Return the rotation (nsim, 3, 3) from the axes of the site `goal`, `tip` or `flange` to the world's."""
         return self.site_mat[:, self.site[name]].reshape(self.nsim, 3, 3)
 
 
 class RowFields:
-    """Stands in for a batch while effects write a few rows: `expand(name)` is (nrow, ...), nominal until written."""
+    """Model fields of a few rows, in place of a batch, for effects to write: `expand(name)` has shape (nrow, ...)."""
 
     def __init__(self, model: Any, nrow: int):
         self.model, self.nrow = model, nrow
         self.values: dict[str, np.ndarray] = {}
 
     def expand(self, name: str) -> np.ndarray:
-        """Give a writable copy of the model's field, one a row."""
+        """Return a writable copy (nrow, ...) of the model's field: nominal values until an effect writes them."""
         if name not in self.values:
             owner = self.model.opt if name.startswith("opt.") else self.model
             value = np.asarray(getattr(owner, name.removeprefix("opt.")))

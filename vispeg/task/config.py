@@ -1,4 +1,4 @@
-"""What any task asks and allows of the arm: all that is neither a property of the world nor of one task alone."""
+"""Settings that every task has: timing, controller, limits, guards, start, reward and cameras."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Weights = tuple[tuple[str, float], ...]
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The setting that says how much room the goal leaves: a curriculum begins with more, a policy is made for one.
+    """The setting that says how much room the goal leaves. A curriculum begins with a large value.
 
     Attributes:
-        setting: field of the task's settings; more of it is easier.
-        name: what people call it.
+        setting: field of the task's settings; a larger value is easier.
+        name: its name in messages.
         unit: of the setting.
     """
 
@@ -34,35 +34,38 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskConfig:
-    """SI units unless the name says otherwise. A task adds fields of its own in a subclass.
+    """Settings of a task, in SI units unless the name says otherwise. A task adds its own fields in a subclass.
 
     Class attributes:
         rewards: the task's reward terms.
         tolerance: the setting that makes the task easier or harder; None where there is none.
-        files: settings that name a file, or several: seen from the world file, by their content in the world's hash.
+        files: settings that hold one or several file paths. A world file states them relative to its own folder; the
+            files' content enters the world's hash.
 
     Attributes:
         name: of the task, see vispeg.task.registry.
-        robot: the arm, its flange and tool, see `vispeg.robots.declare.RobotConfig`; a world file's `robot`.
+        robot: the arm, its flange and tool, see `vispeg.robots.declare.RobotConfig`; `robot` in a world file.
         control_period: of the controller, s.
-        substeps: physics steps a control period (scripts/bench/contact_steps.py is the convergence study).
+        substeps: physics steps per control period (scripts/bench/contact_steps.py is the convergence study).
         policy_period: of the policy, s; a whole number of control periods.
-        steps: policy steps an episode.
+        steps: policy steps per episode.
         dof: Cartesian directions that the policy moves: any of x y z rx ry rz.
         offset, turn: largest commanded offset in one policy step, m and rad.
-        stiffness: of the controlled point along each translation and about each rotation, 1/s^2 per unit mass.
+        stiffness: of the controlled point along each translation and about each rotation, 1/s^2 (per unit of mass).
         force_limit: greatest force that the controller asks for, N.
-        force_abort: contact force that ends the episode, N.
-        avoid_limits: pull away from joint limits in the null space, 1/s^2 per unit inertia; 0 for none.
-        guard_velocity: share of a joint's velocity limit that ends the episode; 0 for no guard.
-        guard_limit: distance of a joint to its limit that ends the episode, rad; 0 for no guard.
-        guard_singularity: smallest singular value of the Jacobian that ends the episode; 0 for no guard.
-        start_height, start_radius: of the tip above the nominal goal, m: range of heights, lateral range (+-).
-        stack: observations and actions that the policy sees, the present one included.
+        force_abort: contact force above which the episode ends, N.
+        avoid_limits: gain that pulls joints away from their limits in the null space, 1/s^2 (per unit of inertia); 0
+            for none.
+        guard_velocity: share of a joint's velocity limit above which the episode ends; 0 for no guard.
+        guard_limit: distance of a joint to its limit below which the episode ends, rad; 0 for no guard.
+        guard_singularity: smallest singular value of the Jacobian below which the episode ends; 0 for no guard.
+        start_height, start_radius: range of the tip's start relative to the nominal goal, m: lowest and highest height
+            above it, greatest offset along x and y (+-).
+        stack: number of time steps that an observation holds, the present one included.
         reward: one of the task's rewards by name, or a weight for each of its reward terms (vispeg.task.rewards).
         reward_scale: m, unit of the term `distance`.
-        cameras: that policies with images look through.
-        image_size: px of the shorter side of an image, the field of view kept; 0 for the cameras' own.
+        cameras: names of the cameras that policies with images see through.
+        image_size: px of the shorter side of an image, at the same field of view; 0 for the camera's own size.
     """
 
     rewards: ClassVar[Rewards]
@@ -124,7 +127,7 @@ class TaskConfig:
             )
         if not 0 <= self.start_radius <= 0.2:
             raise UserError("impossible start", key="start_radius", expected="0 to 0.2 m", got=self.start_radius)
-        for key in self.files:  # absolute, so that settings mean the same wherever they are written down
+        for key in self.files:  # absolute paths, so that the settings stay valid when they are saved elsewhere
             stated = getattr(self, key)
             placed = tuple(str(Path(file).expanduser().absolute()) for file in _each(stated) if file)
             object.__setattr__(self, key, placed if isinstance(stated, tuple) else "".join(placed))
@@ -135,7 +138,7 @@ class TaskConfig:
 
     @property
     def ticks(self) -> int:
-        """Control periods a policy step."""
+        """Control periods per policy step."""
         return round(self.policy_period / self.control_period)
 
     @property
@@ -145,7 +148,11 @@ class TaskConfig:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], file: str | None = None) -> TaskConfig:
-        """From a mapping (a world file's `task:`), with an error for unknown keys and wrong types."""
+        """Make settings from a mapping (`task:` of a world file).
+
+        Raises:
+            UserError: an unknown key, a wrong type or a value that is out of bounds; it names `file`.
+        """
         at = "task." if file else ""
         values = checked(cls, settings, file, at)
         if "reward" in values:

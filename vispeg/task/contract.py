@@ -1,7 +1,7 @@
-"""What a task is: the contract that environments, training, evaluation and datasets are written against.
+"""The interface of a task, which environments, training, evaluation and datasets use.
 
-A task of your own subclasses `Task` in a module outside this package; a world file names it (`task: {name:
-"MODULE:CLASS"}`), and every command that takes a world takes it. See docs/tutorials/your-own-task.md.
+A task of your own subclasses `Task` in a module outside this package. A world file names it (`task: {name:
+"MODULE:CLASS"}`), and then works in every command that takes a world. See docs/tutorials/your-own-task.md.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 
 class Expert(Protocol):
-    """A scripted policy for n rows, which acts on what a `state` policy sees."""
+    """A scripted policy for n rows (parallel episodes), with the observations of a `state` policy."""
 
     def reset(self, rows: np.ndarray) -> None:
-        """Let these rows (indices or mask) begin a new episode."""
+        """Begin a new episode in these rows (indices or mask)."""
         ...
 
     def act(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Observations (n, ...) -> actions (n, len(dof)) within +-1."""
+        """Return actions (n, len(dof)) within +-1 for observations whose arrays are (n, ...)."""
         ...
 
 
@@ -43,14 +43,14 @@ class Task(ABC):
 
     Attributes:
         label: one word without a dash; `vispeg train LABEL-MODALITY`.
-        title: what a person would ask for, in a sentence; the instruction in datasets.
-        Config: its settings, whose `rewards` are its reward terms.
-        terms: what is observed; the first of the ground truth is the tip in the goal's frame (m), which policies that
-            see learn to estimate.
-        categories: how an episode may end; `success`, `force limit` and `diverged` are among them, and those of the
-            arm's guards (vispeg.task.guards).
-        hard_positions: a `vispeg-positions/1` file of places that are tried one by one, or None.
-        motions: name -> commanded path of the motions that `vispeg record` makes in its cell.
+        title: the task as an instruction in one sentence, as datasets state it.
+        Config: class of its settings, whose `rewards` are its reward terms.
+        terms: what is observed. The first term of the ground truth is the tip in the goal's frame (m), which policies
+            with images learn to estimate.
+        categories: the ways in which an episode may end. They include `success`, `force limit`, `diverged` and those
+            of the arm's guards (vispeg.task.guards).
+        hard_positions: a `vispeg-positions/1` file of places that an evaluation tries one by one, or None.
+        motions: the motions that `vispeg record` makes in its cell: name -> function that returns a commanded path.
     """
 
     label: ClassVar[str]
@@ -64,62 +64,65 @@ class Task(ABC):
     # Cell -----------------------------------------------------------------------------------------------------
     @abstractmethod
     def cell(self, config: Any, cameras: tuple[str, ...] | None = None) -> Scene:
-        """Give the cell that these settings ask for, with cameras of these names (by default all standard ones)."""
+        """Return the cell for these settings, with the cameras of these names (by default all standard ones)."""
 
     def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
-        """Whether every episode of a world can be begun.
+        """Check that every episode of a world can begin.
 
         Args:
-            scene: the cell as the world's task has it.
-            ranges: of the world, each with the file and key that state it.
-            file: of the world.
+            scene: the cell for the settings of the world's task.
+            ranges: the world's randomized effects, each with the file and key that state it.
+            file: the world's file.
 
         Raises:
-            UserError: a range that this task cannot stand.
+            UserError: a range with values at which this task is impossible.
         """
 
     # Episodes -------------------------------------------------------------------------------------------------
     def start(self, config: Any, radius: float, rng: np.random.Generator) -> np.ndarray:
-        """Where the tip begins, (3,) m from the nominal goal in the base's axes: aside by up to `radius`, above."""
+        """Draw where the tip begins, (3,) m from the nominal goal in the base's axes.
+
+        By default x and y are within +-`radius`, and z is within `config.start_height`.
+        """
         aside = rng.uniform(-radius, radius, 2)
         return np.array([*aside, rng.uniform(*config.start_height)])
 
     def command(self, sim: Simulation, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the controller's target of a policy step: the point that is held (n, 3) m, the flange's turn (n, 4)
-        wxyz.
+        """Return the controller's target for a policy step, in the base: held point (n, 3) m, orientation (n, 4) wxyz.
 
-        An action is an offset from where the arm is, along the directions that the policy moves; the others are held.
+        The held point is the tool's tip if the policy turns the flange, else the flange; the orientation is the
+        flange's. By default an action is an offset from the arm's measured pose along the directions that the policy
+        moves, and the other directions are held.
 
         Args:
-            sim: as it stands.
-            action: (n, 6), 0 in directions that the policy does not move.
+            sim: the simulation in its present state.
+            action: (n, 6) within +-1; 0 in directions that the policy does not move.
         """
         return sim.seen.offset_by(action)
 
     @abstractmethod
     def goal(self, config: Any) -> np.ndarray:
-        """Where rewards want the tip, (3,) m in the goal's frame."""
+        """Return the tip's position that rewards aim at, (3,) m in the goal's frame."""
 
     @abstractmethod
     def track(self) -> Track:
-        """Give the judge of one episode."""
+        """Return a new Track, which classifies how one episode ends."""
 
     def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
-        """Return what the judge observes besides forces and the tip: arrays (n,) by keyword of `Track.add`."""
+        """Return what the Track observes besides forces and the tip: arrays (n,) by keyword of `Track.add`."""
         return {}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome] | None:
-        """Give a recorded episode run again by a world's arm under the controller that ran; None where a task has no
-        way.
+        """Simulate a recorded episode again with a world's arm, under the recorded controller.
 
         Args:
             rec: one episode, with its cell.
-            world: effects beside those that the recording believes in.
-            nthread: of the simulation.
+            world: effects to add to those that the recording's cell believes in.
+            nthread: threads of the simulation.
 
         Returns:
-            Joint angles (n, nj) rad, the wrench (n, 6) N and N m that the flange puts on the tool in its own axes, and
-            how it ended.
+            Joint angles (n, nj) rad, the wrench (n, 6) N and N m of the flange on the tool in the flange's axes, and
+            the outcome. None for a task that does not implement this.
 
         Raises:
             UserError: a recording that cannot be run again.
@@ -128,4 +131,4 @@ class Task(ABC):
 
     @abstractmethod
     def expert(self, config: Any, nsim: int) -> Expert:
-        """Give the scripted expert for n rows."""
+        """Return the scripted expert for `nsim` rows."""

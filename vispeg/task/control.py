@@ -1,4 +1,4 @@
-"""The policy's controller: operational space control that holds the flange at a commanded pose, like a spring."""
+"""The task's controller: operational space control, which holds the flange at a commanded pose like a spring."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.task.config import TaskConfig
 
-POSTURE = 20.0  # 1/s^2 per unit inertia, pull towards the home posture in the null space
-DAMPING = 2 * math.sqrt(POSTURE)  # 1/s
+POSTURE = 20.0  # 1/s^2 (per unit of inertia), stiffness towards the home posture in the null space
+DAMPING = 2 * math.sqrt(POSTURE)  # 1/s, critical damping of that
 
 
 class PoseControl:
-    """Khatib's law on the nominal arm, for all rows at once.
+    """Khatib's operational space law with the nominal arm's model, for all rows at once.
 
     Args:
-        robot: what the controller knows: arm, tool, what the tool holds.
-        nsim: rows.
-        config: `stiffness` (damping is critical), `force_limit`, `avoid_limits`.
+        robot: the model that the controller knows: arm, tool and held part.
+        nsim: number of rows.
+        config: its `stiffness` (damping is critical), `force_limit` and `avoid_limits` are used.
         home: (nj,) posture for the null space, rad.
         nthread: threads.
     """
@@ -42,7 +42,12 @@ class PoseControl:
         self.least = -self.limit
 
     def torque(self, q: np.ndarray, dq: np.ndarray, pos: np.ndarray, rot: np.ndarray) -> np.ndarray:
-        """Joint torque (nsim, nj) N m towards the flange pose pos (nsim, 3), rot (nsim, 4)."""
+        """Return the joint torque (nsim, nj) N m, gravity included, that pulls the flange to a pose.
+
+        Args:
+            q, dq: (nsim, nj) measured joint angles and velocities, rad and rad/s.
+            pos, rot: flange pose in the base, (nsim, 3) m and (nsim, 4) wxyz.
+        """
         state = self.nominal.operational(q)
         pull = POSTURE * (self.home - q) - DAMPING * dq
         if self.avoid:

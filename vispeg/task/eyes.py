@@ -1,4 +1,4 @@
-"""Cameras of a task, and their images in its observations."""
+"""A task's cameras and the observation spaces of their images."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from vispeg.task.config import TaskConfig
 from vispeg.task.world_file import WorldFile
 from vispeg.worlds.randomized import RandomizedWorld
 
-FILM = (320, 240)  # px, width and height of pictures for people
+FILM = (320, 240)  # px, width and height of the pictures that `render` returns
 
 
 def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Space]:
-    """Spaces KIND_CAMERA of a mode's images, as vispeg.render.image_kinds states them; depth first."""
+    """Return the observation spaces of a mode's images by key (KIND_CAMERA), see vispeg.render.image_kinds.
+
+    Keys are in the order of cameras, and for each camera in that of the kinds' names (depth before rgb).
+    """
     out: dict[str, gym.Space] = {}
     for c in cameras:
         for kind in sorted(MODES[obs_mode], key=lambda k: k.name):
@@ -31,15 +34,16 @@ def image_spaces(obs_mode: str, cameras: Sequence[Camera]) -> dict[str, gym.Spac
 
 
 def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> tuple[Camera, ...]:
-    """Give the cameras of a task.
+    """Return the cameras of a task.
 
     Args:
-        scene: in which they stand.
-        task: names them, and their image size.
-        stated: a world file's `cameras`: a file, or a mapping of what differs from the standard camera of that name.
+        scene: the cell.
+        task: settings with the cameras' names and the image size.
+        stated: `cameras` of a world file: a camera file for each name, or a mapping of what differs from the standard
+            camera of that name (of the standard camera `external` for any other name).
 
     Raises:
-        UserError: a camera that is not there, or a key that no camera has.
+        UserError: no camera of that name, or a key that no camera has.
     """
     by_name = {c.name: c for c in standard_cameras(scene.tip, scene.target)}
     for name, change in stated.items():
@@ -58,7 +62,7 @@ def task_cameras(scene: Scene, task: TaskConfig, stated: Mapping[str, Any]) -> t
 
 
 def resized(camera: Camera, size: int) -> Camera:
-    """Give the camera with `size` px along its shorter side and the same field of view."""
+    """Return a copy of the camera with `size` px along its shorter side and the same field of view."""
     s = size / min(camera.width, camera.height)
     return camera.moved(
         width=round(camera.width * s),
@@ -80,16 +84,16 @@ def rig_of(
     backend: str = "auto",
     look_seed: Callable[[int], int] | None = None,
 ) -> CameraRig:
-    """Give the cameras of `rows` cells of a task; none where its observations hold no pictures.
+    """Return the camera rig for `rows` cells of a task; it has no cameras if observations hold no images.
 
     Args:
         scene: the cell.
-        task: which cameras.
-        world: whose looks and sensors are drawn.
-        obs_mode: what of the pictures an observation holds.
-        rows: cells.
+        task: settings that name the cameras.
+        world: the world whose looks and camera errors are drawn.
+        obs_mode: observation mode, which decides the kinds of images.
+        rows: number of cells.
         file: the world's file, for its cameras and renderer; or None.
-        backend: of the renderer, where the file names none.
+        backend: of the renderer, if the file names none.
         look_seed: see CameraRig.
     """
     wanted = MODES[obs_mode]

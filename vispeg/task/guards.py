@@ -1,6 +1,6 @@
-"""Guards of the arm: a joint too fast, a joint too near its limit, a singularity too near end an episode.
+"""Guards of the arm: they end an episode if a joint is too fast or too near its limit, or the arm near a singularity.
 
-A robot's own controller stops it there; a policy that only ever met a forgiving simulation learns to rely on it.
+A real robot's controller stops there. A policy that is trained without guards may learn to rely on such motions.
 """
 
 from __future__ import annotations
@@ -21,15 +21,18 @@ CATEGORIES = (VELOCITY, LIMIT, SINGULARITY)
 
 
 class Guards:
-    """What stops the arm, for all rows at once. It looks at true joint angles, at every control tick.
+    """The guards of all rows. They use true joint angles and velocities.
 
     Args:
-        config: `guard_velocity`, `guard_limit`, `guard_singularity`; 0 each for a guard that is off.
+        config: its `guard_velocity`, `guard_limit` and `guard_singularity` are used; 0 switches a guard off.
         robot: the arm.
-        nsim: rows.
+        nsim: number of rows.
+
+    Attributes:
+        stopped: for each row the category of the guard that ended its episode, else None.
 
     Raises:
-        UserError: a guard of velocities, and an arm whose limits nobody stated.
+        UserError: a velocity guard for an arm whose file states no velocity limits.
     """
 
     def __init__(self, config: TaskConfig, robot: RobotModel, nsim: int):
@@ -43,21 +46,25 @@ class Guards:
             raise UserError("a guard without limits", key="guard_velocity", expected=expected)
 
     def reset(self, rows: np.ndarray) -> None:
-        """Let these rows begin anew."""
+        """Forget what stopped these rows (indices), as their episodes begin."""
         for i in rows:
             self.stopped[i] = None
 
     def tick(self, q: np.ndarray, dq: np.ndarray) -> None:
-        """Angles (nsim, nj) rad and velocities (nsim, nj) rad/s at a control tick; the first guard to act counts."""
+        """Check velocities and joint limits at a control tick; the first guard to act decides the category.
+
+        Args:
+            q, dq: (nsim, nj) true joint angles and velocities, rad and rad/s.
+        """
         if self.velocity is not None:
             self._stop(np.flatnonzero((np.abs(dq) > self.velocity).any(axis=1)), VELOCITY)
         if self.limit:
             self._stop(np.flatnonzero(((q < self.low) | (q > self.high)).any(axis=1)), LIMIT)
 
     def pose(self, jac: np.ndarray) -> None:
-        """Give the flange's Jacobian (nsim, 6, nj) after a policy step."""
+        """Check for singularities after a policy step, from the flange's Jacobian (nsim, 6, nj)."""
         if self.least > 0:
-            fine = np.flatnonzero(np.isfinite(jac).all(axis=(1, 2)))  # the others diverge
+            fine = np.flatnonzero(np.isfinite(jac).all(axis=(1, 2)))  # the other rows have diverged
             self._stop(fine[singular(jac[fine]) < self.least], SINGULARITY)
 
     def _stop(self, rows: np.ndarray, category: str) -> None:

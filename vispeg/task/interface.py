@@ -1,4 +1,4 @@
-"""What a task's policies see and do, in numbers that hold without the simulator."""
+"""Describe what a task's policies observe and how their actions are meant, for use without the simulator."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from vispeg.task.world_file import WorldFile
 def interface_in(
     config: TaskConfig, file: WorldFile | None, obs_mode: str, images: Iterable[str] | None = None, **origin: Any
 ) -> Interface:
-    """Give the meaning of what a policy sees and does in a world.
+    """Return the Interface of a policy in a world: the meaning of its observations and actions.
 
     Args:
-        config: of the world's task.
-        file: of the world, which may place cameras.
-        obs_mode: what is observed.
-        images: keys of the images that are seen; None: all of the mode.
+        config: settings of the world's task.
+        file: the world's file, which may change cameras; or None.
+        obs_mode: observation mode.
+        images: keys of the images that the policy sees; None for all of the mode.
         **origin: as in `interface_of`.
     """
     kinds = MODES[obs_mode]
@@ -47,14 +47,14 @@ def interface_in(
 def interface_of(
     config: TaskConfig, scene: Scene, obs_mode: str, cameras: Sequence[Camera], images: Iterable[str], **origin: Any
 ) -> Interface:
-    """Give the meaning of what policies of a task see and do.
+    """Return the Interface of a task's policies: the meaning of their observations and actions.
 
     Args:
-        config: of the task.
+        config: settings of the task.
         scene: its cell.
-        obs_mode: what they observe.
-        cameras: as calibrated.
-        images: keys of the images that they see.
+        obs_mode: observation mode.
+        cameras: the cameras, as calibrated.
+        images: keys of the images that the policies see.
         **origin: further fields of Interface: `modality`, `recurrent`, `world`, `world_hash`, `policy`.
     """
     offered, arm = task_of(config), scene.nominal

@@ -15,7 +15,7 @@ from vispeg.sim.compiled import compiled
 
 @lru_cache(maxsize=64)
 def chain_of(robot: RobotModel) -> Chain:
-    """Give the arm's kinematics without MuJoCo: its nominal model's, base to flange."""
+    """Return the kinematic chain of the nominal arm from base to flange, which needs no MuJoCo."""
     model = compiled(robot)
     order = {int(model.joint(name).id): i for i, name in enumerate(robot.joints)}
     site = model.site(robot.flange).id
@@ -44,7 +44,7 @@ def _matrix(quat: np.ndarray) -> np.ndarray:
 
 
 def tool_weight(scene: Scene) -> np.ndarray:
-    """Weight (3,) N in the world frame that the wrench sensor carries at rest, as the controller knows it."""
+    """Return the nominal weight (3,) N, world frame, of tool and held part, which the wrench sensor carries at rest."""
     model = scene.nominal.compile()
     tool = [b for b in range(model.nbody) if model.body(b).name in ("tool", scene.held)]
     return float(model.body_mass[tool].sum()) * model.opt.gravity

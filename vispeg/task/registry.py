@@ -1,8 +1,7 @@
-"""Tasks by name: the package's own, those that an installed package offers, and any class of an importable module.
+"""Tasks by name: this package's own, those of other installed packages, and any class of an importable module.
 
-An installed package offers one under the entry point group `vispeg.tasks`. A module is named as `MODULE:CLASS`, as
-gymnasium names environments; naming it runs its code, so a world file that names a module deserves the trust that the
-module does.
+Another package offers a task in the entry point group `vispeg.tasks`. A class of a module is named `MODULE:CLASS`, as
+in gymnasium. Naming it imports the module and so runs its code: only use world files whose modules you trust.
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ from vispeg.task.contract import Task
 
 GROUP = "vispeg.tasks"
 OURS: dict[str, str] = {name: room.TASK for name, room in ROOMS.items()}
-(FIRST,) = (name for name, room in ROOMS.items() if room.UNNAMED)  # the task of a world that names none
+(FIRST,) = (name for name, room in ROOMS.items() if room.UNNAMED)  # the task of a world that names no task
 
 
 @cache
 def task(name: str) -> Task:
-    """Give the task of that name.
+    """Return the task of that name.
 
     Raises:
-        UserError: no such task, a module that cannot be imported, or a class that is no task.
+        UserError: no such task, a module that cannot be imported, or a class that is not a task.
     """
     offered = {**{e.name: e.value for e in entry_points(group=GROUP)}, **OURS}
     where = offered.get(name, name)
@@ -52,12 +51,12 @@ def task(name: str) -> Task:
 
 
 def task_of(config: TaskConfig) -> Task:
-    """Give the task that these settings are of."""
+    """Return the task to which these settings belong."""
     return task(config.name)
 
 
 def kind_of(settings: Mapping[str, Any], file: str | None = None) -> type[TaskConfig]:
-    """Give the class of the settings that a mapping (a world file's `task:`) states. Raises UserError: no such task."""
+    """Return the settings class for a mapping (`task:` of a world file). Raises UserError: no such task."""
     name = settings.get("name", FIRST)
     if not isinstance(name, str):
         raise UserError("wrong type", file=file, key="task.name", expected="a text", got=name)
@@ -68,7 +67,7 @@ def kind_of(settings: Mapping[str, Any], file: str | None = None) -> type[TaskCo
 
 
 def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfig:
-    """Give the settings that a mapping states.
+    """Return the settings that a mapping (`task:` of a world file) states.
 
     Raises:
         UserError: no such task, an unknown key, a wrong type or value.
@@ -77,8 +76,14 @@ def config_of(settings: Mapping[str, Any], file: str | None = None) -> TaskConfi
 
 
 def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[str, float]:
-    """Give the setting that gives a world's task another tolerance; none for None. Raises UserError: it has no
-    tolerance.
+    """Return the setting that changes a task's tolerance, as {field: value}; {} if `value` is None.
+
+    Args:
+        settings: the task's settings, `task:` of a world file.
+        value: tolerance, in the unit of `TaskConfig.tolerance`.
+
+    Raises:
+        UserError: the task has no tolerance.
     """
     if value is None:
         return {}
@@ -89,13 +94,13 @@ def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[
 
 
 def scene_of(settings: Mapping[str, Any]) -> Scene:
-    """Give the cell that the settings of a world's task ask for. Raises UserError as `config_of`."""
+    """Return the cell for the settings of a world's task. Raises UserError as `config_of` does."""
     config = config_of(settings)
     return task_of(config).cell(config)
 
 
 def digest_of(name: str) -> str | None:
-    """SHA-256 (hex) of the file that a task of the user's own is written in; None for the package's."""
+    """Return the SHA-256 (hex) of the source file that defines a task from outside; None for this package's tasks."""
     if name in OURS:
         return None
     return hashlib.sha256(Path(inspect.getfile(type(task(name)))).read_bytes()).hexdigest()

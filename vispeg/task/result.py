@@ -1,4 +1,4 @@
-"""How an episode ended, as the task says it: the `record` in the infos of an episode's last step."""
+"""The result of an episode: `record` in the infos of its last step."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from typing import NotRequired, TypedDict
 
 
 class EpisodeResult(TypedDict):
-    """One episode that ended. A mapping, as gymnasium's infos are.
+    """The result of one episode. It is a mapping, like gymnasium's infos.
 
     Keys:
-        success, category: the outcome; one of the task's categories.
+        success: whether the task was achieved.
+        category: how the episode ended, one of the task's categories.
         seed: of the episode.
         time: s, its duration.
         peak_force: N, largest contact force.
-        lateral_error: m, distance of the tip from the goal's axis at the end.
+        lateral_error: m, distance of the tip from the goal's axis, at the end.
         depth: m, depth of the tip below the goal's plane at the end.
-        clipped: share of its steps in which the action asked for more than the controller takes.
+        clipped: share of its policy steps in which some entry of the action was outside +-1.
         force_profile: N, contact force at every control tick.
-        world: what the world drew: `effect(place)` -> parameter -> value.
-        replay: the folder in which a diverged episode was left, where that was asked for.
+        world: the values that were drawn for the episode: `effect(place)` -> parameter -> value.
+        replay: folder in which a diverged episode was saved; only if the environment has a `dump` folder.
     """
 
     success: bool

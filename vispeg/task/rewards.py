@@ -1,12 +1,12 @@
-"""Reward terms: what a policy step is rewarded for, by name; a reward is a weight for each of some terms.
+"""Rewards: weighted sums of named reward terms.
 
-A world file chooses: `reward: shaped`, one of the task's rewards by name, or weights of the user's own,
+A world file chooses one of the task's rewards by name (`reward: shaped`), or states weights of its own:
 
     task:
       reward: {distance: -0.5, force: -0.2, success: 5}
 
-Two terms are events, added once to an episode's last step: `success`, and `abort` where the episode ended in a failure
-before its time.
+Two terms are events that are added once, to an episode's last step: `success`, and `abort` if the episode failed before
+its time was over.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class Moment:
     """Inputs of a reward at one step.
 
     Attributes:
-        tip: (n, 3) in the goal's frame, m.
-        goal: (3,) there, m.
+        tip: (n, 3) true position of the tip in the goal's frame, m.
+        goal: (3,) position that the tip is to reach, same frame, m.
         force: (n,) largest contact force of the step, N.
         action: (n, k), each entry within +-1.
         scale: the task's `reward_scale`, m.
-        sim: the TaskSimulation, for terms of a task's own.
+        sim: the TaskSimulation, for reward terms that a task adds.
     """
 
     tip: np.ndarray
@@ -50,7 +50,13 @@ class Moment:
 
 @dataclass(frozen=True)
 class RewardTerm:
-    """One term: `value`, moment -> (n,), near 1, and what it is in one line."""
+    """One reward term.
+
+    Attributes:
+        name: of the term.
+        value: function that returns the term (n,), of order 1, for a Moment.
+        about: one line of description.
+    """
 
     name: str
     value: Callable[[Moment], np.ndarray]
@@ -63,7 +69,7 @@ class Reward:
 
     Attributes:
         parts: each term with its weight, in the order of the sum.
-        success, abort: what an episode's end adds.
+        success, abort: added to the last step of an episode that succeeds, or fails before its time is over.
     """
 
     parts: tuple[tuple[RewardTerm, float], ...]
@@ -71,7 +77,7 @@ class Reward:
     abort: float = 0.0
 
     def dense(self, m: Moment) -> np.ndarray:
-        """(n,) of a step, without its events."""
+        """Return the reward (n,) of a step, without events."""
         total = np.zeros(len(m.tip))
         for term, weight in self.parts:
             total += weight * term.value(m)
@@ -80,18 +86,18 @@ class Reward:
 
 @dataclass(frozen=True)
 class Rewards:
-    """The terms that a task has, and the rewards that it names.
+    """The reward terms of a task, and its named rewards.
 
     Attributes:
-        terms: of the task; the two events are every task's.
-        named: weights by term, by the reward's name.
+        terms: of the task; every task also has the two events.
+        named: reward's name -> term's name -> weight.
     """
 
     terms: tuple[RewardTerm, ...]
     named: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def of(self, choice: str | tuple[tuple[str, float], ...]) -> Reward:
-        """Give the reward of a name, or of weights by term.
+        """Return the reward for its name or for (term, weight) pairs.
 
         Raises:
             UserError: an unknown reward or term, a weight that is not finite.
@@ -112,10 +118,13 @@ class Rewards:
         return Reward(dense, weights.get(SUCCESS, 0.0), weights.get(ABORT, 0.0))
 
     def read(self, value: Any, file: str | None, key: str) -> str | tuple[tuple[str, float], ...]:
-        """Give a reward as a file states it: a name, a mapping of weights, or their pairs as JSON keeps them.
+        """Read a reward from a file's value: a name, a mapping of weights, or pairs (in JSON) of term and weight.
+
+        Returns:
+            The name, or the pairs of term and weight.
 
         Raises:
-            UserError: something else.
+            UserError: any other value.
         """
         if isinstance(value, str):
             return value

@@ -1,4 +1,4 @@
-"""A task's scripted expert with a policy's interface: what success the task allows to one that sees what it sees."""
+"""A task's scripted expert with the interface of a learned policy, as a baseline for evaluations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.task.registry import task_of
 
 
 class Scripted:
-    """The scripted expert as a policy that knows the goal."""
+    """The scripted expert as a policy of modality `state`, which is told the goal."""
 
     modality = "state"
     meta: Mapping[str, Any] = {"name": "expert"}
@@ -22,14 +22,14 @@ class Scripted:
         self.config, self.n = config, 0
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """N episodes begin, or those rows (n,) bool of them."""
+        """Begin `n` episodes, or those of them that `rows` (n,) bool selects."""
         if rows is None or n != self.n:
             self.n, self.expert = n, task_of(self.config).expert(self.config, n)
         else:
             self.expert.reset(np.flatnonzero(rows))
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Actions (n, len(dof)) float32 within +-1."""
+        """Return actions (n, len(dof)) float32 within +-1."""
         n = len(obs["policy"])
         if n != self.n:
             self.reset(n)

@@ -1,4 +1,4 @@
-"""Reward terms of any task whose tip has a goal. Each is 0 at best; its weight is negative."""
+"""Reward terms for any task whose tip has a goal. Each is at least 0, and 0 is best: give them negative weights."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from vispeg.task.rewards import Moment, RewardTerm
 
-L0, F0 = 0.002, 40.0  # m, N
+L0, F0 = 0.002, 40.0  # m and N: scales of the lateral distance and of the force
 
 
 def _distance(m: Moment) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Terms that any task of an arm with a tool can be observed by: its tip, its wrench, and what critics may know.
+"""Observation terms for any task of an arm with a tool: measured tip and wrench, and ground truth for critics.
 
 The goal and the tip are sites of the cell, see Scene.
 """
@@ -15,9 +15,10 @@ from vispeg.worlds.places import MANY
 
 
 def drawn(effect: str, key: str) -> Callable[[Simulation], np.ndarray]:
-    """Read what an episode drew of an effect's parameter (n, 1): the mean over the places at which the world draws it.
+    """Return a function that reads an effect's parameter in the present episodes, (n, 1).
 
-    0 in worlds without the effect; its null in an episode that goes without.
+    It is the mean over the places at which the world has the effect. It is 0 if the world does not have the effect, and
+    the parameter's value for an absent effect in an episode that drew none.
     """
 
     def read(sim: Simulation) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How an episode begins: the flange straight down, from a posture to work from; or as a trial began."""
+"""How an episode begins: with the flange pointing straight down near the goal, or in the state of a recorded trial."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from vispeg.interface.observer import DOWN
 from vispeg.robots.scene import Scene
 from vispeg.sim.home import home_of
 
-ABOVE = 0.03  # m, height of the tip over the goal
+ABOVE = 0.03  # m, height of the tip over the goal in the home posture
 
 
 def home(scene: Scene) -> np.ndarray:
-    """Joint angles (nj,) rad from which inverse kinematics starts: the robot's declared home, or a solved one.
+    """Return the joint angles (nj,) rad from which inverse kinematics starts: the robot's declared home, else solved.
 
     Raises:
         UserError: the arm cannot hold its tool over the goal.
@@ -26,13 +26,13 @@ def home(scene: Scene) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """How one episode begins, in place of what its seed draws; None leaves that to the seed.
+    """The start of one episode, in place of what its seed draws. The seed decides every attribute that is None.
 
     Attributes:
-        q: (nj,) rad, how the arm stands.
-        goal: (3,) m, where the goal really is, base.
-        believed: (3,) m, where a policy is told that it is, base.
-        effects: all that makes the episode's world differ from nominal, beside where the goal is.
+        q: (nj,) joint angles, rad.
+        goal: (3,) m, true position of the goal in the base.
+        believed: (3,) m, position of the goal in the base that policies are told.
+        effects: all effects of the episode's world, except the offset of the goal if `goal` is given.
     """
 
     q: np.ndarray | None = None

@@ -73,7 +73,7 @@ class Term:
         size: length of the term, or a function of the task's settings.
         unit: unit of `read`.
         scale: in `unit`; an observation holds `read / scale`, near 1.
-        to: who may see it: the `policy` (and critics), a `teacher` (and critics), or a `critic` alone.
+        to: who may see it: the `policy` (and teachers and critics), a `teacher` (and critics), or a `critic` alone.
         about: one line of description.
         noise: standard deviation, in `unit`, of added white noise, drawn from the episode's seed.
         when: returns whether a task with these settings has the term.
@@ -97,12 +97,12 @@ class Term:
         return cls(term.name, term.read, size, term.unit, term.scale, POLICY, term.about, when=when)
 
     def length(self, config: TaskConfig) -> int:
-        """Return its length in a task with these settings."""
+        """Return the term's length in a task with these settings."""
         return self.size if isinstance(self.size, int) else self.size(config)
 
 
 class Observation:
-    """The terms of a task with these settings, in order.
+    """The observation terms of a task with given settings, in order.
 
     Args:
         terms: the task's terms.

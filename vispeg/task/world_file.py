@@ -1,4 +1,4 @@
-"""World files, `vispeg-world/1`: which effects a world has, what they are drawn from, and the task in it.
+"""World files, `vispeg-world/1`: a world's effects with the distributions of their parameters, and its task.
 
 See docs/worlds.md for the keys. `load_world` takes a built-in world's name or a path.
 """
@@ -35,9 +35,9 @@ BUILT_IN = Path(worlds.__file__).parent / "library"
 WORLD = Format(
     FORMAT, "a world", keys=("name", "about", "base", "robot", "model", "task", "cameras", "renderer", "effects")
 )
-FILES = 100  # that a world may be put together from: bases that name bases can be many times that
-# fields of TaskConfig that policies and results of before do not know: at its default, such a field is not in the hash,
-# so that theirs stays what it was; whoever adds a field adds it here
+FILES = 100  # greatest number of files of a world; bases that name bases could multiply without limit
+# Fields of TaskConfig that were added after policies and results with a world's hash existed. At its default such a
+# field does not enter the hash, so that those hashes stay valid. Add every new field here.
 LATER = ("name", "fixture", "block", "success_lateral", "success_force", "reward", "robot", "avoid_limits")
 LATER += ("guard_velocity", "guard_limit", "guard_singularity", "distractor_meshes")
 RENDERER = {"backend": ("auto", "classic", "raycast", "filament"), "shadows": (False, True)}
@@ -49,11 +49,11 @@ class WorldFile:
 
     Attributes:
         name: of the world.
-        world: what is drawn for an episode.
-        task: TaskConfig fields that differ from their defaults.
+        world: its effects, from which episodes are drawn.
+        task: fields of TaskConfig that the file and its bases state.
         cameras: by name, a camera file's path or a mapping of what differs from the standard camera.
-        renderer: `backend` and `shadows`, where given.
-        hash: SHA-256 of all that decides what an episode may be; not of names, comments and citations.
+        renderer: `backend` and `shadows`, if given.
+        hash: SHA-256 (hex) of everything that affects episodes; names, comments and citations do not enter.
         path: of the file.
     """
 
@@ -71,7 +71,7 @@ class WorldFile:
 
 @dataclass
 class _Parts:
-    """A world file merged with the files it is based on; `said` is file and key of each range."""
+    """A world file merged with its bases; `said` holds the file and key that state each range."""
 
     ranges: dict[tuple[str, str], RandomizedEffect] = field(default_factory=dict)
     said: dict[tuple[str, str], tuple[Path, str]] = field(default_factory=dict)
@@ -82,20 +82,21 @@ class _Parts:
 
 
 def built_in() -> list[str]:
-    """Names of the worlds that come with the package."""
+    """List the names of the built-in worlds."""
     return sorted(p.stem for p in BUILT_IN.glob("*.yaml"))
 
 
 def by_name() -> dict[str, Path]:
-    """Name -> file of all worlds that come with the package: the built-in ones, and one an arm of MuJoCo Menagerie,
-    which loads where that arm is installed.
+    """Return name -> file of all worlds in the package: the built-in ones, and one for each arm of MuJoCo Menagerie.
+
+    The world of an arm loads only if that arm is installed.
     """
     named = {name: BUILT_IN / f"{name}.yaml" for name in built_in()}
     return named | {arm.stem: arm for arm in sorted((BUILT_IN / "arms").glob("*.yaml"))}
 
 
 def is_world(source: str | Path) -> bool:
-    """Whether a text names a built-in world, or a file that says it is one. Raises UserError: it is no YAML."""
+    """Return whether `source` is the name of a built-in world or a YAML file of a world. Raises UserError: bad YAML."""
     path = Path(source)
     if path.suffix.lower() not in (".yaml", ".yml"):
         return str(source) in built_in()
@@ -116,22 +117,22 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_world(source: str | Path) -> WorldFile:
-    """Give a world by name or by file.
+    """Load a world by its built-in name or from a file.
 
     Raises:
-        UserError: with file, key, value and choices.
+        UserError: no such world, or a wrong file; it states file, key, value and choices.
     """
     path = _path(source, None)
     parts = _Parts()
     name = _collect(path, parts, ())
-    # of one file's, a range for one place wins over one for many; those of its bases have made way by then
+    # a range for one place comes last, so that it wins over one for many places (`_lay` has removed overridden ones)
     broad = [r for r in parts.ranges.values() if r.where in MANY]
     narrow = [r for r in parts.ranges.values() if r.where not in MANY]
     config = config_of(parts.task, str(path))
     world = RandomizedWorld((*broad, *narrow), World(config.robot.model))
     ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
-    task_of(config).check(task_of(config).cell(config), ranges, path)  # here, not entry by entry: a file may move what
-    # its base speaks of
+    # checked once, after merging: a file may move the fixture to which ranges of its base refer
+    task_of(config).check(task_of(config).cell(config), ranges, path)
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
 
@@ -142,13 +143,13 @@ def world_hash(
     cameras: Mapping[str, Any] | None = None,
     renderer: Mapping[str, Any] | None = None,
 ) -> str:
-    """SHA-256 (hex) of all that decides what an episode in this world may be."""
+    """Return the SHA-256 (hex) of everything that affects episodes in this world."""
     base, ranges = (world, ()) if isinstance(world, World) else (world.base, world.ranges)
     config = task if isinstance(task, TaskConfig) else config_of(task or {})
     entries = [{k: v for k, v in entry_dict(r).items() if k != "source"} for r in ranges]
     fixed = [without_origin(e) for e in base.effects]
     views = {n: _digest(c) if isinstance(c, str) else c for n, c in (cameras or {}).items()}
-    config = replace(config, robot=replace(config.robot, repeatability=0.0))  # of no episode
+    config = replace(config, robot=replace(config.robot, repeatability=0.0))  # it affects no episode
     usual = type(config)
     settings = {k: v for k, v in asdict(config).items() if k not in LATER or getattr(config, k) != getattr(usual, k)}
     settings |= {k: _digests(settings[k]) for k in config.files if settings.get(k)}
@@ -163,7 +164,7 @@ def world_hash(
 
 
 def world_text(file: WorldFile) -> str:
-    """Give the file that gives this world back, whatever it was put together from."""
+    """Return this world as the text of a single world file, without bases."""
     entries = [entry_dict(r) for r in file.world.ranges]
     entries += [_fixed(e) for e in file.world.base.effects]
     task = {k: v for k, v in file.task.items() if k != "robot"}
@@ -178,7 +179,16 @@ def _fixed(e: EffectInstance) -> Mapping[str, object]:
 
 
 def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
-    """Add what a file says to `parts`: its bases first, then its model, then its own words. Gives its name."""
+    """Add a file's content to `parts`: its bases first, then its model, then its own entries.
+
+    Args:
+        path: of the file.
+        parts: filled in.
+        above: files that name this one as a base, directly or not.
+
+    Returns:
+        The world's name.
+    """
     if path in above:
         raise UserError("the world is based on itself", file=path, key="base", got=path.stem)
     parts.files += 1
@@ -205,7 +215,7 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
     if data.get("model") is not None:
         found += ranges_of(Identified.of(data["model"], path), config.robot.model)
     entries = _typed(_given(data, "effects", []), list, path, "effects")
-    # without entries its robot is not looked for: a file on top of this one may name another
+    # the cell is built only for entries: the robot may be missing, and a file based on this one may name another
     scene = task_of(config).cell(config) if entries else None
     own: dict[tuple[str, str], tuple[RandomizedEffect, str]] = {}
     for i, entry in enumerate(entries):
@@ -223,10 +233,16 @@ def _lay(
     found: Sequence[RandomizedEffect],
     path: Path,
 ) -> None:
-    """Put a file's ranges over those of its bases, in the order in which the later wins.
+    """Add a file's ranges to `parts`, where a later range replaces an earlier one of the same effect and place.
 
-    Those for many places, then those that were identified, then those for one place. One for many places takes away all
-    that the bases have of that effect, at whatever place.
+    The order is: ranges for many places, identified ranges, ranges for one place. A range for many places also removes
+    all ranges of its effect that the bases state.
+
+    Args:
+        parts: the merged bases; changed in place.
+        own: the file's own ranges with their keys, by effect and place.
+        found: ranges from the file's `model`.
+        path: of the file.
     """
     layer = [o for o in own.values() if o[0].where in MANY]
     layer += [(r, "model") for r in found]
@@ -235,21 +251,27 @@ def _lay(
     for place in [place for place in parts.ranges if place[0] in many]:
         del parts.ranges[place]
     for r, key in layer:
-        parts.ranges.pop((r.effect, r.where), None)  # so that it stands last
+        parts.ranges.pop((r.effect, r.where), None)  # so that the range is last in the dict
         parts.ranges[r.effect, r.where] = r
         parts.said[r.effect, r.where] = path, key
 
 
 def _path(source: str | Path, beside: Path | None) -> Path:
-    """Give a built-in world's file, or for a base also a part's, or the file named, seen from the file that names
-    it.
+    """Return the path of a world's file.
+
+    Args:
+        source: a built-in name, or a path; a base may also be a built-in part.
+        beside: the file that names `source` as its base, to which a path is relative; None for a world of the user.
+
+    Raises:
+        UserError: not a name or path, or an unknown name.
     """
     text = str(source)
     if not isinstance(source, str | Path) or not text:
         raise UserError("not a world", file=beside, key="base", expected="a name or a path", got=source)
     if Path(text).suffix.lower() not in (".yaml", ".yml"):
         named = by_name()
-        if beside is not None:  # a part is something to build on, no world by itself
+        if beside is not None:  # a part is only a base, not a world by itself
             named |= {part.stem: part for part in sorted((BUILT_IN / "parts").glob("*.yaml"))}
         if text in named:
             return named[text]
@@ -265,8 +287,9 @@ def _beside(text: str, file: Path) -> Path:
 
 
 def _placed(stated: Any, file: Path) -> Any:
-    """Give the files that a setting of the task names, from wherever its world is read again; what is no path as it
-    is.
+    """Return a setting of the task with its file paths made absolute from the world file's folder.
+
+    Values that are not texts stay as they are.
     """
     if isinstance(stated, list | tuple):
         return [_placed(one, file) for one in stated]
@@ -286,7 +309,7 @@ def _typed(value: Any, kind: type, path: Path, key: str) -> Any:
 
 
 def _cameras(section: Any, path: Path) -> Mapping[str, Any]:
-    """Camera files are named from the world file's folder; a mapping is checked by whoever builds the camera."""
+    """Read `cameras`; paths become relative to the world file's folder. Mappings are checked by `eyes.task_cameras`."""
     out = {}
     for name, camera in _typed(section, Mapping, path, "cameras").items():
         if not isinstance(camera, str | Mapping):
@@ -309,7 +332,7 @@ def _renderer(section: Any, path: Path) -> Mapping[str, Any]:
 
 
 def _digests(stated: str | Sequence[str]) -> str | list[str]:
-    """Give what is in the file that a setting names, or in each of several."""
+    """Return the SHA-256 (hex) of the file that a setting names, or of each of several."""
     return _digest(stated) if isinstance(stated, str) else [_digest(file) for file in stated]
 
 
@@ -318,10 +341,10 @@ def _digest(file: str) -> str:
 
 
 def parts(source: str | Path) -> dict[str, str]:
-    """List the parts of a valid world: SHA-256 (hex) of the content that each file adds -> the file's name.
+    """Return the parts of a valid world: SHA-256 (hex) of the content that each file adds -> the world's name in it.
 
-    Only effects and models count: a shared name, task or renderer does not mean that two worlds are related, and a file
-    that only combines others adds nothing.
+    Only effects and models count. A shared name, task or renderer does not make two worlds related, and a file that
+    only combines other files adds nothing.
     """
     names: dict[str, str] = {}
     todo, visited = [_path(source, None)], set()

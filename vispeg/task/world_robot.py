@@ -1,4 +1,4 @@
-"""The robot that a world file declares, and what of it decides an episode."""
+"""The robot that a world file declares, and its identity in a world's hash."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from vispeg.robots.model import SUFFIXES
 
 
 def declared(stated: Any, file: Path, base: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Give what a world file's `robot` says, as a task's setting; a path is seen from the world file's folder.
+    """Return `robot` of a world file as a task's setting: the fields that differ from the defaults.
 
     Args:
-        stated: a name or path alone, which is another robot; or a mapping, whose keys replace those of `base` singly.
+        stated: a name or path, which replaces the robot of `base`; or a mapping, each key of which replaces that of
+            `base`. Paths are relative to the world file's folder.
         file: the world file.
-        base: the same setting of the files that this one is based on; empty where they have none.
+        base: the same setting of the file's bases; empty if they have none.
 
     Raises:
         UserError: as `RobotConfig.of`.
@@ -40,10 +41,10 @@ def _beside(model: str, file: Path) -> str:
 
 
 def identity(model: str) -> str:
-    """Give a robot's name, or the SHA-256 (hex) of its file: the same arm in another folder makes the same world."""
+    """Return a robot's name, or the SHA-256 (hex) of its file, which is the same in any folder."""
     return hashlib.sha256(read_bytes(model)).hexdigest() if is_path(model) else model
 
 
 def is_path(model: str) -> bool:
-    """Whether a robot is meant by its file."""
+    """Return whether `model` is a path of a robot's file, not a built-in name."""
     return Path(model).suffix.lower() in SUFFIXES

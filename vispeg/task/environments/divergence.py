@@ -1,4 +1,4 @@
-"""What an episode leaves behind whose simulation stopped being finite: enough to play it again, bit for bit."""
+"""Save an episode whose simulation diverged, so that it can be played again bit for bit (see `replay`)."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ WORLD, EPISODE = "world.yaml", "episode.json"
 
 
 def leave(folder: Path, sim: TaskSimulation, row: int, world: World, file: WorldFile | None) -> Path:
-    """Write FOLDER/SEED with the row's present episode; return it.
+    """Save a row's present episode in the folder FOLDER/SEED, and return that folder.
 
-    `world.yaml` is a world file in which nothing is drawn any more, with the task as it was; `episode.json` holds seed,
-    observation mode, the push if there was one, and the actions so far, the last being the one that ended it.
+    `world.yaml` is a world file with the drawn values as fixed effects, and the task's settings. `episode.json` holds
+    the seed, the observation mode, the push if there was one, and all actions so far; the last one ended the episode.
 
     Args:
-        folder: of all episodes that are left behind.
-        sim: as it stands.
+        folder: the parent folder of all saved episodes.
+        sim: the simulation in its present state.
         row: of the episode.
-        world: what that episode drew, of physics and looks.
-        file: that the world comes from, or None.
+        world: the values that the episode drew, of physics and looks.
+        file: the world's file, for its cameras and renderer; or None.
     """
     push, seed = sim.push[row], int(sim.seeds[row])
     task: dict[str, Any] = json.loads(json.dumps(asdict(sim.config)))

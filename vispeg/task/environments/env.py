@@ -13,7 +13,7 @@ from vispeg.worlds.world import World
 
 
 class TaskEnv(gym.Env):
-    """One environment of a world's task; arguments as for `TaskVec`."""
+    """One environment of a world's task. The arguments are those of `TaskVec`, without `num_envs`."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 6}
 
@@ -33,10 +33,10 @@ class TaskEnv(gym.Env):
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begin an episode; `info` holds its `seed`, the values that its `world` drew, and `cameras` (see
-        `TaskVec.views`).
+        """Begin an episode.
 
-        `options["start"]`: a `vispeg.task.start.Start`, see `TaskVec.reset`.
+        `info` holds its `seed`, the drawn values of its `world` and, with images, `cameras` (see `TaskVec.views`).
+        `options["start"]` may be a `vispeg.task.start.Start`, see `TaskVec.reset`.
         """
         super().reset(seed=seed)
         start = {"start": options["start"]} if options and "start" in options else None
@@ -48,10 +48,10 @@ class TaskEnv(gym.Env):
         return {**info, "cameras": views} if views else info
 
     def step(self, action: np.ndarray):
-        """Advance by one policy step of 160 ms.
+        """Advance by one policy step (`policy_period`, 160 ms by default).
 
-        At the end of an episode `info` holds the entries of its record, and the record itself as `record`. With images,
-        `info` always holds `cameras`.
+        At the end of an episode `info` holds the entries of its record (`EpisodeResult`), and the record itself as
+        `record`. With images, `info` always holds `cameras`.
         """
         self.vec._ended[:] = False  # the caller resets
         reward, terminated, truncated, (record,) = self.vec.advance(np.asarray(action, float)[None])

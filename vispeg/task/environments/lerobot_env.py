@@ -1,4 +1,4 @@
-"""The task as LeRobot's evaluations ask for an environment: pictures (H, W, 3), readings, and whether it succeeded."""
+"""The task as an environment for LeRobot's evaluations: images (H, W, 3), readings in SI units, and `is_success`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ PIXELS, STATE = "pixels", "agent_pos"  # as LeRobot names them
 
 
 class LeRobotEnv(gym.Env):
-    """A world's task as LeRobot's evaluations ask for one.
+    """A world's task as an environment for LeRobot's evaluations.
 
     Args:
         world: a built-in world's name or a world file.
-        cameras: that are shown; empty: those of the world's task.
-        image_size: pixels of a picture's shorter side; 0: what the world's task says.
+        cameras: names of the cameras in observations; if empty, those of the world's task.
+        image_size: pixels of an image's shorter side; 0 for the value of the world's task.
+        render_mode: None or `rgb_array`.
     """
 
     metadata = TaskEnv.metadata
@@ -47,13 +48,13 @@ class LeRobotEnv(gym.Env):
         self.observation_space = gym.spaces.Dict({STATE: spaces[MEASURED], PIXELS: gym.spaces.Dict(images)})
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
-        """Begin the episode of a seed, the one that `vispeg evaluate` plays for it."""
+        """Begin the episode of a seed: the same one that `vispeg evaluate` plays for that seed."""
         super().reset(seed=seed)
         obs, _ = self.env.reset(seed=seed, options=options)
         return self._told(obs), {"is_success": False}
 
     def step(self, action: np.ndarray):
-        """Play one policy step."""
+        """Advance by one policy step; actions outside +-1 are clipped."""
         obs, reward, terminated, truncated, info = self.env.step(np.clip(action, -1, 1))
         return self._told(obs), reward, terminated, truncated, {"is_success": bool(info.get("success", False))}
 
@@ -62,7 +63,7 @@ class LeRobotEnv(gym.Env):
         return {STATE: obs[MEASURED], PIXELS: images}
 
     def render(self):
-        """Give an RGB image (H, W, 3) uint8 from outside."""
+        """Return an RGB image (H, W, 3) uint8 from a camera that overlooks the cell, or None without a render mode."""
         return self.env.render()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Plays an episode again whose simulation stopped being finite, as `divergence.leave` wrote it."""
+"""Play an episode again that diverged and that `divergence.leave` saved."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example, slow=True)
 def replay(folder: str | Path) -> tuple[TaskVec, np.ndarray]:
-    """Give the episode again, up to just before the step that ended it.
+    """Play a saved episode again, up to just before the step that ended it.
 
     Returns:
-        The environment, of one row, and the last action (1, d): `env.step` of it does what was seen.
+        The environment, with one row, and the last action (1, d): `env.step(action)` repeats the divergence.
 
     Raises:
-        UserError: the folder holds no such episode.
+        UserError: the folder holds no saved episode, or its actions do not fit the world's task.
     """
     path = Path(folder) / EPISODE
     record = typed(_Told, LEFT.read(path), path)

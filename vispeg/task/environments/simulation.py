@@ -1,4 +1,4 @@
-"""A task on a batch of cells: start rows, move them by actions, say what each policy may see."""
+"""The simulation of a task on a batch of cells: it starts episodes, applies actions and computes observations."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Push:
-    """A constant force for a while.
+    """A constant force on the flange for some time.
 
     Attributes:
         force: (3,) N, world frame.
-        start, duration: s since the episode began.
+        start: s since the episode began.
+        duration: s.
     """
 
     force: np.ndarray
@@ -48,14 +49,13 @@ class Push:
 
 
 class TaskSimulation:
-    """nsim independent episodes of the task; rows end and begin one by one.
+    """`nsim` independent episodes of a task, one per row of a batch; each row ends and begins on its own.
 
     Args:
-        world: what episodes draw or share; its robot is the cell of `config`. Looks and sensors are left to whoever
-            draws pictures.
-        config: the task.
-        nsim: rows.
-        obs_mode: decides which target the policy's part of the observation is relative to.
+        world: the effects of episodes. Only the physical ones are used here, the optical ones in `CameraRig`.
+        config: settings of the task, which also decide the robot and the cell.
+        nsim: number of rows.
+        obs_mode: observation mode; it decides whether policies are told the goal or only its nominal place.
         nthread: threads of the physics.
     """
 
@@ -69,7 +69,7 @@ class TaskSimulation:
         self.scene = self.task.cell(config, cameras)
         self.observed, self.reward = Observation(self.task.terms, config), config.rewards.of(config.reward)
         self.levels: Mapping[str, float] | float = 1.0
-        self.drawn = [self.world.sample(0, self.scene)] * nsim  # of each row's present episode
+        self.drawn = [self.world.sample(0, self.scene)] * nsim  # the world of each row's present episode
         self.nthread = nthread
         posture = home(self.scene)
         self.control = PoseControl(self.scene.nominal, nsim, config, posture, nthread)
@@ -89,14 +89,14 @@ class TaskSimulation:
         self.diverged = np.zeros(n, dtype=bool)
         self.seen.see(self.home.copy(), np.zeros_like(self.home))
         self.push: list[Any] = [None] * n
-        self.disturbed: list[np.ndarray | None] = [
-            None
-        ] * n  # (k, nj) N m, one a control period, then again from the first
+        # by row: (k, nj) N m, a torque per control period, repeated from the first after the last
+        self.disturbed: list[np.ndarray | None] = [None] * n
         self.acted: list[list[np.ndarray]] = [[] for _ in range(n)]  # actions of the present episodes
-        self.heard: Callable[..., None] | None = None  # called at each control tick with q, dq, and the wrench after it
+        # called after each control tick with the q and dq that the controller read, and the wrench after the tick
+        self.heard: Callable[..., None] | None = None
 
     def _cell(self, names: Collection[str]) -> Cell:
-        """Give the cells, whose rows may have effects of these names."""
+        """Build the batch of cells; only effects of these names can be active in its rows."""
         c = self.config
         h, tick = c.control_period / c.substeps, c.control_period
         cell = Cell(self.scene, self.drawn, h, tick, self.nthread, sorted(names))
@@ -108,10 +108,15 @@ class TaskSimulation:
 
     # Episodes -------------------------------------------------------------------------------------------------
     def reset(self, rows: np.ndarray, seeds: Sequence[int], starts: Mapping[int, Start] | None = None) -> None:
-        """Rows (indices) begin the episodes of these seeds, some (by row) as a start says.
+        """Begin new episodes in some rows.
+
+        Args:
+            rows: indices of the rows.
+            seeds: of their episodes.
+            starts: by row, a start to use in place of what the seed draws.
 
         Raises:
-            UserError: a start that cannot be.
+            UserError: an impossible start.
         """
         if not len(rows):
             return
@@ -135,14 +140,18 @@ class TaskSimulation:
         self.count[rows], self.diverged[rows] = 0, False
         self._believe(rows, starts)
         self.cell.read()
-        begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the others go on with what they last measured
+        begun = np.isin(np.arange(self.nsim), rows)[:, None]  # the other rows keep their last measurement
         true = self.cell.x.q, self.cell.x.dq
         q, dq = (np.where(begun, new, old) for new, old in zip(true, self.seen.measured, strict=True))
         self.seen.see(q, dq)
         self.seen.stack.fill(rows, self.observed.read(self, self.observed.policy))
 
     def _begun(self, drawn: World, start: Start) -> World:
-        """Give the world of an episode that begins as `start` says."""
+        """Return the world of an episode that begins with `start`, from the world that its seed drew.
+
+        Raises:
+            UserError: a goal out of the range of the effect that moves it.
+        """
         world = drawn if start.effects is None else World(drawn.robot, drawn.tool, start.effects, drawn.cell)
         if start.goal is None:
             return world
@@ -159,7 +168,17 @@ class TaskSimulation:
     def _stand(
         self, rows: np.ndarray, starts: Mapping[int, Start], pos: np.ndarray, q: np.ndarray, weight: np.ndarray
     ) -> None:
-        """Arms that a start places: their angles, the weight there, and the flange's position, in place."""
+        """Overwrite the rows whose start states joint angles.
+
+        Args:
+            rows: indices of the rows that begin.
+            starts: by row.
+            pos: (nsim, 3) m, flange positions; changed in place.
+            q, weight: (len(rows), nj) rad and N m, joint angles and gravity torque; changed in place.
+
+        Raises:
+            UserError: angles that are not a posture of this arm.
+        """
         for i, row in enumerate(rows):
             if row in starts and (stated := starts[row].q) is not None:
                 stated = np.asarray(stated, float)
@@ -171,7 +190,7 @@ class TaskSimulation:
                 pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
 
     def _offer(self, rows: np.ndarray, worlds: Sequence[World]) -> None:
-        """Ensure that the cells can hold these worlds; rebuild them if a world has an effect that they lack.
+        """Rebuild the batch of cells if one of these worlds has an effect that it was not built for.
 
         Raises:
             UserError: a new effect is needed while other rows are in an episode.
@@ -184,8 +203,15 @@ class TaskSimulation:
             self.cell = self._cell({*self.cell.names, *new})
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Joint angles (len(rows), nj) in rad that put these rows' flanges at `pos`, and the weight there, N m."""
-        few = 4 * len(rows) < self.nsim  # then arms one by one cost less than all of them; the answer is the same
+        """Solve for the joint angles that put these rows' flanges at `pos` (nsim, 3) m, pointing straight down.
+
+        Returns:
+            Angles (len(rows), nj) rad and the gravity torque there (len(rows), nj) N m.
+
+        Raises:
+            UserError: a position out of the arm's reach.
+        """
+        few = 4 * len(rows) < self.nsim  # then one arm after the other is cheaper than the batch; same result
         q, weight = self.home.copy(), np.zeros_like(self.home)
         for some in rows[:, None] if few else [np.arange(self.nsim)]:
             nominal = self.solo if few else self.control.nominal
@@ -216,13 +242,14 @@ class TaskSimulation:
         self.seen.believed[rows] = goal[rows]
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
-        """One policy step of every row.
+        """Simulate one policy step of every row.
 
         Args:
             action: (nsim, len(dof)) in [-1, 1].
 
         Returns:
-            reward (nsim,), terminated and truncated (nsim,) bool, and for every row that ended its episode's record.
+            Reward (nsim,), terminated and truncated (nsim,) bool, and for each row the record of the episode that
+            ended in this step, or None.
         """
         c, seen = self.config, self.seen
         motion = seen.asked(action)
@@ -238,14 +265,15 @@ class TaskSimulation:
             return self.settle(force, wrenches)
 
     def tick(self, k: int = 0, measured: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """One control period, the k-th of its policy step, towards the pose that is asked for.
+        """Simulate one control period towards the commanded pose.
 
         Args:
-            k: in the policy step.
-            measured: q, dq (nsim, nj) that the controller is told, where they have been read already.
+            k: index of the control period in the policy step.
+            measured: joint angles and velocities q, dq (nsim, nj) for the controller, rad and rad/s; None to read the
+                encoders here.
 
         Returns:
-            The wrist's sensor (nsim, 6) N and N m, and the true contact force (nsim, 3) N, after it.
+            Reading of the wrist's sensor (nsim, 6) N and N m, and true contact force (nsim, 3) N, at the period's end.
         """
         cell = self.cell
         cell.read()
@@ -279,8 +307,14 @@ class TaskSimulation:
     def settle(
         self, force: np.ndarray, wrenches: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[EpisodeResult | None]]:
-        """Note that a policy step is over in which the ticks gave these (ticks, nsim, 3) and (ticks, nsim, 6), and the
-        arms have been seen where they stand; see `step`.
+        """Finish a policy step: compute reward, ends of episodes and observations. The observer must be up to date.
+
+        Args:
+            force: (ticks, nsim, 3) N, true contact force at each control tick.
+            wrenches: (ticks, nsim, 6) N and N m, reading of the wrist's sensor at each control tick.
+
+        Returns:
+            As `step`.
         """
         c, cell = self.config, self.cell
         forces = np.linalg.norm(force, axis=2)
@@ -322,40 +356,39 @@ class TaskSimulation:
             "lateral_error": t.lateral,
             "depth": t.depths[-1],
             "clipped": float(self.seen.clipped[i] / self.count[i]),
-            "force_profile": tuple(
-                np.concatenate(t.forces).tolist()
-            ),  # not an array: gymnasium stacks these, of one length
+            # not an array: gymnasium would stack arrays, but these differ in length
+            "force_profile": tuple(np.concatenate(t.forces).tolist()),
             "world": self.drawn[i].values,
         }
 
     # What can be seen -----------------------------------------------------------------------------------------
     def tip_in_goal(self) -> np.ndarray:
-        """Give the true tip (nsim, 3) m in the goal's frame; z is negative below its plane."""
+        """Return the tip's true position (nsim, 3) m in the goal's frame; z is negative below the goal's plane."""
         offset = self.cell.site_position("tip") - self.cell.site_position("goal")
         return np.einsum("nji,nj->ni", self.cell.site_rotation("goal"), offset)
 
     def tilt(self) -> np.ndarray:
-        """Angle (nsim,) rad between the tip's axis and the goal's."""
+        """Return the angle (nsim,) rad between the tip's axis and the goal's axis."""
         along = np.einsum("nj,nj->n", self.cell.site_rotation("tip")[:, :, 2], self.cell.site_rotation("goal")[:, :, 2])
         return np.arccos(np.clip(np.abs(along), 0.0, 1.0))
 
     def slip(self) -> np.ndarray:
-        """How far (nsim,) m the held part slipped in the gripper; 0 where it cannot."""
+        """Return how far the held part has slipped in the gripper, (nsim,) m; 0 if it cannot slip."""
         return np.zeros(self.nsim) if self.cell.slip is None else self.cell.qpos[:, self.cell.slip]
 
     def observation(self) -> dict[str, np.ndarray]:
-        """`policy` (nsim, stack d) and `privileged` (nsim, k), float32; see Observation for what they hold."""
+        """Return `policy` (nsim, stack * d) and `privileged` (nsim, k), float32; see Observation for their terms."""
         truth = np.clip(np.nan_to_num(self.observed.read(self, self.observed.truth)), -LIMIT, LIMIT)
         return {POLICY: told(self.seen.stack), PRIVILEGED: truth.astype(np.float32)}
 
     def snapshot(self, row: int) -> Snapshot:
-        """How this row stands now, for whoever draws it."""
-        qpos = self.cell.qpos[row, : compiled(self.scene).nq].copy()  # springs that effects built in come last
+        """Return the present state of a row, for rendering."""
+        qpos = self.cell.qpos[row, : compiled(self.scene).nq].copy()  # joints that effects added come last
         flange = self.cell.site_position("flange")[row].copy()
         return Snapshot(qpos, self.bodies(row), self.seen.twist[row].copy(), flange, int(self.count[row]))
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
-        """Where this row's fixture and held part are placed in their parents, (7,) each, for whoever draws them."""
+        """Return the poses of a row's fixture and held part in their parent bodies: name -> (7,) m and wxyz."""
         out = {}
         for name in (self.scene.fixture, self.scene.held):
             body = self.cell.model.body(name).id

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-TOUCH = 0.5  # N, contact force from which a contact counts
+TOUCH = 0.5  # N, contact force above which a contact counts
 
 
 @dataclass
 class Track(ABC):
-    """The judge of one episode; each task defines its own categories of ends.
+    """The course of one episode, from which it is classified; each task defines its own categories.
 
     Attributes:
         touched: whether there has been contact.
-        peak: greatest contact force, N.
-        lateral: distance of the tip from the goal's axis, m.
-        forces: contact force at every control tick, N.
+        peak: greatest contact force so far, N.
+        lateral: present distance of the tip from the goal's axis, m.
+        forces: contact forces at the control ticks of each policy step, N.
         depths: depth of the tip below the goal's plane after every policy step, m.
     """
 
@@ -34,7 +34,7 @@ class Track(ABC):
 
         Args:
             config: the task's settings.
-            forces: contact forces at its ticks, N.
+            forces: (ticks,) contact forces at its control ticks, N.
             tip: (3,) m in the goal's frame.
             observed: see `Task.observed`.
         """
@@ -46,7 +46,7 @@ class Track(ABC):
 
     @abstractmethod
     def verdict(self, config: Any) -> str | None:
-        """Return the category of an episode that has ended by itself, else None."""
+        """Return the category if the episode has ended by itself (by success or failure), else None."""
 
     @abstractmethod
     def at_time(self, config: Any) -> str:

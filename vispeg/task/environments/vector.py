@@ -1,4 +1,4 @@
-"""The task as gymnasium's vector environment: every environment is a row of one batched simulation."""
+"""The task as a gymnasium vector environment, whose environments are the rows of one batched simulation."""
 
 from __future__ import annotations
 
@@ -39,7 +39,15 @@ def spaces(
     depth_image: bool = False,
     measured: int = 0,
 ) -> tuple[gym.spaces.Dict, gym.spaces.Box]:
-    """Observation and action space of one environment; see TaskVec. `measured`: how many readings there are."""
+    """Return the observation space and the action space of one environment.
+
+    Args:
+        config: settings of the task.
+        obs_mode: observation mode.
+        cameras: the cameras of its images.
+        privileged, depth_image: as for TaskVec.
+        measured: number of readings in SI units; 0 to leave them out.
+    """
     box = gym.spaces.Box
     observed = Observation(task_of(config).terms, config)
     parts: dict[str, gym.Space] = {
@@ -61,16 +69,16 @@ def world_of(
     settings: Mapping[str, Any],
     arguments: Iterable[str] | None = None,
 ) -> tuple[RandomizedWorld, TaskConfig, WorldFile | None]:
-    """Give a world, the task it states with `settings` on top, and its file (None for a World object).
+    """Return a world, the settings of its task, and its file (None for a World object).
 
     Args:
-        world: a World, a built-in world's name, or a file; `nominal` if None.
-        settings: settings of the task in place of the world's.
-        arguments: of a call that `settings` was taken from; a name that is neither among them nor a setting is refused
-            as a misspelt argument.
+        world: a World or RandomizedWorld, a built-in world's name, or a file; `nominal` if None.
+        settings: settings of the task that replace the world's.
+        arguments: names of the caller's other keyword arguments, which an error for an unknown name in `settings`
+            lists as choices; None to skip that check.
 
     Raises:
-        UserError: as `load_world`; of `settings`, without the file, in which it does not stand.
+        UserError: as `load_world`; errors do not name the file if there are `settings`, which may be the cause.
     """
     if isinstance(world, World | RandomizedWorld):
         file, world = None, RandomizedWorld.of(world)
@@ -83,7 +91,7 @@ def world_of(
     return world, config_of(merged, None if settings or file is None else str(file.path)), file
 
 
-MEANT = {  # what others call it -> what it is called here, where spelling does not tell
+MEANT = {  # name in other libraries -> name here, where the spelling is too different to guess
     **dict.fromkeys(("modality", "observation", "observations", "sensors", "images"), "obs_mode"),
     **dict.fromkeys(("env", "scenario", "domain", "randomization", "domain_randomization"), "world"),
     **dict.fromkeys(("n_envs", "nenv", "batch_size", "rows"), "num_envs"),
@@ -93,7 +101,7 @@ MEANT = {  # what others call it -> what it is called here, where spelling does 
     **dict.fromkeys(("renderer", "engine"), "backend"),
     "frame_stack": "stack",
 }
-TOLERANCE = ("tolerance", "gap", "play")  # what others call the setting of `TaskConfig.tolerance`
+TOLERANCE = ("tolerance", "gap", "play")  # names that users may try for the setting of `TaskConfig.tolerance`
 
 
 def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConfig]) -> None:
@@ -105,30 +113,30 @@ def check_names(names: Iterable[str], others: Iterable[str], kind: type[TaskConf
             raise UserError("no such setting of the task", got=name, choices=choices, meant=meant.get(name, ""))
 
 
-TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # as arrays in `infos`
+TOLD = ("success", "category", "seed", "time", "peak_force", "lateral_error", "depth")  # also arrays in `infos`
 
 
 class TaskVec(VectorEnv):
     """`num_envs` environments of a world's task, stepped together.
 
     Args:
-        num_envs: rows.
+        num_envs: number of environments.
         world: a World or RandomizedWorld, a built-in world's name, or a world file; by default `nominal`.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
-        seed: of the episodes until `reset` is given one; None: another one in every environment, told in `infos`.
-        autoreset_mode: NEXT_STEP (gymnasium's default: the step after an end begins the next episode) or SAME_STEP
-            (the end's observation is in `infos["final_obs"]`).
+        seed: row i's first episode has seed + i, until `reset` is given a seed; None draws a new one for each TaskVec.
+            The info of `reset` holds the seeds.
+        autoreset_mode: NEXT_STEP (gymnasium's default: the step after an episode's end begins the next one), SAME_STEP
+            (the observation at the end is in `infos["final_obs"]`) or DISABLED.
         nthread: threads of the physics.
         backend: of the renderer, for image modes.
         render_mode: None or `rgb_array`.
-        privileged: whether observations hold the ground truth, for critics and teachers; no robot has it.
-        depth_image: whether depth comes as uint8 images, which libraries convolve; see
+        dump: folder in which episodes that diverge are saved for `vispeg.task.environments.replay.replay`.
+        privileged: whether observations hold the ground truth, for critics and teachers; a real robot does not have it.
+        depth_image: whether depth comes as uint8 images, for libraries that expect these; see
             `vispeg.render.image_kinds.grey_depth`.
-        measured: whether observations hold readings in SI units as rendered datasets have them (`observation.state`):
-            angles of the joints, place and velocity of the tip, force and torque at the flange.
-        dump: folder in which an episode that diverges leaves what
-            `vispeg.task.environments.replay.replay` plays again.
-        **settings: of the task, fields of its TaskConfig that replace the world's.
+        measured: whether observations hold readings in SI units, like `observation.state` of rendered datasets: joint
+            angles, position and velocity of the tip, force and torque at the flange.
+        **settings: fields of the task's TaskConfig that replace the world's.
     """
 
     def __init__(
@@ -166,7 +174,7 @@ class TaskVec(VectorEnv):
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
         self.eyes = self.rig(backend=backend)
-        self.further: list[CameraRig] = []  # see the same rows in other looks; their images are called `KEY@1`, ...
+        self.further: list[CameraRig] = []  # further rigs that see the rows with other looks; image keys `KEY@1`, ...
         count = self.sim.seen.readings().shape[1] if measured else 0
         seen, self.single_action_space = spaces(
             self.config, obs_mode, self.eyes.cameras, privileged, depth_image, count
@@ -176,7 +184,7 @@ class TaskVec(VectorEnv):
         self.observed = self.sim.observed
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        if seed is None:  # as gymnasium's own: environments made side by side do not play the same episodes
+        if seed is None:  # as in gymnasium: two environments without a seed do not play the same episodes
             seed = int(np.random.SeedSequence().generate_state(1)[0] >> 2)
         self._base = np.arange(num_envs, dtype=np.int64) + seed
         self._episode = np.zeros(num_envs, dtype=np.int64)
@@ -185,15 +193,21 @@ class TaskVec(VectorEnv):
 
     # Episodes -------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
-        """Begins an episode in every row, or in those of `options["reset_mask"]`; row i of seed s has seed s + i.
+        """Begin an episode in every row, or in those of `options["reset_mask"]` (num_envs,) bool.
 
-        The info holds every row's `seed`, and of the rows that began what their `world` drew.
+        `options["start"]`, a `vispeg.task.start.Start` or one for each row (None for a row without), sets the joints,
+        the goal, the believed goal and the effects of episodes. The seed decides everything that it leaves open.
 
-        `options["start"]`, a `vispeg.task.start.Start` or one a row (None for a row without), puts episodes into the
-        start of a trial: joints, goal, belief, effects. What it leaves open follows from the seed.
+        Args:
+            seed: row i's episode has seed + i; or a seed for each row. None goes on to each row's next episode.
+            options: see above.
+
+        Returns:
+            The observations, and infos with every row's `seed` and, for the rows that began, the drawn values of their
+            `world`.
 
         Raises:
-            UserError: a start that cannot be.
+            UserError: an impossible start.
         """
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
@@ -223,7 +237,7 @@ class TaskVec(VectorEnv):
         self._ended[rows] = False
 
     def step(self, actions: np.ndarray):
-        """One policy step of every row; ended episodes come with their record in `infos`."""
+        """Advance every row by one policy step; `infos` holds the records of episodes that ended."""
         actions = np.asarray(actions, dtype=float).reshape(self.num_envs, -1)
         waiting = np.flatnonzero(self._ended)
         rewards, terminated, truncated, records = self.advance(actions)
@@ -236,7 +250,7 @@ class TaskVec(VectorEnv):
             for i in waiting:
                 records[i] = None
         for i, record in enumerate(records):
-            if record is not None:  # profiles differ in length, so the whole record travels as one object
+            if record is not None:  # force profiles differ in length, so the record is one object, not arrays
                 infos = self._add_info(infos, {k: record[k] for k in TOLD}, i)
                 infos.setdefault("record", np.full(self.num_envs, None, dtype=object))[i] = record
                 infos["_record"] = infos["_success"]
@@ -250,7 +264,11 @@ class TaskVec(VectorEnv):
         return self._observe(), rewards, terminated, truncated, infos
 
     def advance(self, actions: np.ndarray):
-        """Give the simulation's step; an episode that diverged in it is left behind in `dump`."""
+        """Simulate one policy step without resets or images, and save episodes that diverged in it in `dump`.
+
+        Returns:
+            As `TaskSimulation.step`; records also hold the drawn looks.
+        """
         out = self.sim.step(actions)
         for row, record in enumerate(out[3]):
             if record is not None:
@@ -271,31 +289,38 @@ class TaskVec(VectorEnv):
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """The cameras of the images, as calibrated: what a policy may know of them. None where nothing is seen."""
+        """The cameras of the images as calibrated, which policies may know; empty without images."""
         return self.eyes.cameras
 
     def views(self) -> Mapping[str, Mapping[str, np.ndarray]]:
-        """Where the cameras of the present images really stand, as this episode drew them; by camera name.
+        """Return the true cameras of the present images, with the errors that their episodes drew, by camera name.
+
+        This is ground truth: a policy under evaluation may only use `cameras`.
 
         Returns:
-            `K` (num_envs, 3, 3), px; `distortion` (num_envs, 5); `base_T_camera` (num_envs, 4, 4): camera axes (x
-            right, y down, z forward) in the base, m. Ground truth: a policy that is to be judged has `cameras`.
+            `K` (num_envs, 3, 3), px; `distortion` (num_envs, 5); `base_T_camera` (num_envs, 4, 4), pose of the camera
+            axes (x right, y down, z forward) in the base, m.
         """
         return self.eyes.views()
 
     # Pictures -------------------------------------------------------------------------------------------------
     def rig(self, look_seed: Callable[[int], int] | None = None, backend: str | None = None) -> CameraRig:
-        """Cameras that see this environment's rows; `look_seed` gives an episode's look another seed than its own."""
+        """Make another camera rig for this environment's rows.
+
+        Args:
+            look_seed: episode's seed -> seed of its look; None for the same seed.
+            backend: of the renderer; None for the environment's.
+        """
         backend = self.eyes.backend if backend is None else backend
         where = self.sim.scene, self.config, self.world, self.obs_mode, self.num_envs
         return rig_of(*where, file=self.file, backend=backend, look_seed=look_seed)
 
     def drawn(self, row: int) -> World:
-        """Give the world of a row's present episode: what its physics drew, and what its cameras show."""
+        """Return the world of a row's present episode, with its physical and its optical effects."""
         return self.sim.drawn[row].add(*self.eyes.drawn[row].effects)
 
     def look(self, rows: Sequence[int] | np.ndarray) -> None:
-        """Pictures are taken of these rows as they stand now."""
+        """Take images of these rows in their present state."""
         snapshots = self._snapshots(rows)
         for rig in (self.eyes, *self.further):
             rig.look(snapshots)
@@ -305,40 +330,49 @@ class TaskVec(VectorEnv):
 
     # Knobs ----------------------------------------------------------------------------------------------------
     def set_level(self, level: float | dict[str, float]) -> None:
-        """How far the next episodes' draws may leave nominal (0 to 1, for all or by label)."""
+        """Scale how far the ranges of the next episodes extend from nominal: 0 to 1, for all ranges or by label."""
         self.sim.levels = level
 
     def push(self, rows: Sequence[int], force: Sequence[float], start: float, duration: float) -> None:
-        """Pushes these rows' flanges in their present episode: `force` (3,) N for `duration` s from `start` s on."""
+        """Push these rows' flanges in their present episode.
+
+        Args:
+            rows: indices.
+            force: (3,) N, world frame.
+            start, duration: s, start since the episode began.
+        """
         for i in rows:
             self.sim.push[i] = Push(np.asarray(force, float), start, duration)
 
     def disturb(self, row: int, torque: np.ndarray) -> None:
-        """Put torques (k, nj) N m on the links of a row's arm in its present episode, one a control period; after the
-        last the first follows.
+        """Apply torques (k, nj) N m to the links of a row's arm in its present episode.
+
+        Each acts for one control period; after the last the sequence starts again.
         """
         self.sim.disturbed[row] = np.asarray(torque, float)
 
     def render(self):
-        """One RGB image (H, W, 3) uint8 a row, from outside."""
+        """Return an RGB image (H, W, 3) uint8 per row from a camera that overlooks the cell; None without a render
+        mode.
+        """
         if self.render_mode is None:
             return None
         return tuple(self.eyes.picture(i, self.sim.snapshot(i)) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Frees the renderers."""
+        """Free the renderers."""
         for rig in (self.eyes, *self.further):
             rig.close()
 
     def __getstate__(self):
-        return self._made  # as it was made, not as it stands
+        return self._made  # the arguments: a copy is a new environment, not in the same state
 
     def __setstate__(self, made):
         self.__init__(**made)
 
 
 def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[int, Start]:
-    """Give the starts of the rows that have one. Raises UserError: something else, or of another number of rows."""
+    """Return row -> start for the rows that have one. Raises UserError: not a Start, or not one for each row."""
     each = [stated] * rows if stated is None or isinstance(stated, Start) else list(stated)
     if len(each) != rows or not all(one is None or isinstance(one, Start) for one in each):
         expected = f"a vispeg.task.start.Start, or {rows} of them"
@@ -347,7 +381,7 @@ def _starts(stated: Start | Sequence[Start | None] | None, rows: int) -> dict[in
 
 
 def episode_seed(base: int, episode: int) -> int:
-    """Seed of a row's k-th episode; the first one's is the base itself."""
+    """Return the seed of a row's episode number `episode`; for number 0 it is `base` itself."""
     if episode == 0:
         return int(base)
     return int(stream(int(base), "episode", int(episode)).integers(2**31))

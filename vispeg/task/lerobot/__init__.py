@@ -1,8 +1,8 @@
-"""What LeRobot imports to know the task as an environment of its own, in `lerobot-eval` and `lerobot-train`.
+"""Register the task as an environment of LeRobot, for `lerobot-eval` and `lerobot-train`.
 
-LeRobot does so where `--env.discover_packages_path=vispeg.task.lerobot` names this package; the environment is then
-`--env.type=vispeg`, and its fields (`--env.world=VNP`) those of `VispegEnv` here. Observations are what a rendered
-dataset holds: `observation.state` and `observation.images.CAMERA` (docs/datasets.md).
+LeRobot imports this package if `--env.discover_packages_path=vispeg.task.lerobot` is given. Then `--env.type=vispeg`
+selects the environment, and `--env.FIELD` sets a field of `VispegEnv` (`--env.world=VNP`). Observations have the keys
+of rendered datasets: `observation.state` and `observation.images.CAMERA` (docs/datasets.md).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ gym.register(ID, f"{LeRobotEnv.__module__}:{LeRobotEnv.__name__}")
 @EnvConfig.register_subclass("vispeg")
 @dataclass
 class VispegEnv(EnvConfig):
-    """What `--env.world`, `--env.cameras` and `--env.image_size` set; see LeRobotEnv."""
+    """Options of the environment: `--env.world`, `--env.cameras` and `--env.image_size`; see LeRobotEnv."""
 
     task: str | None = "vispeg"
     fps: int = 6
@@ -50,7 +50,7 @@ class VispegEnv(EnvConfig):
 
     @property
     def gym_id(self) -> str:
-        """The name under which gymnasium has it."""
+        """Name of the environment in gymnasium's registry."""
         return ID
 
     @property

@@ -1,4 +1,4 @@
-"""The peg-in-hole task: what it asks, sees, rewards and calls a failure."""
+"""The peg-in-hole task: its settings, observations, rewards and categories of failure."""
 
 from gymnasium.envs.registration import register, registry
 

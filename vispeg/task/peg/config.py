@@ -1,4 +1,4 @@
-"""What the peg task asks beyond what any task does: its cell, and when an insertion counts."""
+"""Settings of the peg task beyond those of every task: the cell's shapes, and when an insertion succeeds."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vispeg.task.rewards import Rewards
 
 @dataclass(frozen=True, kw_only=True)
 class PegConfig(PegGeometry, TaskConfig):
-    """SI units unless the name says otherwise; see TaskConfig for what every task has, PegGeometry for the shapes.
+    """Settings of the peg task, in SI units unless the name says otherwise; see TaskConfig and PegGeometry for others.
 
     Attributes:
         solref: time constant (s) and damping ratio of the peg's contacts.
         success_depth: share of the hole's depth that the tip must reach.
-        success_lateral: greatest distance of the tip from the hole's axis there, m; 0 for half the peg's diameter.
-        success_force: greatest contact force there, N; 0 for `force_abort`.
-        dwell: policy steps in a row that all three must hold.
+        success_lateral: greatest distance of the tip from the hole's axis, m; 0 for half the peg's diameter.
+        success_force: greatest contact force in the policy step, N; 0 for `force_abort`.
+        dwell: number of consecutive policy steps in which these three conditions must hold.
     """
 
     rewards: ClassVar[Rewards] = REWARDS
@@ -47,10 +47,10 @@ class PegConfig(PegGeometry, TaskConfig):
         if not 1 <= self.dwell <= self.steps:
             expected = f"1 to {self.steps}, the steps of an episode"
             raise UserError("impossible dwell", key="dwell", expected=expected, got=self.dwell)
-        scene = self.scene()  # raises where the geometry cannot be
+        scene = self.scene()  # raises UserError if the geometry is impossible
         object.__setattr__(self, "clearance_mm", scene.clearance_mm)
 
     def scene(self) -> SceneConfig:
-        """Give the cell that this task needs."""
+        """Return the settings of the task's cell."""
         same = {f.name for f in fields(SceneConfig)} & {f.name for f in fields(self)}
         return SceneConfig(**{name: getattr(self, name) for name in same})

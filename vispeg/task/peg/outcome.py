@@ -1,4 +1,4 @@
-"""How an episode went: success by depth, lateral error, force and dwell, and a failure's category by a fixed rule."""
+"""Classify an episode of the peg task: success by depth, lateral error, force and dwell; failures by fixed rules."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from vispeg.task.peg.config import PegConfig
 
 ENDS = ("success", "approach", "search", "jam", "wedge", "slip", "force limit", "timeout", "diverged")
 CATEGORIES = (*ENDS, *guards.CATEGORIES)
-ENTERED = 0.002  # m, depth from which the tip counts as in the hole
-SLIPPED = 0.003  # m, slip along the peg that counts as lost
-MOVING = 0.0005  # m a policy step, progress that counts as still going in
+ENTERED = 0.002  # m, depth beyond which the tip counts as in the hole
+SLIPPED = 0.003  # m, slip along the peg beyond which the grip counts as lost
+MOVING = 0.0005  # m per policy step, progress beyond which the peg counts as still going in
 
 
 @dataclass
 class PegTrack(Track):
-    """What one row has seen so far in its episode.
+    """The course of one episode of the peg task.
 
     Attributes:
-        deepest: greatest depth of the tip below the mouth while over the hole, m; beside the fixture is not in it.
-        dwell: policy steps in a row at the goal: deep, close to the axis and gentle.
-        tilt: angle between peg and hole, rad.
-        slip: along the peg, m.
+        deepest: greatest depth of the tip below the hole's mouth, m, counted only within half a peg's diameter of the
+            hole's axis, so that a tip beside the fixture does not count; -1 if never there.
+        dwell: number of consecutive policy steps, up to now, that met the conditions of success.
+        tilt: present angle between peg and hole, rad.
+        slip: present slip along the peg, m.
     """
 
     deepest: float = -1.0
@@ -34,7 +35,14 @@ class PegTrack(Track):
     slip: float = 0.0
 
     def add(self, config: PegConfig, forces: np.ndarray, tip: np.ndarray, **observed: float) -> None:
-        """Add a policy step: contact forces at its ticks, N; tip in the hole's frame (3,) m; `tilt` rad, `slip` m."""
+        """Record one policy step.
+
+        Args:
+            config: the task's settings.
+            forces: (ticks,) contact forces at its control ticks, N.
+            tip: (3,) m in the hole's frame.
+            observed: `tilt`, rad, and `slip`, m.
+        """
         super().add(config, forces, tip)
         depth, self.tilt, self.slip = self.depths[-1], observed.get("tilt", 0.0), observed.get("slip", 0.0)
         over = self.lateral <= 0.5 * config.diameter
@@ -45,7 +53,7 @@ class PegTrack(Track):
         self.deepest = max(self.deepest, depth if over else -1.0)
 
     def verdict(self, config: PegConfig) -> str | None:
-        """Give the category once the episode is over by itself (success, force limit, slip), else None."""
+        """Return the category if the episode has ended by itself (success, force limit, slip), else None."""
         if self.peak > config.force_abort:
             return "force limit"
         if abs(self.slip) > SLIPPED:
@@ -53,12 +61,12 @@ class PegTrack(Track):
         return "success" if self.dwell >= config.dwell else None
 
     def at_time(self, config: PegConfig) -> str:
-        """Give the category of an episode that ran out of time.
+        """Return the category of an episode that ran out of time.
 
-        `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982): a peg is wedged when it stands across
-        the hole at two points, which takes a tilt of clearance over depth; stuck below that tilt it is jammed by the
-        direction of its forces. A peg that was still going in is neither, nor one that got to its depth and lacked only
-        what else success takes.
+        `wedge` and `jam` follow Whitney (J. Dyn. Sys. Meas. Control 104, 1982). A peg is wedged if it touches the hole
+        at two opposite points, for which its tilt must be clearance over depth. A peg that is stuck at less tilt is
+        jammed by the direction of its forces. A peg that was still going in, or that reached the depth but missed
+        another condition of success, ran out of time (`timeout`).
         """
         if self.deepest >= config.success_depth * config.depth:
             return "timeout"

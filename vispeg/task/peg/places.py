@@ -1,4 +1,4 @@
-"""Where a world may put the hole, and whether the arm gets its peg there."""
+"""Check that the arm can reach the hole at every place where a world may put it."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from vispeg.task.start import ABOVE, DOWN, home
 from vispeg.worlds.distribution import Choice, Distribution, LogUniform, Normal, Uniform
 from vispeg.worlds.randomized import RandomizedEffect
 
-RARE = 1e-3  # share of a Gaussian's draws that may lie further out than what is looked at, on either side
+RARE = 1e-3  # share of a Gaussian's draws on either side that may lie beyond the checked places
 
 
 def check_places(scene: Scene, offset: RandomizedEffect | None, file: Path, key: str) -> None:
-    """Look at the outermost places of the hole, and those nearest the base's axis.
+    """Check the outermost places of the hole, and those nearest the base's axis.
 
     Args:
-        scene: whose fixture stands where the task says.
-        offset: a `hole_offset`; None for the fixture's own place.
-        file, key: who is to blame.
+        scene: the cell, with the fixture at the place that the task states.
+        offset: the world's `hole_offset`; None to check the fixture's own place.
+        file, key: file and key that state the place, for the error.
 
     Raises:
-        UserError: a hole that is out of reach or stands in the table.
+        UserError: a hole out of the arm's reach, or a fixture at an impossible place (such as in the table).
     """
     fixture = scene.config.fixture
     params = offset.params if offset is not None else {}
@@ -51,9 +51,10 @@ def check_places(scene: Scene, offset: RandomizedEffect | None, file: Path, key:
 
 
 def out_of_reach(scene: Scene, holes: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the arm cannot hold its peg upright over and in a hole at (n, 3) m, base frame.
+    """Return whether holes are out of reach, (n,) bool, for holes at (n, 3) m in the base frame.
 
-    As an episode goes: from above the fixture's own place.
+    A hole is in reach if the arm can hold its peg upright both over it and at its bottom, within its joint limits. As
+    in an episode, inverse kinematics starts from the posture over the fixture's own place.
     """
     above, bottom = np.array([0, 0, scene.tip + ABOVE]), np.array([0, 0, scene.tip - scene.config.depth])
     flange = np.concatenate([holes + above, holes + bottom])
@@ -67,7 +68,10 @@ def out_of_reach(scene: Scene, holes: np.ndarray) -> np.ndarray:
 
 
 def _ends(value: float | Distribution, at: float) -> set[float]:
-    """Offsets along one axis to look at: a range's ends, and what brings a fixture `at` nearest to 0."""
+    """Return the offsets along one axis to check: a range's ends, and the offset that brings a fixture `at` nearest 0.
+
+    `at` is the fixture's coordinate along that axis, m, base frame.
+    """
     match value:
         case Uniform(low, high) | LogUniform(low, high):
             pass

@@ -1,7 +1,7 @@
 """The rewards of the peg task: `shaped`, this project's own, and `paper`, that of a published experiment.
 
-With p the tip and g the goal in the hole's frame, x = g - p, l the lateral distance, F the largest contact force of
-the step, and a the action, each entry within +-1. `shaped`:
+Symbols: p the tip and g the goal in the hole's frame, x = g - p, l the tip's distance from the hole's axis, F the
+largest contact force of the step, a the action, each entry within +-1. `shaped` is:
 
     r_d = -|x| / d0                                   (1)  falls evenly from far away
     r_l = -(1 - exp(-(l / l0)^2 / 2))                 (2)  sharp near the axis, where (1) is flat
@@ -12,9 +12,9 @@ of Kaspar and Bock, "Reinforcement Learning with Cartesian Commands and Sim to R
 
     r = -(0.1 |x|_2 + 0.9 |x|_1) - 0.0005 sum_i a_i^2 + 50 [success]   (4)
 
-with x in metres. The paper names no unit. In metres a whole episode 9 cm from the goal costs 50 * 0.13 = 6.5, so that
-the bonus of 50 shows in the return, as the paper says of its Fig. 3; in millimetres it would cost 6500 and the bonus
-would be lost in it. The norm |x|_1 depends on axes, which are the hole's.
+with x in metres. The paper states no unit. In metres, a whole episode (50 steps) at 9 cm from the goal costs
+50 * 0.13 = 6.5, and the bonus of 50 is visible in the return, as the paper says of its Fig. 3. In millimetres it would
+cost 6500, and the bonus would be negligible. The norm |x|_1 is taken along the hole's axes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The peg-in-hole task, first tenant of the contract."""
+"""The peg-in-hole task."""
 
 from __future__ import annotations
 
@@ -34,32 +34,36 @@ class PegTask(Task):
     hard_positions = Path(__file__).parent / "hard_positions.yaml"
 
     def cell(self, config: PegConfig, cameras: tuple[str, ...] | None = None) -> Scene:
-        """See Task."""
+        """Build the peg cell; see Task."""
         return build(config.scene(), CAMERAS if cameras is None else cameras)
 
     def check(self, scene: Scene, ranges: Sequence[tuple[RandomizedEffect, Path, str]], file: Path) -> None:
-        """Require that the arm can reach the hole wherever it may stand."""
+        """Check that the arm can reach the hole wherever the world may put it."""
         check_places(scene, None, file, "task.fixture")
         for r, where, key in ranges:
             if r.effect == "hole_offset":
                 check_places(scene, r, where, key)
 
     def goal(self, config: PegConfig) -> np.ndarray:
-        """On the axis, as deep as success asks."""
+        """Return the point on the hole's axis at the depth of success, (3,) m in the hole's frame."""
         return np.array([0.0, 0.0, -config.success_depth * config.depth])
 
     def track(self) -> PegTrack:
-        """See Task."""
+        """Return a new PegTrack."""
         return PegTrack()
 
     def observed(self, sim: Simulation) -> Mapping[str, np.ndarray]:
-        """Tilt and slip."""
+        """Return `tilt` (n,) rad and `slip` (n,) m."""
         return {"tilt": sim.tilt(), "slip": sim.slip()}
 
     def again(self, rec: Recording, world: World, nthread: int = 1) -> tuple[np.ndarray, np.ndarray, Outcome]:
-        """Require that the tip comes as deep as success asks, with no more force than the task allows."""
+        """Simulate a recorded episode again, see Task.
+
+        It succeeds if the tip reaches the depth of success with no more force than `force_abort`.
+        """
+        # imported here: these modules look up tasks
         from vispeg.task.belief import recorded_cell
-        from vispeg.task.rig.record import outcome_of  # which builds cells, and so looks up tasks
+        from vispeg.task.rig.record import outcome_of
         from vispeg.task.rig.replay import replay
 
         (ran,) = replay(rec, [world], nthread=nthread)
@@ -67,7 +71,7 @@ class PegTask(Task):
         return ran.q[0], ran.ft[0], ended
 
     def expert(self, config: PegConfig, nsim: int) -> Expert:
-        """Hovers, lowers, searches in a spiral, pushes down."""
+        """Return the expert that hovers, lowers, searches in a spiral and pushes down."""
         return Expert(config, nsim)
 
 

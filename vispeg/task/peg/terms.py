@@ -1,4 +1,4 @@
-"""What is observed of the peg task, in the order in which policies and critics were trained on it."""
+"""The observation terms of the peg task. Trained policies and critics depend on their order."""
 
 from __future__ import annotations
 

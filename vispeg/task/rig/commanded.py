@@ -1,4 +1,4 @@
-"""A motion of the flange that is commanded in a cell, made by name or read from a table."""
+"""A commanded motion of the flange in a cell, from `motions` or from a table."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ class CellMotion:
     Attributes:
         name: of the motion.
         time: (n,) s.
-        ee_cmd: (n, 7) flange pose in the base, m and w x y z.
-        force_limit: N, greatest force that the controller may ask for in it; None for the task's own.
-        stiffness: of the controller in it, 1/s^2, for translation and rotation; None for the task's own.
-        posture: (nj,) rad, joint angles that it begins near and that the null space is pulled to; None for the cell's.
+        ee_cmd: (n, 7) commanded flange pose in the base, m and w x y z.
+        force_limit: N, greatest force that the controller may ask for in this motion; None for the task's setting.
+        stiffness: of the controller in this motion, 1/s^2, for translation and rotation; None for the task's setting.
+        posture: (nj,) rad, joint angles near which the motion begins and to which the null space is pulled; None for
+            the cell's posture (`vispeg.task.rig.posture.posture`).
     """
 
     name: str

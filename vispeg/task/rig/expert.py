@@ -1,4 +1,4 @@
-"""A whole episode of the task under its scripted policy and its own controller, as a recording."""
+"""Record an episode of the task under its scripted expert and its own controller."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vispeg.task.rig.run import STEP, Reader
 from vispeg.worlds.world import World
 
 EXPERT = "expert"
-AIR = 1.0  # s in free air before the policy begins
+AIR = 1.0  # s in free air before the expert begins
 
 
 def record_expert(
@@ -36,15 +36,15 @@ def record_expert(
     name: str = "simulated",
     h_max: float = STEP,
 ) -> Recording:
-    """One episode: a second in free air, then the scripted policy until success, failure or time.
+    """Record one episode: a second in free air, then the scripted expert until success, failure or the end of time.
 
     Args:
-        world: the plant: a model with a cell, its effects included.
-        seed: of the episode, which decides where it begins.
+        world: the simulated robot: a model with a cell and effects.
+        seed: of the episode; it decides where the tip begins.
         noise, rng, rate_hz, torque_sensor, repeat, name, h_max: as for `record_cell`.
 
     Raises:
-        UserError: the world has no cell, or a control period that its policy's is no multiple of.
+        UserError: the world has no cell, or the policy period is not a whole number of control periods (1 / rate_hz).
     """
     belief = model_cell(world)
     nsub = max(1, math.ceil(1.0 / (rate_hz * h_max) - 1e-9))

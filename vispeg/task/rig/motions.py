@@ -1,8 +1,13 @@
-"""Motions that make a cell show what its model lacks of contact; each begins with a second in free air.
+"""Motions in a cell that reveal errors of its contact model. Each begins with about a second in free air.
 
-What each is for: free air shows the tool's mass and centre and the sensor's zero; presses stiffness, compliance and
-heights, and with the elbow turned what of it is the arm's; slides friction; insertions the gap and the goal's place; a
-hard press what slips; taps damping; a datum what is grip and what is goal, and what is the arm's.
+What each motion identifies:
+- free air: the tool's mass and centre of mass, and the zero of the force sensor;
+- presses: stiffness, compliance and heights; with the elbow turned, also which compliance is the arm's;
+- slides: friction;
+- insertions: the gap and the goal's place;
+- hard presses: slip in the grip;
+- taps: damping;
+- a touched datum: which errors of height come from the grip, from the goal and from the arm.
 """
 
 from __future__ import annotations
@@ -21,19 +26,19 @@ from vispeg.task.rig.pace import paced, with_room
 from vispeg.task.rig.path import FORCE, Frame, Path, commands, quarter
 from vispeg.task.rig.posture import elbow_turned, posture
 
-OVER = 0.03  # m: the tip over the fixture in free air
-NEAR = 0.0015  # m over a surface, from where it is approached slowly
-LOOK, LOOKS = 0.06, 14  # m of the tip over the goal about which a look moves, and the views that it moves through
-AIR = 1.1  # s in free air that every motion begins with
+OVER = 0.03  # m, height of the tip over the fixture in free air
+NEAR = 0.0015  # m, height over a surface below which the tip moves slowly
+LOOK, LOOKS = 0.06, 14  # m, mean height of the tip over the goal while cameras look at it; number of views
+AIR = 1.1  # s in free air with which every motion begins
 
 
 @dataclass(frozen=True)
 class Place:
-    """What a motion may use: the believed cell, its numbers, and chance.
+    """The inputs of a motion: the believed cell, its dimensions, and random variations.
 
     Attributes:
         scene: the believed cell.
-        rng: shifts places, forces and speeds a little, so that two seeds give two recordings.
+        rng: varies places, forces and speeds a little, so that different seeds give different recordings.
     """
 
     scene: Scene
@@ -41,12 +46,12 @@ class Place:
 
     @property
     def gap(self) -> float:
-        """Width of the goal less that of what goes into it, m."""
+        """Width of the goal minus that of the held part, m."""
         return self.scene.config.gap
 
     @property
     def depth(self) -> float:
-        """Of the goal, m."""
+        """Depth of the goal, m."""
         return self.scene.config.depth
 
     @property
@@ -56,18 +61,18 @@ class Place:
         return 0.5 * (config.apothem + config.chamfer + config.block)
 
     def vary(self, value: float, share: float = 0.12) -> float:
-        """Give the value, somewhat more or less."""
+        """Return the value times a random factor within 1 +- share."""
         return float(value * (1 + share * self.rng.uniform(-1.0, 1.0)))
 
     def begin(self, over: float = OVER) -> Path:
-        """In free air over the goal: a nod on either side shows the sensor's zero."""
+        """Begin a path in free air, `over` m above the goal, with a nod of the tool that shows the sensor's zero."""
         start = Frame((0.0, 0.0, over))
         nod = self.vary(0.05)
         return Path(start).to(0.5).to(0.3, turn=(nod, 0.0, 0.0)).to(AIR - 0.8, turn=(0.0, 0.0, 0.0))
 
 
 def free(place: Place) -> Path:
-    """Tilts by more than 30 deg about both axes, and shakes: the tool's mass and centre, the sensor's zero."""
+    """Tilt by 30 to 34 deg about both axes, and shake: shows the tool's mass, centre of mass, and the sensor's zero."""
     path, tilt = place.begin(0.12), place.vary(0.56, 0.05)
     path.to(1.2, yaw=quarter(place.scene))
     for turn in ((tilt, 0, 0), (-tilt, 0, 0), (0, tilt, 0), (0, -tilt, 0), (0, 0, 0)):
@@ -79,7 +84,7 @@ def free(place: Place) -> Path:
 
 
 def press(place: Place, count: int = 4) -> Path:
-    """Presses straight down with 5 to 25 N at `count` places about the goal."""
+    """Press straight down with 5 to 25 N at `count` places around the goal."""
     path, first = place.begin(), place.rng.uniform(0, np.pi / 2)
     for k in range(count):
         angle = first + 2 * np.pi * k / count
@@ -91,13 +96,17 @@ def press(place: Place, count: int = 4) -> Path:
 
 
 def press_elbow(place: Place) -> Path:
-    """Presses with the elbow turned and the flange as before: separates the arm's compliance from the fixture's."""
+    """Press as `press` does; `motion` makes it with the elbow turned, which separates the arm's compliance from others.
+
+    The compliance of the fixture does not depend on the arm's posture.
+    """
     return press(place)
 
 
 def slide(place: Place) -> Path:
-    """Slides a cross beside the goal, each line there and back, pressing with two forces; the tool leans sideways, so
-    that its flat end touches the fixture at one place of its rim.
+    """Slide along two perpendicular lines on two sides of the goal, each there and back, pressing with two forces.
+
+    The tool leans sideways, so that its flat end touches the fixture at one place of its rim.
     """
     path, lean = place.begin(), place.vary(0.07)
     for force, along in product((place.vary(5.0), place.vary(10.0)), (0, 1)):
@@ -106,7 +115,15 @@ def slide(place: Place) -> Path:
 
 
 def _slid(path: Path, place: Place, force: float, along: int, lean: float) -> None:
-    """One line of a slide, there and back, and up again."""
+    """Slide along one line there and back, and lift off.
+
+    Args:
+        path: extended in place.
+        place: inputs of the motion.
+        force: N, with which the tip presses down.
+        along: axis of the line, 0 for x, 1 for y.
+        lean: rad, tilt of the tool.
+    """
     reach = 0.85 * place.aside
     a, b = [place.aside, place.aside], [place.aside, place.aside]
     a[along], b[along] = -reach, reach
@@ -121,7 +138,7 @@ def _slid(path: Path, place: Place, force: float, along: int, lean: float) -> No
 
 
 def insert(place: Place, yaw: float = 0.0) -> Path:
-    """Goes in along the chamfer and presses against the wall all around, at two depths and with two forces."""
+    """Enter the goal along its chamfer and press against the wall all around, at two depths and with two forces."""
     path = place.begin()
     if yaw:
         path.to(1.2, yaw=yaw)
@@ -129,7 +146,7 @@ def insert(place: Place, yaw: float = 0.0) -> Path:
 
 
 def _inserted(path: Path, place: Place) -> Path:
-    """Give the insertion itself, from free air over the goal."""
+    """Append the insertion to a path that has ended in free air over the goal."""
     angle = place.rng.uniform(0, 2 * np.pi)
     x, y = 0.6 * place.gap * np.cos(angle), 0.6 * place.gap * np.sin(angle)
     path.to(0.6, tip=(x, y, 0.004)).to(0.8, tip=(x, y, -0.004)).to(0.3, tip=(0, 0, -0.004))
@@ -149,7 +166,7 @@ def insert_turned(place: Place) -> Path:
 
 
 def rock(place: Place) -> Path:
-    """Tilts the held part in the goal until it touches on two sides, about both axes, both ways."""
+    """Tilt the held part in the goal until it touches on two sides, about both axes and in both directions."""
     inside = 0.8 * place.depth
     path = place.begin().to(0.6, tip=(0, 0, 0.004)).to(1.0, tip=(0, 0, -inside))
     tilt = place.vary(1.0, 0.05) * (place.gap / inside + 0.03)
@@ -162,7 +179,7 @@ def rock(place: Place) -> Path:
 
 
 def hard_press(place: Place) -> Path:
-    """Presses with 60 to 115 N at two places: shows slip in the grip, and compliance."""
+    """Press with 60 to 115 N at two places: shows slip in the grip, and compliance."""
     path, first = place.begin(), place.rng.uniform(0, np.pi)
     for angle in (first, first + np.pi):
         _down(path, place.aside * np.cos(angle), place.aside * np.sin(angle), 10.0)
@@ -173,7 +190,7 @@ def hard_press(place: Place) -> Path:
 
 
 def tap(place: Place) -> Path:
-    """Taps the fixture at two speeds: shows damping and restitution."""
+    """Tap the fixture at two speeds: shows damping and restitution."""
     path, height, deep = place.begin(), 0.008, 0.004
     for speed in (0.012, 0.035):
         for k in range(4):
@@ -186,7 +203,7 @@ def tap(place: Place) -> Path:
 
 
 def touch_datum(place: Place) -> Path:
-    """Touches the table on two sides of the fixture, and the fixture, with the same grip: a datum height."""
+    """Touch the table on two sides of the fixture, and the fixture, in the same grip: the table is a datum height."""
     path, height = place.begin(0.05), -float(place.scene.target[2])
     far = place.scene.config.block + 0.06
     for x, y, z in ((-far, 0.0, height), (0.0, far, height), (0.0, place.aside, 0.0)):
@@ -198,7 +215,7 @@ def touch_datum(place: Place) -> Path:
 
 
 def mix(place: Place) -> Path:
-    """Free air, a press, a slide, an insertion and a tap, short."""
+    """Make a short motion of each kind: free air, a press, a slide, an insertion and a tap."""
     path, r = place.begin(0.06), place.aside
     for turn in ((0.45, 0, 0), (0, 0.45, 0), (0, 0, 0)):
         path.to(0.7, turn=turn)
@@ -217,10 +234,10 @@ def mix(place: Place) -> Path:
 
 
 def look_and_insert(place: Place) -> Path:
-    """Look at the goal from all sides, slides beside it, go in as `insert` does: for joints, wrench and cameras.
+    """Look at the goal from all sides, slide beside it and insert: for errors of joints, wrench and cameras at once.
 
-    The hand tilts, rolls, approaches and moves sideways at once, each both ways and at changing speed, the goal kept in
-    sight of a camera on the hand: turns leave the goal where it is.
+    While looking, the hand tilts, rolls, approaches and moves sideways at once, each in both directions and at changing
+    speed. It turns about the goal, so that a camera on the hand keeps the goal in view.
     """
     path = place.begin(LOOK)
     path.to(0.3, pivot=-LOOK)
@@ -237,13 +254,13 @@ def look_and_insert(place: Place) -> Path:
 
 
 def _down(path: Path, x: float, y: float, force: float) -> None:
-    """Goes over (x, y) and onto the fixture there, slowly, until it is pressed with `force`."""
+    """Move over (x, y) m and slowly down onto the fixture, and press with `force` N."""
     path.to(0.6, tip=(x, y, 0.006)).to(0.3, tip=(x, y, NEAR))
     path.to(0.6, tip=(x, y, 0.0), force=(0, 0, -2.0)).to(0.4, force=(0, 0, -force)).to(0.15)
 
 
 def _up(path: Path) -> None:
-    """Straight up and off."""
+    """Lift off, straight up."""
     x, y, _ = path.last.tip
     path.to(0.5, tip=(x, y, 0.006), force=(0, 0, 0))
 
@@ -263,21 +280,22 @@ PATHS: Motions = {
     "mix": mix,
     "look-and-insert": look_and_insert,
 }
-STIFF = {"slide": (600.0, 2400.0)}  # 1/s^2: a wrist that gives way by cm sticks and jumps where it should slide
-TURNED = ("press-elbow",)  # made with the elbow turned
-ROOM = 1.25  # the controller's force limit over the greatest force that is asked for
+STIFF = {"slide": (600.0, 2400.0)}  # 1/s^2: on a softer spring, stretched by cm, the tip sticks and jumps
+TURNED = ("press-elbow",)  # motions with the elbow turned
+ROOM = 1.25  # the controller's force limit over the greatest force that the motion asks for
 
 
 def motion(
     name: str, scene: Scene, config: TaskConfig, rate_hz: float, rng: np.random.Generator, paths: Motions = PATHS
 ) -> CellMotion:
-    """Give a motion by name, for the believed cell.
+    """Make the motion of a name for the believed cell.
 
     Args:
-        name: of `paths`.
+        name: a key of `paths`.
         scene: the believed cell.
-        config: its task, whose controller will hold the flange.
-        rate_hz, rng: ticks a second, chance.
+        config: settings of its task, whose controller will hold the flange.
+        rate_hz: ticks of the controller per second.
+        rng: varies the motion.
         paths: the motions of the task, see `vispeg.task.contract.Task.motions`.
 
     Raises:

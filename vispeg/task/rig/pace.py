@@ -1,4 +1,4 @@
-"""How fast a motion of a cell may be, and which way it is turned, so that joints keep within speed and range."""
+"""Slow down and turn a motion of a cell, so that the joints stay within their speeds and ranges."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from vispeg.sim.nominal import Nominal
 from vispeg.task.control import DAMPING, POSTURE
 from vispeg.task.rig.path import FORCE, Path, commands
 
-SHARE = 0.9  # of a joint's speed limit that a leg may ask for
-SAMPLES_HZ = 50.0
-SOFT = 1e-6  # beside the inverse of the operational inertia, kg^-1: near a singular posture it stays finite
-ROOM = 0.03  # rad of a joint's range that are left at either end: contact bends the way of the arm
-ROUND, SQUARE = (0.0, 0.15, 0.3, 0.6, np.pi / 2), (0.0, np.pi / 2)  # rad: how far what is held may be turned
+SHARE = 0.9  # share of a joint's speed limit that a leg may ask for
+SAMPLES_HZ = 50.0  # rate at which the arm's motion is predicted
+SOFT = 1e-6  # kg^-1, added to the inverse of the operational inertia so that it is regular at a singularity
+ROOM = 0.03  # rad, margin at both ends of a joint's range: contact deflects the arm from the predicted path
+ROUND, SQUARE = (0.0, 0.15, 0.3, 0.6, np.pi / 2), (0.0, np.pi / 2)  # rad, turns to try for a round and a square part
 
 
 def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray) -> Path:
-    """Give the path with legs so long that no joint passes `SHARE` of its speed limit where the arm follows its poses.
+    """Return the path with each leg as slow as needed for no joint to exceed `SHARE` of its speed limit.
 
     Args:
-        path: of the tool's tip, with forces: these bend the commanded poses, not the way of the arm, and are left out.
-        scene: the believed cell; a joint without a stated limit is not slowed.
+        path: of the tool's tip. Its forces are left out: they change the commanded poses, not the arm's motion.
+        scene: the believed cell; a joint without a stated speed limit slows nothing.
         stiffness: of the controller, see `vispeg.task.rig.path.commands`.
         near: (nj,) rad, the posture in which the arm begins and to which its null space is pulled.
 
@@ -45,9 +45,9 @@ def paced(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.nda
 def foreseen(
     path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Time (n,) s at `SAMPLES_HZ` and the joint angles (n, nj) rad then, of an arm that follows a path freely.
+    """Predict the motion of an arm that follows a path without contact: time (n,) s and joint angles (n, nj) rad.
 
-    Arguments and errors as for `paced`.
+    Samples are at `SAMPLES_HZ`. Arguments and errors as for `paced`.
     """
     time, frames = path.frames(SAMPLES_HZ)
     frames[:, FORCE] = 0.0
@@ -55,11 +55,11 @@ def foreseen(
 
 
 def followed(scene: Scene, pose: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Joint angles (n, nj) rad in which operational space control follows flange poses (n, 7) at `SAMPLES_HZ`.
+    """Return joint angles (n, nj) rad with which operational space control follows flange poses (n, 7) at `SAMPLES_HZ`.
 
-    The inverse of the Jacobian is weighted by inertia, so that light joints move more, and the null space goes to the
-    posture at the rate of its spring over its damper. Source: Khatib 1987, A unified approach for motion and force
-    control of robot manipulators, IEEE J. Robotics and Automation 3(1), the dynamically consistent inverse.
+    The inverse of the Jacobian is weighted by inertia, so that light joints move more. In the null space the arm moves
+    to the posture `near` at the rate of its spring over its damper. Source: Khatib 1987, A unified approach for motion
+    and force control of robot manipulators, IEEE J. Robotics and Automation 3(1), the dynamically consistent inverse.
     """
     nominal, q, out = nominal_of(scene.nominal, 1), near.copy(), []
     pull = POSTURE / DAMPING / SAMPLES_HZ
@@ -71,7 +71,15 @@ def followed(scene: Scene, pose: np.ndarray, near: np.ndarray) -> np.ndarray:
 
 
 def _step(nominal: Nominal, q: np.ndarray, goal: np.ndarray, pull: np.ndarray, times: int) -> np.ndarray:
-    """Newton steps from q (nj,) to a flange pose, the first with a way `pull` (nj,) for the null space."""
+    """Return the joint angles (nj,) rad after some Newton steps from q to a flange pose.
+
+    Args:
+        nominal: one nominal arm.
+        q: (nj,) rad.
+        goal: (7,) flange pose in the base, m and w x y z.
+        pull: (nj,) rad, displacement whose null-space part is added to the first step.
+        times: number of steps.
+    """
     from vispeg.kernels.arm import towards
 
     way = np.empty((1, len(q)))
@@ -84,17 +92,19 @@ def _step(nominal: Nominal, q: np.ndarray, goal: np.ndarray, pull: np.ndarray, t
 
 
 def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np.ndarray) -> Path:
-    """Give the path as it is where the joints have room for it, else with the flange turned as little as gives them
-    room.
+    """Return the path with the flange turned about the vertical, so that the joints stay within their ranges.
+
+    The angle is the smallest of `ROUND` or `SQUARE`, to either side, that leaves the margin `ROOM`; if none does, the
+    one with the largest margin.
 
     Args:
         path: of the tool's tip.
-        scene: the believed cell; a part that is not round fits its goal after a quarter turn alone.
+        scene: the believed cell; a square part fits its goal only unturned or after a quarter turn.
         stiffness: of the controller, see `vispeg.task.rig.path.commands`.
         near: (nj,) rad, the posture in which the arm begins and to which its null space is pulled.
 
     Raises:
-        UserError: some joint leaves its range whichever way the flange is turned, or a pose out of the arm's reach.
+        UserError: at each angle some joint leaves its range or a pose is out of the arm's reach.
     """
     low, high = scene.range.T
     best, most, at, out_of_reach = path, -np.inf, (0, 0.0), None
@@ -126,7 +136,7 @@ def with_room(path: Path, scene: Scene, stiffness: tuple[float, float], near: np
 
 
 def turned_by(path: Path, yaw: float) -> Path:
-    """Give the path with the flange turned about the vertical through the tip by so many rad more, all along."""
+    """Return the whole path with the flange turned by `yaw` rad more about the vertical through the tip."""
 
     def turned(frame):
         return replace(frame, yaw=frame.yaw + yaw)

@@ -1,4 +1,4 @@
-"""A commanded path of the tool's tip: key frames with a pose and a force to exert, put together piece by piece."""
+"""A commanded path of the tool's tip, built from key frames with a pose and a force to exert."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from vispeg.task.rig.posture import posture
 from vispeg.task.start import DOWN
 
 Vec = tuple[float, float, float]
-FORCE = slice(6, 9)  # columns of a frame's numbers
-RAMP = 0.1  # s in which a piece of even speed gets going
+FORCE = slice(6, 9)  # columns of the force in a frame's numbers
+RAMP = 0.1  # s, duration of the acceleration and of the deceleration in a leg of even speed
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the tip is asked to be, how the tool is turned, and what it is to exert there.
+    """A commanded pose of the tool with a force to exert.
 
     Attributes:
-        tip: m from the goal's nominal place, base axes.
+        tip: position of the tip from the goal's nominal place, m, base axes.
         turn: rotation vector of the tool from straight down, rad, base axes.
-        yaw: turn of the flange about the vertical before that, rad.
-        force: N, base axes, that the tip is to exert on what it meets: the spring of the controller is wound up by it.
-        pivot: height above the tip of the point that turns leave where it is, m.
+        force: force that the tip exerts if it is in contact, N, base axes: the controller's spring is stretched by it.
+        pivot: height above the tip, along the tool, of the point about which `turn` rotates, m.
+        yaw: rotation of the flange about the vertical before `turn`, rad.
     """
 
     tip: Vec
@@ -41,7 +41,10 @@ class Frame:
 
 @dataclass(frozen=True)
 class Leg:
-    """How a frame is reached from the one before: in `seconds`, at rest at both ends (`smooth`) or at one speed."""
+    """A transition from the previous frame to `frame`, which takes `seconds`.
+
+    `smooth` follows a minimum-jerk profile; `even` keeps a constant speed except for short ramps (`RAMP`).
+    """
 
     frame: Frame
     seconds: float
@@ -49,23 +52,23 @@ class Leg:
 
 
 class Path:
-    """Legs one after another, beginning at rest in `start`."""
+    """A sequence of legs, which begins at rest in `start`."""
 
     def __init__(self, start: Frame):
         self.start, self.legs = start, list[Leg]()
 
     @property
     def last(self) -> Frame:
-        """Where the path ends so far."""
+        """The frame in which the path ends so far."""
         return self.legs[-1].frame if self.legs else self.start
 
     def to(self, seconds: float, kind: Literal["smooth", "even"] = "smooth", **changes) -> Path:
-        """Goes on to the last frame with these changes; without any it waits."""
+        """Append a leg to the last frame with these changes, and return the path; without changes the leg waits."""
         self.legs.append(Leg(replace(self.last, **changes), seconds, kind))
         return self
 
     def frames(self, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-        """Time (n,) s and numbers (n, 11) of the frame at each tick: tip, turn, force, pivot, yaw."""
+        """Return time (n,) s and the frame's numbers (n, 11) at each tick: tip, turn, force, pivot, yaw."""
         ends = np.cumsum([0.0, *(leg.seconds for leg in self.legs)])
         time = np.arange(int(round(ends[-1] * rate_hz)) + 1) / rate_hz
         out = np.tile(_numbers(self.start), (len(time), 1))
@@ -82,17 +85,17 @@ class Path:
 def commands(
     frames: np.ndarray, scene: Scene, stiffness: tuple[float, float], near: np.ndarray | None = None
 ) -> np.ndarray:
-    """Flange poses (n, 7) m and w x y z to command, so that the controller exerts what the frames ask for.
+    """Return the flange poses (n, 7), m and w x y z, with which the controller exerts the frames' forces.
 
     An operational space controller holds the flange by a spring: a pose error `e` gives the wrench `Lambda K e`. The
-    error that gives a force at the tip is `K^-1 Lambda^-1 (f, r x f)`, with Lambda of the nominal arm over the goal and
-    r from the flange to the tip.
+    error that gives a force f at the tip is `K^-1 Lambda^-1 (f, r x f)`, with Lambda of the nominal arm over the goal
+    and r from the flange to the tip.
 
     Args:
-        frames: (n, 11) numbers of `Frame`.
+        frames: (n, 11) numbers of `Frame`, see `Path.frames`.
         scene: the believed cell.
         stiffness: of the controller, 1/s^2, for translation and rotation.
-        near: (nj,) rad, the posture in which the arm does it; the cell's where none is stated.
+        near: (nj,) rad, the arm's posture during the motion; None for the cell's.
 
     Raises:
         UserError: a pose out of the arm's reach.
@@ -101,7 +104,7 @@ def commands(
     rot = turned(facing(frames[:, 10]), turn)
     up = np.zeros((len(frames), 3))
     up[:, 2:] = scene.tip - pivot
-    still = np.array([0.0, 0.0, 1.0]) * pivot  # of the tool's part below the pivot, straight
+    still = np.array([0.0, 0.0, 1.0]) * pivot  # from the tip up to the pivot, before the tool turns
     pos = np.array(scene.target) + tip + still - rotated(rot, up)
     lever = np.cross(rotated(rot, np.array([0.0, 0.0, scene.tip])), force)
     q = posture(scene) if near is None else near
@@ -113,14 +116,14 @@ def commands(
 
 
 def facing(yaw: np.ndarray) -> np.ndarray:
-    """Flange orientation (n, 4) w x y z straight down, turned by yaw (n,) rad about the vertical."""
+    """Return flange orientations (n, 4) w x y z: straight down, turned by yaw (n,) rad about the vertical."""
     vertical = np.zeros((len(yaw), 3))
     vertical[:, 2] = yaw
     return turned(np.tile(DOWN, (len(yaw), 1)), vertical)
 
 
 def quarter(scene: Scene) -> float:
-    """Give a quarter turn of the flange over the goal, to the side that leaves the last joints more room, rad."""
+    """Return +-pi/2 rad: the quarter turn of the flange over the goal that leaves the joints the larger margin."""
     nominal, at = nominal_of(scene.nominal, 1), np.array(scene.target) + [0, 0, 0.03 + scene.tip]
     margins = []
     for yaw in (np.pi / 2, -np.pi / 2):
@@ -131,14 +134,14 @@ def quarter(scene: Scene) -> float:
 
 
 def _softness(scene: Scene, stiffness: tuple[float, float], q: np.ndarray) -> np.ndarray:
-    """(6, 6) pose error a wrench at the flange, straight over the goal in the posture q (nj,) rad."""
+    """Return the controller's compliance (6, 6) at the posture q (nj,) rad: pose error of the flange per wrench."""
     mass, jac, *_ = nominal_of(scene.nominal, 1).operational(q[None])
     inverse = (jac @ np.linalg.solve(mass, np.swapaxes(jac, 1, 2)))[0]
     return inverse / np.repeat(stiffness, 3)[:, None]
 
 
 def _check(scene: Scene, pos: np.ndarray, rot: np.ndarray, near: np.ndarray, count: int = 64) -> None:
-    """Look at some of the poses. Raises UserError for one that the arm cannot take."""
+    """Check `count` of the poses, evenly spread. Raises UserError for one out of the arm's reach."""
     some = np.unique(np.linspace(0, len(pos) - 1, count).astype(int))
     nominal = nominal_of(scene.nominal, len(some))
     q, error = reach(nominal, pos[some], rot[some], np.tile(near, (len(some), 1)))
@@ -156,7 +159,7 @@ def _numbers(frame: Frame) -> np.ndarray:
 
 
 def _share(kind: str, u: np.ndarray, seconds: float) -> np.ndarray:
-    """How much of a leg is done at its share u of time."""
+    """Return the share of a leg's path that is done at the share u (n,) of its time."""
     if kind == "smooth":
         return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
     ramp = min(RAMP / seconds, 0.5)

@@ -1,4 +1,4 @@
-"""How the arm stands over the goal: the posture that motions of a cell begin near, and another for the same flange."""
+"""The arm's posture over the goal, near which motions begin, and one with the elbow turned for the same flange pose."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ from vispeg.sim.compiled import nominal_of
 from vispeg.sim.reach import reach
 from vispeg.task.start import DOWN, home
 
-STEP, FAR = 0.02, 1.5  # rad of all joints together: from posture to posture, and at most
-ROOM = 0.3  # rad that each joint has left there
-TURN = 0.3  # rad, at least: less makes no other posture
+STEP, FAR = 0.02, 1.5  # rad, norm over all joints: distance between tried postures, and greatest distance
+ROOM = 0.3  # rad, distance that each joint keeps to its limits
+TURN = 0.3  # rad, least distance (norm over all joints) of the posture with the elbow turned
 
 
 def start_angles(scene: Scene, pose: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
-    """Joint angles (nj,) rad that put the flange at `pose` (7,), near some angles or the cell's posture.
+    """Return joint angles (nj,) rad that put the flange at a pose.
+
+    Args:
+        scene: the cell.
+        pose: (7,) flange pose in the base, m and w x y z.
+        near: (nj,) rad, where the search starts; None for the home posture.
 
     Raises:
         UserError: a pose out of the arm's reach.
@@ -31,18 +36,18 @@ def start_angles(scene: Scene, pose: np.ndarray, near: np.ndarray | None = None)
 
 
 def posture(scene: Scene) -> np.ndarray:
-    """Joint angles (nj,) rad over the goal: what the null space is pulled to."""
+    """Return the joint angles (nj,) rad with the tip over the goal, to which the null space is pulled."""
     return start_angles(scene, np.concatenate([np.array(scene.target) + [0, 0, 0.03 + scene.tip], DOWN]))
 
 
 def elbow_turned(scene: Scene) -> np.ndarray:
-    """Joint angles (nj,) rad with the flange as in `posture` and the elbow turned about the line to the wrist.
+    """Return joint angles (nj,) rad with the flange's pose as in `posture` but the elbow turned.
 
-    Of the postures on the way to either side the one in which the flange's compliance `J J'` differs most from what it
-    was: which separates compliance of the arm from that of the fixture.
+    Of the postures on the way to either side, take the one whose flange compliance `J J'` differs most from that of
+    `posture`. Presses in both postures separate the compliance of the arm from that of the fixture.
 
     Raises:
-        UserError: an arm with one way to hold its flange, or without room to turn.
+        UserError: an arm with fewer than seven joints, or without room to turn its elbow.
     """
     nominal, q0 = nominal_of(scene.nominal, 1), posture(scene)
     if len(q0) < 7:
@@ -73,5 +78,5 @@ def elbow_turned(scene: Scene) -> np.ndarray:
 
 
 def _null(jac: np.ndarray) -> np.ndarray:
-    """(nj,) unit velocity that leaves the flange where it is."""
+    """Return the unit joint velocity (nj,) that does not move the flange, for its Jacobian (6, nj)."""
     return np.linalg.svd(jac)[2][-1]

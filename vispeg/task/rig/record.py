@@ -1,4 +1,4 @@
-"""Recordings of a simulated robot in its cell, under the task's own controller."""
+"""Record a simulated robot in its cell, under the task's own controller."""
 
 from __future__ import annotations
 
@@ -36,8 +36,14 @@ def controller(
     stiffness: tuple[float, float] | None = None,
     near: np.ndarray | None = None,
 ) -> Control:
-    """Give the task's controller as a recording states it, with another limit, stiffness or posture where a motion
-    asks.
+    """Return the task's controller as a recording states it.
+
+    Args:
+        scene: the cell.
+        config: settings of its task.
+        rate_hz: ticks of the controller per second.
+        force_limit, stiffness: of a motion, N and 1/s^2; None for the task's settings.
+        near: (nj,) rad, posture for the null space; None for the cell's.
     """
     kp = np.repeat(np.array(stiffness or config.stiffness, float), 3)
     null = Nullspace(POSTURE, DAMPING, posture(scene) if near is None else near)
@@ -68,25 +74,25 @@ def record_cell(
     nthread: int = 1,
     watch: Callable[[np.ndarray], None] = lambda true: None,
 ) -> Recording:
-    """Drives a world with a cell through a motion and reads its sensors.
+    """Drive a simulated robot in its cell through a motion and record its sensors.
 
     Args:
-        world: the plant: a model with a cell, its effects included. The cell is the belief that the recording states,
-            the world's effects are hidden.
+        world: the simulated robot: a model with a cell and effects. The recording states the cell as its belief; the
+            world's effects do not appear in it.
         motion: the commanded flange poses, at `rate_hz`.
-        noise: 1-sigma of white noise on `q`, `dq`, `tau`, `ee`, `ft` and `ft_torque`, added after the loop. Where an
-            encoder reads in steps, all encoders have that of `q` in the loop, before they round.
-        rng: the only source of chance.
-        rate_hz: ticks of the controller and samples a second.
+        noise: standard deviation of white noise on `q`, `dq`, `tau`, `ee`, `ft` and `ft_torque`, added to the recorded
+            signals. Exception: if an encoder quantizes, the noise of `q` is added in the loop, before quantization.
+        rng: the only source of randomness.
+        rate_hz: ticks of the controller, and samples, per second.
         torque_sensor: what `tau` measures; `none` leaves it out.
-        repeat: how often the motion is run; more than one run become episodes.
-        name: what the recording is called.
+        repeat: number of runs; several become episodes.
+        name: of the recording.
         h_max: greatest physics step, s.
         nthread: threads of the simulation.
-        watch: is shown the true joint angles (n, nj) rad of a run, which only a bystander (a camera) can see.
+        watch: called with the true joint angles (n, nj) rad of the first run, which external cameras can see.
 
     Raises:
-        UserError: the arm does not follow, or the world has no cell.
+        UserError: the simulation diverges, or the world has no cell.
     """
     belief = _believed(world)
     control = controller(belief.scene, belief.config, rate_hz, motion.force_limit, motion.stiffness, motion.posture)
@@ -124,7 +130,19 @@ def recording(
     outcomes: tuple[Outcome, ...] = (),
     row: int = 0,
 ) -> Recording:
-    """Give what the sensors of one run read, without noise; `row` of those that ran side by side."""
+    """Return a run as a recording without noise.
+
+    Args:
+        belief: the cell as the robot's user believes it to be.
+        world: the simulated robot.
+        control: the controller that ran.
+        ran: runs side by side.
+        ee_cmd: (n, 7) commanded flange poses, m and w x y z.
+        time: (n,) s.
+        name, motion: of the recording, of the motion.
+        outcomes: of the run.
+        row: which of the runs.
+    """
     scene = belief.scene
     return Recording(
         path=Path(name),
@@ -150,16 +168,14 @@ def recording(
 
 
 def stated(cell: CellBelief | None, belief: Believed) -> CellBelief:
-    """Give the belief as a recording states it: a cell by name in full numbers, so that a reader sees what is
-    believed.
-    """
+    """Return the cell for a recording to state; an open cell is replaced by the numbers of the cell that was built."""
     if cell is not None and not cell.open:
         return cell
     return CellBelief("", stated_cell(belief.config))
 
 
 def stated_cell(config: TaskConfig) -> dict[str, Any]:
-    """Give the numbers of a cell, keys of a world file's `task`."""
+    """Return the numbers of a cell as keys of a world file's `task`, without empty values."""
     numbers = {f: getattr(config, f) for f in asdict(SceneConfig()) if f not in OTHERS and hasattr(config, f)}
     return {k: list(v) if isinstance(v, tuple) else v for k, v in numbers.items() if v not in ("", ())}
 
@@ -171,8 +187,14 @@ def with_noise(
     torque_sensor: Literal["joint", "none"] = "joint",
     sensed: bool = False,
 ) -> Recording:
-    """Give what noisy sensors read in runs of one motion; several become episodes. With `sensed` the angles have
-    theirs.
+    """Return runs of one motion as one recording with noise; several runs become episodes.
+
+    Args:
+        runs: recordings without noise, of equal length.
+        noise: standard deviations, as for `record_cell`.
+        rng: the source of randomness.
+        torque_sensor: `none` leaves `tau` out.
+        sensed: whether the angles already have their noise.
     """
     rec, repeat = runs[0], len(runs)
     names = ["q", "dq", "ee", "ft"] + (["tau"] if torque_sensor != "none" else [])
@@ -202,7 +224,7 @@ def _believed(world: World) -> Believed:
 
 
 def outcome_of(belief: Believed, ran: Ran) -> tuple[Outcome, ...]:
-    """Whether the tip got to the depth that the task asks for without more force than it allows."""
+    """Return the outcome of the first run, judged by its depth and its peak contact force."""
     config, tip, peak = belief.config, ran.tip[0], float(ran.touch[0].max())
     over = np.hypot(tip[:, 0], tip[:, 1]) < 0.5 * belief.scene.config.diameter
     depth = float(np.max(-tip[over, 2], initial=0.0))

@@ -1,6 +1,7 @@
-"""Recordings of a cell run again in closed loop: what worlds would have done under the controller that ran.
+"""Simulate recordings of a cell again in closed loop, with the recorded controller and the arm of other worlds.
 
-The last judge of a contact model: paths part at the edge of the goal, so it judges what is accepted and fits nothing.
+This is the final check of a contact model. It is not used for fits: at the edge of the goal a small difference decides
+which path the tip takes.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from vispeg.worlds.world import World
 
 
 def replay(rec: Recording, worlds: Sequence[World], *, h_max: float = STEP, nthread: int = 1) -> list[Ran]:
-    """Run each episode again in the recording's believed cell.
+    """Simulate each episode again in the recording's believed cell.
 
     Args:
-        rec: under a controller of mode osc, on its clock.
-        worlds: their effects are placed beside those that the recording believes in.
-        h_max: greatest physics step, s; that of `record_cell` gives a recording without noise back bit for bit where
-            its world runs alone: beside others MuJoCo's solver stops a little earlier or later.
+        rec: recorded under a controller of mode osc, with one sample per tick.
+        worlds: their effects are added to those that the recording believes in.
+        h_max: greatest physics step, s. With that of `record_cell` a recording without noise is reproduced bit for bit
+            if its world is the only one; next to others, MuJoCo's solver stops a little earlier or later.
         nthread: threads of the simulation.
 
     Returns:
-        What the sensors of the worlds read, an entry an episode.
+        The sensors' readings in all worlds, one entry per episode.
 
     Raises:
         UserError: another controller, or samples that are not the controller's ticks.
@@ -57,7 +58,10 @@ def _on_clock(rec: Recording, rows: np.ndarray) -> None:
 
 
 def _start(rec: Recording, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where an episode begins: as its first row says where angles have no noise, else as the first moments say."""
+    """Return the joint angles and velocities (nj,) with which an episode begins, rad and rad/s.
+
+    Without noise on angles they are those of the first row, else they are estimated from the first samples.
+    """
     if "q" not in rec.noise:
         return rec.q[rows[0]], np.zeros(len(rec.joints)) if rec.dq is None else rec.dq[rows[0]]
     return start_state(rec.time[rows], rec.q[rows], noise_of(rec)["q"])

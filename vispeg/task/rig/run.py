@@ -1,4 +1,4 @@
-"""One closed loop in the cell: worlds side by side under a recorded controller, and what their sensors read."""
+"""Simulate worlds side by side in the cell, in closed loop under a recorded controller, and read their sensors."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ STEP = 5e-4  # s, greatest physics step: contact is stiff
 
 @dataclass(frozen=True)
 class Ran:
-    """What the sensors of the simulated cells read at the control ticks, (nworld, n, ..).
+    """Sensor readings of the simulated cells at the control ticks; leading axes (nworld, n).
 
     Attributes:
-        q, dq, tau: (.., nj) rad, rad/s, N m behind the gear.
-        ft: (.., 6) N, N m: what the flange exerts on the tool, in the flange's frame.
-        tip: (.., 3) m, true place of the tip in the true goal's frame.
-        touch: (..,) N, true contact force of the tick that ends there, the mean of its steps.
-        true: (.., nj) rad, where the joints are, which only a bystander (a camera) can see; NaN where nobody looked.
+        q, dq, tau: (.., nj) encoder angle (rad), encoder velocity (rad/s), torque on the link's side of the gear (N m).
+        ft: (.., 6) N and N m, wrench of the flange on the tool, in the flange's frame.
+        tip: (.., 3) m, true position of the tip in the true goal's frame.
+        touch: (..,) N, norm of the true contact force's mean over the steps of the tick that ends at the sample.
+        true: (.., nj) rad, true joint angles, which only an external camera could see; NaN if not recorded.
         diverged: (nworld,) bool.
     """
 
@@ -47,7 +47,7 @@ class Ran:
 
 
 class Reader:
-    """Keeps what the sensors of a cell say tick by tick: a row holds the readings from which its command follows."""
+    """Collects the sensor readings of a cell tick by tick; row k holds the readings before the command of tick k."""
 
     def __init__(self, ticks: int, nsim: int, nj: int):
         self.q, self.dq, self.tau = (np.zeros((ticks, nsim, nj)) for _ in range(3))
@@ -55,18 +55,25 @@ class Reader:
         self.ft, self.tip, self.touch = np.zeros((ticks, nsim, 6)), np.zeros((ticks, nsim, 3)), np.zeros((ticks, nsim))
 
     def tick(self, k: int, cell: Cell, q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:
-        """After the steps of tick k, at whose begin the encoders said q, dq; the rest is what is read at the next."""
+        """Store readings after the steps of tick k.
+
+        Args:
+            k: the tick.
+            cell: in its state at the end of the tick; torque, contact force and tip become row k + 1.
+            q, dq: (nsim, nj) encoder readings at the tick's begin, row k, rad and rad/s.
+            felt: (nsim, 6) wrist reading at the end of the tick (wrench of the tool on the flange), row k + 1.
+        """
         self.q[k], self.dq[k] = q, dq
         offset = cell.site_position("tip") - cell.site_position("goal")
         tip = np.einsum("nji,nj->ni", cell.site_rotation("goal"), offset)
         touch, tau = np.linalg.norm(cell.read_out[:, 7:10], axis=1), cell.gear_torque()
-        rows = [0, 1] if k == 0 else [k + 1]  # nothing was measured before the first step
+        rows = [0, 1] if k == 0 else [k + 1]  # no step precedes row 0, so it repeats row 1
         for row in rows:
             if row < len(self.ft):
                 self.ft[row], self.tau[row], self.touch[row], self.tip[row] = reaction(felt), tau, touch, tip
 
     def ran(self, diverged: np.ndarray, ticks: int | None = None) -> Ran:
-        """All of it, worlds first."""
+        """Return the first `ticks` rows (all if None) as Ran, with worlds along the first axis."""
         arrays = (self.q, self.dq, self.tau, self.ft, self.tip, self.touch, self.true)
         return Ran(*(np.swapaxes(p[:ticks], 0, 1) for p in arrays), diverged=diverged)
 
@@ -83,17 +90,17 @@ def run(
     nthread: int = 1,
     sensed: ReadingNoise | None = None,
 ) -> Ran:
-    """Drives every world along the commanded flange poses, as the robot was driven.
+    """Simulate every world along the commanded flange poses.
 
     Args:
-        scene: the nominal cell, whose arm is what the controller knows.
-        worlds: their effects, placed on the scene.
-        control: of mode osc.
-        ee_cmd: (n, 7) flange poses, one a tick of the controller.
-        q, dq: (nj,) what the encoders say at the first tick, rad and rad/s.
+        scene: the nominal cell; its arm is the model that the controller uses.
+        worlds: their effects are applied to the scene.
+        control: the controller, of mode osc.
+        ee_cmd: (n, 7) flange poses in the base, m and w x y z, one for each tick of the controller.
+        q, dq: (nj,) encoder readings at the first tick, rad and rad/s.
         h_max: greatest physics step, s.
         nthread: threads of the batch.
-        sensed: noise that the encoders have before they round.
+        sensed: noise that is added in the loop, before the encoders quantize.
     """
     tick, n, nsim = 1.0 / control.rate_hz, len(ee_cmd), len(worlds)
     nsub = max(1, math.ceil(tick / h_max - 1e-9))

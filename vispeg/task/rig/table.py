@@ -1,8 +1,8 @@
-"""Commanded flange poses as a table that a robot can replay: time, and the pose column by column.
+"""Commanded flange poses as a table for a robot to replay: a column for time and one for each number of the pose.
 
-Its forces follow from the springs of the controller that it was made for: `kp.translation` and `kp.rotation` (1/s^2,
-critically damped) and `force_limit` (N) hold these on each row. Where a motion asks for a posture of its own, columns
-`q_null.JOINT` hold it, too: the angles (rad) that the arm begins near and that the null space is pulled to.
+The forces of a motion depend on the controller's springs, so columns may state these, with the same value on each row:
+`kp.translation` and `kp.rotation` (1/s^2, critically damped), and `force_limit` (N). For a motion with its own posture,
+columns `q_null.JOINT` hold the joint angles (rad) near which the arm begins and to which the null space is pulled.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ GAINS = ("kp.translation", "kp.rotation")
 
 
 def text(motion: CellMotion, joints: Sequence[str]) -> str:
-    """Write a motion as CSV: `time` (s), `ee_cmd.x` .. `ee_cmd.qz` (m, w x y z), the flange in the base, and what it
-    states of the controller, see this module.
+    """Return a motion as CSV text: `time` (s), flange pose in the base `ee_cmd.x` .. `ee_cmd.qz` (m and w x y z).
+
+    Gains, force limit and posture follow if the motion states them, see the module's docstring.
     """
     head, rows = ["time", *columns_of("ee_cmd", ())], [motion.time, *motion.ee_cmd.T]
     constants: dict[str, float] = {}
@@ -42,13 +43,20 @@ def text(motion: CellMotion, joints: Sequence[str]) -> str:
 
 
 def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float | None = None) -> CellMotion:
-    """Give the motion in a .csv or .parquet table, put on a clock of `rate_hz` where its own differs.
+    """Read a motion from a .csv or .parquet table, and resample it to `rate_hz` if its own rate differs.
 
-    Positions are interpolated linearly, orientations on the sphere; a table at the controller's rate stays as it is.
+    Positions are interpolated linearly, orientations on the sphere.
+
+    Args:
+        file: the table.
+        joints: their names, for the columns `q_null.JOINT`.
+        rate_hz: ticks of the controller per second.
+        force_limit: N, replaces the table's; None to keep that.
 
     Raises:
-        UserError: a column is missing, time does not increase, an empty cell, a quaternion that is not of unit length,
-            a gain, limit or posture that changes or is not positive.
+        UserError: no such file, a missing column, fewer than ten rows, time that does not increase, an empty cell, a
+            quaternion that is not of unit length, a gain or force limit that is not positive, or a gain, force limit or
+            posture that changes from row to row.
     """
     if not file.is_file():
         raise UserError("no such motion file", file=file)
@@ -78,10 +86,10 @@ def read(file: Path, joints: Sequence[str], rate_hz: float, force_limit: float |
 
 
 def _constant(table: Table, names: Sequence[str], expected: str) -> np.ndarray | None:
-    """(len(names),) of columns that hold one value on all rows; None where there is none of their kind.
+    """Return the values (len(names),) of constant columns; None if the table has no column of their kind.
 
     Raises:
-        UserError: some are missing, or they change.
+        UserError: only some of the columns exist, or their values change from row to row.
     """
     kind = names[0].partition(".")[0]
     if not any(name.partition(".")[0] == kind for name in table.names):
