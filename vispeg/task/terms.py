@@ -25,18 +25,20 @@ if TYPE_CHECKING:
 
 
 class Simulation(Protocol):
-    """A simulation as tasks and terms may read it: nsim independent episodes, one a row.
+    """The part of a simulation that tasks and terms may read: `nsim` independent episodes, one per row.
 
-    `vispeg.task.environments.simulation.TaskSimulation` is the one that runs.
+    `vispeg.task.environments.simulation.TaskSimulation` implements it.
 
     Attributes:
-        nsim: rows.
-        world: what episodes draw.
-        config: settings of the task, of its own class.
-        scene, cell: the nominal cell, and the batch as it stands.
-        seen: what the robot measures.
-        nominal_goal: (3,) m, base frame.
-        seeds, count: (nsim,) of the present episodes: seed, and policy steps so far.
+        nsim: number of rows.
+        world: the effects from which episodes are drawn.
+        config: settings of the task, of the task's own class.
+        scene: the nominal cell.
+        cell: the batch of simulated cells in its present state.
+        seen: the robot's measurements and the commanded pose.
+        nominal_goal: (3,) m, nominal position of the goal, base frame.
+        seeds: (nsim,) seeds of the present episodes.
+        count: (nsim,) policy steps since their begin.
     """
 
     nsim: int
