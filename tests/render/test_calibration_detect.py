@@ -100,7 +100,7 @@ def test_a_mirrored_charuco_is_refused_as_that(tmp_path, flip):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (("chessboard", 9, 9, 0.02), "no top"),
+        (("chessboard", 9, 9, 0.02), "no definite orientation"),
         (("chessboard", 2, 9, 0.02), "no such pattern"),
         (("chessboard", 9, 6, 23.6), "0.0001 to 1 m"),
         (("charuco", 9, 6, 0.02, 0.03, "DICT_4X4_50"), "marker"),

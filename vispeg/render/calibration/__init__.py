@@ -1,4 +1,4 @@
-"""Calibration of a real camera from pictures of a board: intrinsics, and its place on the flange or on the base."""
+"""Calibration of a real camera from images of a board: its intrinsics, and its pose on the flange or on the base."""
 
 from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.calibrate import Calibration, calibrate

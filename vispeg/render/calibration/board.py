@@ -15,20 +15,23 @@ KINDS = ("chessboard", "charuco", "tag")
 
 @dataclass(frozen=True)
 class Board:
-    """A board's pattern and size. Its frame: origin at the first corner, x along a row, y along a column, z into it.
+    """The pattern and size of a calibration board.
+
+    The board's frame has its origin at the first corner, x along a row, y along a column and z into the board.
 
     Args:
         kind: `chessboard`, `charuco` (a chessboard with an ArUco marker in every light square), or `tag`.
-        columns, rows: for a chessboard the *inner corners* in a row and in a column, for ChArUco the *squares*: the
-            field's habit in both cases, and OpenCV's. 1 and 1 for a tag.
+        columns, rows: numbers in a row and in a column, counted as OpenCV does: *inner corners* of a chessboard,
+            *squares* of a ChArUco board. 1 and 1 for a tag.
         square: side of a square, or of a tag's black frame, m.
         marker: side of a marker, m; ChArUco only.
-        dictionary: OpenCV's name of the markers' dictionary, as in `DICT_4X4_50`; none for a chessboard.
-        legacy: ChArUco as printed by OpenCV before 4.6, which began boards of an even number of rows with a marker.
-        tag: number of the tag; None where any single one is meant.
+        dictionary: OpenCV's name of the markers' dictionary, such as `DICT_4X4_50`; empty for a chessboard.
+        legacy: whether a ChArUco board follows OpenCV before 4.6, where boards with an even number of rows begin with a
+            marker.
+        tag: number of the tag; None for any tag.
 
     Raises:
-        UserError: sizes or counts of no real board, or a dictionary that OpenCV does not have.
+        UserError: a size or count is impossible, or OpenCV does not have the dictionary.
     """
 
     kind: Literal["chessboard", "charuco", "tag"]
@@ -41,7 +44,7 @@ class Board:
     tag: int | None = None
 
     def __post_init__(self) -> None:
-        """Refuses what no real board has."""
+        """Check the sizes and counts."""
         if self.kind not in KINDS:
             raise UserError("unknown board", key="--board", got=self.kind, choices=KINDS)
         if self.kind == "tag":
@@ -52,7 +55,7 @@ class Board:
             raise UserError("no size of a square", key="--square", expected="0.0001 to 1 m", got=self.square)
         if self.kind == "chessboard" and self.columns == self.rows:
             raise UserError(
-                "a square chessboard has no top, so its corners cannot be told apart",
+                "a chessboard with as many columns as rows has no definite orientation",
                 key="--pattern",
                 expected="different numbers of columns and rows, best one odd and one even, or a ChArUco board",
                 got=self.pattern,
@@ -72,23 +75,23 @@ class Board:
 
     @property
     def pattern(self) -> str:
-        """As in `9x6`."""
+        """Columns and rows as text, such as `9x6`."""
         return f"{self.columns}x{self.rows}"
 
     @property
     def two_ways(self) -> bool:
-        """Whether the board looks the same turned by half a turn about its centre, colours included."""
+        """Whether the board looks the same after half a turn about its centre, colours included."""
         return self.kind == "chessboard" and (self.columns + self.rows) % 2 == 0
 
     @property
     def grid(self) -> tuple[int, int]:
-        """Inner corners (a row, a column)."""
+        """Numbers of corners in a row and in a column: inner ones, or the outer ones of a tag."""
         more = {"charuco": -1, "chessboard": 0, "tag": 1}[self.kind]
         return self.columns + more, self.rows + more
 
     @property
     def points(self) -> np.ndarray:
-        """The inner corners, or a tag's four outer ones, in the board's frame, row after row, shape (n, 3), m."""
+        """Corners (n, 3) in the board's frame, row after row, m: the inner ones, or the four outer ones of a tag."""
         columns, rows = self.grid
         y, x = np.mgrid[:rows, :columns]
         return self.square * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
@@ -103,13 +106,13 @@ class Board:
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
     def opencv(self) -> Any:
-        """Give the `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
+        """Return the `cv2.aruco.CharucoBoard`. Raises UserError for a dictionary that is unknown or too small."""
         import cv2
 
         words = self.words()
         if len(words.bytesList) < self.columns * self.rows // 2:
             raise UserError(
-                "has fewer markers than the board shows",
+                "the dictionary has fewer markers than the board",
                 key="--dictionary",
                 expected=f"{self.columns * self.rows // 2}",
                 got=f"{self.dictionary}: {len(words.bytesList)}",
@@ -120,7 +123,7 @@ class Board:
 
 
 def parse_pattern(text: str) -> tuple[int, int]:
-    """Columns and rows of a text as `9x6`. Raises UserError."""
+    """Return the columns and rows in a text such as `9x6`. Raises UserError for any other text."""
     match = re.fullmatch(r"(\d{1,3})\s*[xX]\s*(\d{1,3})", text.strip())
     if match is None:
         said = "not a pattern" if text else "is required of a board, not of a tag"

@@ -1,7 +1,8 @@
-"""The effect `board_scale`: the board is larger or smaller than it is said to be, as the robot's motion shows.
+"""The effect `board_scale`: the board is larger or smaller than stated, by the evidence of the robot's motion.
 
-A camera cannot tell a large board from a near one; an arm that moves it, or moves about it, by a known length can.
-Every length that images give is then off by one factor, the camera's distance from the flange among them.
+A camera alone cannot distinguish a large board from a near one. A known motion of the arm, with the camera or with the
+board, resolves this. If the stated size is wrong, every length found from images is wrong by the same factor, including
+the camera's distance from the flange.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from vispeg.render.calibration.hand_eye import HandEye, Mount, solve
 from vispeg.render.calibration.intervals import half_widths, leave_out
 from vispeg.render.calibration.intrinsics import Intrinsics
 
-NAME, LEAST = "board_scale", 0.01  # a printer's own error is below a hundredth
-WIDEST = (0.5, 2.0)  # a ruler's slip is no more: beyond it poses and images do not belong together
-ROUNDS = 4  # of scale and solution in turn
+NAME, LEAST = "board_scale", 0.01  # least error of the factor that is reported: errors of printers are smaller
+WIDEST = (0.5, 2.0)  # errors of measuring are smaller: beyond this, poses and images do not belong together
+ROUNDS = 4  # greatest number of alternations between scale and solution
 
 
 class BoardEffect(TypedDict):
-    """An effect of a calibration, in the words of a diagnosis: value and 95 % interval, and what it takes away."""
+    """The effect as a record, in the form that diagnoses use: its value with a 95 % interval, and what it changes.
+
+    `board_scatter_mm` and `robot_error_mm` hold two numbers, with the stated and with the identified size of the board.
+    """
 
     effect: str
     where: str
@@ -38,12 +42,13 @@ class BoardEffect(TypedDict):
 
 @dataclass(frozen=True)
 class BoardScale:
-    """How large the board is, relative to what was said.
+    """The board's size relative to the stated size.
 
     Attributes:
-        value, half: factor on the board's size, and half the width of its 95 % interval: the larger of what leaving
-            out views says and of what the fit's own covariance says.
-        larger: the solution with a board of that size.
+        value: factor on the stated size.
+        half: half width of the factor's 95 % interval, the larger of those from the jackknife and from the fit's
+            covariance.
+        larger: the hand-eye solution with a board of that size.
     """
 
     value: float
@@ -52,7 +57,7 @@ class BoardScale:
 
     @property
     def named(self) -> bool:
-        """Whether it is off 1 by 1.5 half widths (three standard errors), and by more than a printer errs."""
+        """Whether the factor differs from 1 by more than LEAST and by more than 1.5 half widths (3 standard errors)."""
         return abs(self.value - 1) > max(1.5 * self.half, LEAST)
 
 
@@ -65,12 +70,13 @@ def board_scale(
     stated: HandEye,
     lens_of: Callable[[Sequence[View]], Intrinsics],
 ) -> BoardScale | None:
-    """Give the size of the board by the robot's motion; None where they do not tell, or not with a view less.
+    """Return the size of the board by the robot's motion; None if it is not determined.
 
     Args:
-        views, board, camera, flange, mount: as `solve` takes them.
-        stated: the solution with the board as it is said to be.
-        lens_of: the intrinsics by some of the views: a camera that takes all for farther makes the board larger.
+        views, board, camera, flange, mount: as for `solve`.
+        stated: the solution with the stated size of the board.
+        lens_of: function that fits the intrinsics to some of the views. They are fitted again without each group of
+            views, because an error of the focal length changes the size of the board as well.
     """
 
     def shift(rows: np.ndarray) -> np.ndarray:
@@ -95,24 +101,30 @@ def _scaled(
     near: HandEye,
     value: float = 1.0,
 ) -> tuple[float, HandEye]:
-    """Newton's steps: each solution says by which factor more the board should be larger."""
+    """Return the factor on the board's size, and the solution with it, by Newton steps.
+
+    Each solution estimates the factor that is still missing.
+
+    Raises:
+        UserError: the factor leaves the range WIDEST, or `solve` fails.
+    """
     for _ in range(ROUNDS):
         near = solve(views, scaled(board, value), camera, flange, mount, start=near)
         if abs(near.scale[0] - 1) < 1e-4:
             break
         value *= near.scale[0]
         if not WIDEST[0] < value < WIDEST[1]:
-            raise UserError("poses and images do not say how large the board is")
+            raise UserError("poses and images do not fix the size of the board")
     return value, near
 
 
 def scaled(board: Board, factor: float) -> Board:
-    """Give the board, `factor` times as large."""
+    """Return the board with its lengths multiplied by `factor`."""
     return replace(board, square=factor * board.square, marker=factor * board.marker)
 
 
 def as_effect(scale: BoardScale, board: Board, stated: HandEye) -> BoardEffect:
-    """For a record: before and after where something changes."""
+    """Return the effect as a record."""
     value, half = scale.value, scale.half
     moved = scale.larger.camera[:3, 3] - stated.camera[:3, 3]
     return {

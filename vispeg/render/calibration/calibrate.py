@@ -1,4 +1,4 @@
-"""A camera from views: intrinsics, where it sits, and how far each number can be trusted."""
+"""Calibrate a camera from views: its intrinsics and its pose, with intervals."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from vispeg.render.calibration.intrinsics import (
 from vispeg.render.calibration.rigid import angles, difference, inverse, transform
 from vispeg.render.cameras.camera import Camera
 
-MIN_VIEWS = 4  # three fix the answer, and leaving one out must leave three
-LOOSE = 0.06  # of the focal length: a half width from which on the views do not fix it
-SUSPICIOUS = 5.0  # px of reprojection through the robot
+MIN_VIEWS = 4  # three determine the result, and leaving one out must leave three
+LOOSE = 0.06  # half width of the focal length, relative to it, above which the views do not determine it
+SUSPICIOUS = 5.0  # px, reprojection error through the robot above which the other mount is tried
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was found.
+    """The result of a calibration.
 
     Args:
         camera: the intrinsics, fitted or given.
-        intrinsics: the fit; None where they were given.
+        intrinsics: the fit of the intrinsics; None if they were given.
         intrinsics_half: half widths of the 95 % intervals of fx, fy, cx, cy, k1, k2, p1, p2, k3, shape (9,): the larger
-            of pixel noise's and the jackknife's; 0 for a term held at 0; None where intrinsics were given.
+            of those from pixel noise and from the jackknife; 0 for a term held at 0; None if intrinsics were given.
         mount: what the camera is fixed to, `flange` or `base`; None without poses.
-        hand_eye: where it sits; None without poses.
-        hand_eye_half: half widths of the 95 % intervals of its place, shape (6,): m along the mount's axes, rad about
-            the camera's. Given intrinsics count as exact.
+        hand_eye: the pose of the camera; None without poses.
+        hand_eye_half: half widths of the 95 % intervals of the camera's pose, shape (6,): m along the mount's axes, rad
+            about the camera's. Given intrinsics count as exact.
         views: the views used, with one numbering of corners.
-        fit_pixels: RMS reprojection of each view, its board pose free, px, shape (n,).
-        board_scale: how large the robot's motion says that the board is; None without poses, or with too few.
+        fit_pixels: RMS reprojection error of each view with its own best board pose, px, shape (n,).
+        board_scale: the size of the board by the robot's motion; None without poses, or if they do not fix it.
     """
 
     camera: Intrinsics
@@ -61,9 +61,11 @@ class Calibration:
     board_scale: BoardScale | None = None
 
     def to_camera(self, name: str) -> Camera:
-        """Give the project's camera: on its mount, or at the base's origin without poses. Raises UserError for a
-        lens that shows one direction twice inside the image, which more distortion terms than the views can fix may
-        make.
+        """Return a Camera of this name, with its pose on the mount, or at the base's origin without poses.
+
+        Raises:
+            UserError: the lens distortion is not one to one inside the image. This happens if more distortion terms are
+                fitted than the views determine.
         """
         lens, (width, height) = self.camera, self.camera.size
         camera = Camera(name, width, height, *lens.focal, *lens.centre, lens.distortion)
@@ -82,18 +84,18 @@ def calibrate(
     flange: np.ndarray | None = None,
     mount: Mount = "flange",
 ) -> Calibration:
-    """Calibrates a camera.
+    """Calibrate a camera.
 
     Args:
-        views: the pictures in which the board was found.
-        board: what it is.
-        distortion: which terms of the lens to fit; of no account where `camera` is given.
-        camera: known intrinsics; fitted to the views where None.
+        views: the views of the board, one per image.
+        board: the board.
+        distortion: which terms of the lens distortion to fit; ignored if `camera` is given.
+        camera: known intrinsics; None to fit them to the views.
         flange: base_T_flange of each view, shape (n, 4, 4), m; None for intrinsics alone.
         mount: `flange` for eye in hand, `base` for eye to base with the board on the flange.
 
     Raises:
-        UserError: images or motion that do not fix the answer, sizes or poses that do not fit the views.
+        UserError: images or motion do not determine the result, or sizes or poses do not fit the views.
     """
     if len(views) < MIN_VIEWS:
         raise UserError(
@@ -161,7 +163,7 @@ def _half_widths(
                 out.append(difference(near.camera, hand_eye.camera))
         except UserError as error:
             without = ", ".join(view.name for i, view in enumerate(views) if i not in retained)
-            raise UserError(f"all rests on {without}; take more images: without it, {error}") from error
+            raise UserError(f"the result depends on {without}; take more images: without it, {error}") from error
         return np.concatenate(out)
 
     if fit is None and hand_eye is None:
@@ -175,9 +177,10 @@ def _half_widths(
 def _refuse_other_way(
     hand_eye: HandEye, views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount
 ) -> None:
-    """Refuses poses that fit far better the other way round: inverses, or a camera that sits on the other end.
+    """Refuse poses that fit far better if the camera is on the other mount, or if the poses are inverted.
 
-    Base-in-flange poses of a camera on the flange make the equations of a camera on the base, so one trial finds both.
+    Both mistakes give the same equations: inverted poses with a camera on the flange look like a camera on the base.
+    One trial with the other mount therefore detects both.
     """
     off = float(np.median(hand_eye.pixels))
     if off < SUSPICIOUS:
@@ -197,17 +200,19 @@ def _refuse_other_way(
 def turn_views(
     views: Sequence[View], board_poses: np.ndarray, flange: np.ndarray, board: Board
 ) -> tuple[list[View], np.ndarray]:
-    """Renumbers the corners of views that begin at the other end than the first view.
+    """Renumber the corners of views whose numbering begins at the other end of the board than in the first view.
 
-    From AX = XB the camera turns between two views by the same angle as the flange, whatever X is. Turned boards make
-    another angle, so the set of half turns is chosen that makes all pairs agree best, beginning from every view's own.
+    By AX = XB, the camera turns between two views by the same angle as the flange, whatever X is. With a board numbered
+    from the other end the angles differ. So half turns of the board are chosen, view by view, that make the angles of
+    all pairs agree best. The search starts from each view in turn, which keeps its numbering.
 
     Args:
+        views: the views.
         board_poses: camera_T_board of each view, shape (n, 4, 4).
         flange: base_T_flange of each view, shape (n, 4, 4).
 
     Returns:
-        The views and camera_T_board with one numbering. Unchanged for a board that has a top.
+        The views and camera_T_board with one numbering; unchanged for a board that differs from its half turn.
     """
     if not board.two_ways:
         return list(views), board_poses
@@ -227,14 +232,14 @@ def turn_views(
             best = cost, turned
     turned = best[1] if best is not None else np.zeros(count, int)
     if turned[0]:
-        turned = 1 - turned  # all turned is the same board: keep the first view's own numbering
+        turned = 1 - turned  # turning all boards changes nothing: keep the first view's numbering
     last = columns * rows - 1
     out = [replace(view, ids=last - view.ids) if flip else view for view, flip in zip(views, turned, strict=True)]
     return out, both[turned, np.arange(count)]
 
 
 def _pair_angles(poses: np.ndarray) -> np.ndarray:
-    """Angle between every two poses, rad, shape (n, n)."""
+    """Return the angle of rotation, rad, between every two poses (n, 4, 4), shape (n, n)."""
     turns = poses[:, :3, :3]
     between = np.einsum("aji,bjk->abik", turns, turns)
     return angles(between.reshape(-1, 3, 3)).reshape(len(turns), len(turns))

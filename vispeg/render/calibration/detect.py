@@ -1,4 +1,4 @@
-"""Finds a board's corners in pictures, to a fraction of a pixel."""
+"""Find a board's corners in images, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vispeg.formats.guard import MB, read_bytes
 from vispeg.render.calibration.board import Board
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
-LARGEST = 200 * MB  # a picture file
-MIN_CORNERS = 6  # of a ChArUco board seen in part: four fix a pose, two more judge it
+LARGEST = 200 * MB  # greatest size of an image file
+MIN_CORNERS = 6  # of a partly visible ChArUco board: four fix a pose, two more check it
 
 USUAL = (
     "DICT_APRILTAG_36h11",
@@ -24,19 +24,19 @@ USUAL = (
     "DICT_5X5_100",
     "DICT_6X6_250",
 )
-ALIKE = 1.0  # px
-SEARCH = 1600  # px: the longer side of the image in which a chessboard is looked for before its corners are refined
+ALIKE = 1.0  # px, median distance of corners below which two images count as the same view
+SEARCH = 1600  # px: images are shrunk to this longer side to find a chessboard; its corners are refined in full size
 
 
 @dataclass(frozen=True)
 class View:
-    """The corners found in one picture.
+    """The corners found in one image.
 
     Args:
-        name: the picture's file name.
+        name: the image's file name.
         size: (width, height), px.
-        ids: which corners of `Board.points`, shape (n,).
-        pixels: where they are, OpenCV's convention (the centre of the first pixel is (0, 0)), shape (n, 2).
+        ids: indices of the corners in `Board.points`, shape (n,).
+        pixels: positions of the corners, shape (n, 2), px; the centre of the first pixel is (0, 0).
     """
 
     name: str
@@ -46,7 +46,7 @@ class View:
 
 
 def pictures(folder: str | Path) -> list[Path]:
-    """Give the picture files of a folder, `2.png` before `10.png`. Raises UserError where there are none."""
+    """Return the image files of a folder, `2.png` before `10.png`. Raises UserError if there is none."""
     root = Path(folder)
     if not root.is_dir():
         raise UserError("no such folder of images", file=folder)
@@ -57,11 +57,12 @@ def pictures(folder: str | Path) -> list[Path]:
 
 
 def read_grey(path: Path) -> np.ndarray:
-    """Give a picture as grey values, uint8, shape (height, width). Raises UserError where it is not one."""
+    """Return an image file's grey values, uint8, shape (height, width). Raises UserError if it cannot be read."""
     import cv2
 
     try:
-        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION  # as the sensor lies, however it was held
+        # keep the sensor's own axes, whatever orientation the file states
+        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
         image = cv2.imdecode(np.frombuffer(read_bytes(path, LARGEST), np.uint8), how)
     except cv2.error:
         image = None
@@ -71,13 +72,17 @@ def read_grey(path: Path) -> np.ndarray:
 
 
 def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View], dict[str, str]]:
-    """Give the views of a folder or of some files in which the board was found; the other pictures' names with the
-    reason.
+    """Find the board in images; return the views, and the names of the other images with the reason.
 
-    A picture that repeats another within a pixel is left out: it adds nothing, and intervals would take it for proof.
+    An image that repeats another within a pixel is left out: it adds no information and would make intervals too
+    narrow.
+
+    Args:
+        images: a folder, or image files.
+        board: the board.
 
     Raises:
-        UserError: no picture, pictures of different sizes, or none that shows the board.
+        UserError: there is no image, sizes differ, or no image shows the board.
     """
     files = pictures(images) if isinstance(images, str | Path) else list(images)
     views: list[View] = []
@@ -98,7 +103,8 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
             views.append(view)
     if not views:
         many = "the image" if len(files) == 1 else f"any of {len(files)} images"
-        tried = files[:1] if board.kind == "chessboard" else files  # a chessboard that is not there takes a second each
+        # the search for a missing chessboard takes a second per image
+        tried = files[:1] if board.kind == "chessboard" else files
         hint = next(filter(None, (_other_pattern(read_grey(path), board) for path in tried)), "")
         what = f"{board.pattern} {board.kind}" if board.kind != "tag" else f"tag of {board.dictionary}"
         raise UserError(f"no {what} found in {many}{hint}", file=files[0].parent)
@@ -106,7 +112,7 @@ def detect(images: str | Path | Sequence[Path], board: Board) -> tuple[list[View
 
 
 def _alike(a: View, b: View) -> bool:
-    """Whether the corners that both show are within `ALIKE` of each other."""
+    """Return whether the corners that two views share, four or more, differ by less than `ALIKE` in the median."""
     _, in_a, in_b = np.intersect1d(a.ids, b.ids, return_indices=True)
     if len(in_a) < 4:
         return False
@@ -114,7 +120,7 @@ def _alike(a: View, b: View) -> bool:
 
 
 def find(image: np.ndarray, board: Board, name: str = "image") -> View | None:
-    """Give the board in one grey picture, uint8 (height, width), or None where it is not found."""
+    """Return the view of the board in one grey image, uint8 (height, width); None if it is not found."""
     finders = {"chessboard": _chessboard, "charuco": _charuco, "tag": _tag}
     corners = finders[board.kind](image, board)
     if corners is None:
@@ -127,7 +133,7 @@ def _chessboard(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray
     import cv2
 
     columns, rows = board.grid
-    shrink = min(1.0, SEARCH / max(image.shape))  # no board in a large image takes a quarter of a minute otherwise
+    shrink = min(1.0, SEARCH / max(image.shape))  # a large image without a board would take 15 s otherwise
     small = image if shrink == 1 else cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     ok, corners = cv2.findChessboardCorners(small, (columns, rows), flags=flags)
@@ -138,7 +144,7 @@ def _chessboard(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray
         return None
     corners = ((corners.reshape(-1, 2) + 0.5) / shrink - 0.5).astype(np.float32)
     grid = corners.reshape(rows, columns, 2)
-    # the window stays well inside a square, or a neighbour's edge pulls the corner
+    # keep the window well inside a square, or edges of a neighbour bias the corner
     side = min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1))
     half = int(np.clip(side / 4, 2, round(5 / shrink)))
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
@@ -147,7 +153,11 @@ def _chessboard(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray
 
 
 def _ordered(image: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Corners (rows, columns, 2) in one order, whatever the detector's: seen from the front, dark square first."""
+    """Return corners (rows, columns, 2) in one definite order, whatever the detector's.
+
+    Rows and columns run as on a board seen from the front, and the first square is the dark one where colours differ
+    between the two ends.
+    """
     along, down = grid[:, -1] - grid[:, 0], grid[-1] - grid[0]
     (ax, ay), (dx, dy) = along.mean(axis=0), down.mean(axis=0)
     if ax * dy - ay * dx < 0:
@@ -167,15 +177,15 @@ def _charuco(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] |
         return None
     ids = np.ravel(ids).astype(int)
     if np.linalg.matrix_rank(board.points[ids, :2] - board.points[ids[0], :2]) < 2:
-        return None  # corners on one line fix no pose
+        return None  # corners on one line do not fix a pose
     return ids, corners.reshape(-1, 2)
 
 
 def the_tag(files: Sequence[Path], board: Board) -> Board:
-    """Return the board with the number of the only tag in some pictures, where none is stated.
+    """Return the board, with the number of the only tag in the images if it states none.
 
     Raises:
-        UserError: several tags, of which one has to be named.
+        UserError: the images show several tags, and the board does not say which one.
     """
     if board.tag is not None:
         return board
@@ -186,7 +196,7 @@ def the_tag(files: Sequence[Path], board: Board) -> Board:
 
 
 def _tags(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
-    """Give the corners (4, 2) of each tag in a picture: top left, top right, bottom right, bottom left."""
+    """Return by number the corners (4, 2), px, of each tag: top left, top right, bottom right, bottom left."""
     import cv2
 
     how = cv2.aruco.DetectorParameters()
@@ -202,7 +212,7 @@ def _tag(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | Non
 
 
 def _other_pattern(image: np.ndarray, board: Board) -> str:
-    """Give a hint where the board is there but was described in another usual way."""
+    """Return a hint if the image shows a board that fits another common description; else an empty string."""
     if board.kind == "tag":
         there = {name: _tags(image, replace(board, dictionary=name, tag=None)) for name in USUAL}
         found = [f"{', '.join(map(str, tags))} of {name}" for name, tags in there.items() if tags]

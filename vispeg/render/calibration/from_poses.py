@@ -1,4 +1,4 @@
-"""Where a camera sits from poses alone: the flange's and a tag's, whoever measured them, with 95 % intervals."""
+"""The pose of a camera, with 95 % intervals, from poses alone: those of the flange, and of a tag in the camera."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from vispeg.render.calibration.hand_eye import HandEye, Mount, solve_poses
 from vispeg.render.calibration.intervals import half_widths, leave_out
 from vispeg.render.calibration.rigid import difference
 
-OTHER_WAY = 5.0  # times by which the other mount has the tag rest better, from which this one is wrong
+OTHER_WAY = 5.0  # if the other mount gives so many times smaller errors of the robot, the stated mount is wrong
 MIN_POSES = 5  # four fix the answer, and leaving one out must leave four
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A camera's place.
+    """The pose of a camera.
 
     Attributes:
         found: the solution; its `pixels` are empty.
-        half: half widths of the 95 % intervals of the camera's pose, (6,): m along the mount's axes, rad about its own.
+        half: half widths of the 95 % intervals of the camera's pose, (6,): m along the mount's axes, rad about the
+            camera's.
     """
 
     found: HandEye
@@ -37,7 +38,7 @@ def place(tags: np.ndarray, flange: np.ndarray, mount: Mount) -> Placed:
         mount: what the camera is fixed to.
 
     Raises:
-        UserError: too few poses, turns about one axis alone, or poses that fit the other way round.
+        UserError: there are too few poses, all turns are about one axis, or the poses fit the other mount far better.
     """
     if len(tags) < MIN_POSES:
         raise UserError("too few poses", expected=f"{MIN_POSES} or more", got=len(tags))

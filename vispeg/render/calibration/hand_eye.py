@@ -1,8 +1,8 @@
-"""Where the camera sits on the flange (eye in hand) or on the base (eye to base), from views and flange poses.
+"""The camera's pose on the flange (eye in hand) or on the base (eye to base), from views and flange poses.
 
-X is the camera's pose and Z the board's: flange_T_camera and base_T_board in hand, base_T_camera and flange_T_board to
-base. `cv2.calibrateHandEye` starts the search from the relative motions (AX = XB); then X and Z together are refined on
-the whole chain, robustly, with the robot's errors estimated along the way (`chain.py`).
+X is the camera's pose and Z the board's: flange_T_camera and base_T_board for eye in hand, base_T_camera and
+flange_T_board for eye to base. `cv2.calibrateHandEye` gives the start from relative motions (AX = XB). Then X and Z are
+refined together by a robust fit of the whole chain, which also estimates the robot's errors (`chain.py`).
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ Mount = Literal["flange", "base"]
 MOUNTS = ("flange", "base")
 METHODS = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
 MIN_POSES = 4  # three fix X and Z (two motions about different axes); leaving one out needs the fourth
-MIN_TURN = np.radians(3.0)  # RMS turn about the second axis
-ROUNDS = 6  # of weights and solution in turn
-KNEE = 2.5  # misfit at which a view counts half: one bad pose does not rule
+MIN_TURN = np.radians(3.0)  # rad, least RMS turn about the second axis
+ROUNDS = 6  # alternations between weights and solution
+KNEE = 2.5  # misfit at which a view has half its weight, so that one bad pose does not decide the result
 
 
 @dataclass(frozen=True)
 class HandEye:
-    """A solution.
+    """A hand-eye solution.
 
     Args:
-        camera: X, shape (4, 4): the camera (OpenCV's axes) on the flange or on the base.
-        board: Z, shape (4, 4): the board on the base or on the flange.
-        std: of X from the fit's own covariance, m and rad, shape (6,).
-        robot: the robot's errors as estimated, RMS an axis: m, rad.
+        camera: X, shape (4, 4): pose of the camera (OpenCV's axes) on the flange or on the base.
+        board: Z, shape (4, 4): pose of the board on the base or on the flange.
+        std: standard deviations of X from the fit's covariance, m and rad, shape (6,).
+        robot: estimated errors of the robot, RMS per axis, m and rad, shape (2,).
         pixels: reprojection error through the robot, RMS of each view, px, shape (n,).
         misfit: RMS of each view's six differences in standard deviations, shape (n,); 1 is usual, 3 suspect.
-        scatter: RMS distance of the board's origin, as each view sees it, from its mean, m.
-        scale: the board's size by the robot's motion, relative to what was given, and its standard deviation.
-        methods: X of each closed-form method, before refinement.
+        scatter: RMS distance, m, of the board's origins, one found from each view, from their mean.
+        scale: the board's size by the robot's motion, relative to the stated size, and its standard deviation.
+        methods: X by the name of each closed-form method, before refinement.
     """
 
     camera: np.ndarray
@@ -59,13 +59,13 @@ class HandEye:
 
 
 def check_motion(flange: np.ndarray) -> None:
-    """Refuses motions from which no method can tell the camera's place: fewer than two axes of rotation.
+    """Refuse motions that do not fix the camera's pose: those with fewer than two axes of rotation.
 
     Args:
         flange: base_T_flange of each view, shape (n, 4, 4).
 
     Raises:
-        UserError: too few poses, or all turned about one axis or not at all.
+        UserError: there are too few poses, or turns about fewer than two axes.
     """
     if len(flange) < MIN_POSES:
         raise UserError("too few poses with the board in view", expected=f"{MIN_POSES} or more", got=len(flange))
@@ -75,7 +75,7 @@ def check_motion(flange: np.ndarray) -> None:
     if spread[1] < MIN_TURN:
         how = "hardly turned" if spread[0] < MIN_TURN else "turned about one axis only"
         raise UserError(
-            f"the flange {how}, so the camera's place cannot be told",
+            f"the flange {how}, so the camera's pose cannot be determined",
             expected="poses turned 15 degrees or more about two different axes",
             got=f"{np.degrees(spread[0]):.1f} and {np.degrees(spread[1]):.1f} degrees RMS about the first and second",
         )
@@ -89,15 +89,19 @@ def solve(
     mount: Mount,
     start: HandEye | None = None,
 ) -> HandEye:
-    """Give the camera's and the board's poses of least robust misfit.
+    """Fit the poses of the camera and of the board to views and flange poses, robustly.
 
     Args:
+        views: the views, with one numbering of corners.
+        board: the board.
+        camera: the intrinsics.
         flange: base_T_flange of each view, shape (n, 4, 4), m.
-        mount: what the camera is fixed to.
-        start: a solution nearby, which saves the closed-form methods.
+        mount: what the camera is fixed to, `flange` or `base`.
+        start: a nearby solution, from which to start instead of from the closed-form methods.
 
     Raises:
-        UserError: degenerate motion, an unknown mount, or poses and views that do not belong together.
+        UserError: the motion is degenerate, the mount is unknown, a board pose is not found, or the images are
+            mirrored.
     """
     board_poses = np.stack([board_pose(view, board, camera) for view in views])
     noise = pose_noise(views, board, camera, board_poses)
@@ -111,17 +115,17 @@ def solve(
 def solve_poses(
     board_poses: np.ndarray, noise: np.ndarray, flange: np.ndarray, mount: Mount, start: HandEye | None = None
 ) -> HandEye:
-    """Find the same from poses alone, whoever measured them; `pixels` is empty.
+    """Fit the poses of the camera and of the board as `solve` does, but to poses alone; `pixels` is empty.
 
     Args:
-        board_poses: camera_T_board, (n, 4, 4) m.
-        noise: their covariances as `Chain` takes them, (n, 6, 6); 0 where nothing is known of them.
+        board_poses: camera_T_board, (n, 4, 4), m.
+        noise: their covariances as for `Chain`, (n, 6, 6); 0 if unknown.
         flange, mount, start: as for `solve`.
     """
     if mount not in MOUNTS:
         raise UserError("unknown mount", key="--mount", got=mount, choices=MOUNTS)
     in_hand = mount == "flange"
-    outer = flange if in_hand else inverse(flange)  # of the body that carries the camera
+    outer = flange if in_hand else inverse(flange)  # pose of the camera's mount in the frame where the board is at rest
     if start is None:
         check_motion(flange)
         methods = closed_forms(outer, board_poses)
@@ -146,14 +150,14 @@ def solve_poses(
 
 
 def closed_forms(outer: np.ndarray, board_poses: np.ndarray) -> dict[str, np.ndarray]:
-    """X by each of OpenCV's methods.
+    """Return X by the name of each of OpenCV's closed-form methods that finds one.
 
     Args:
-        outer: pose of the body that carries the camera, in the frame in which the board rests, shape (n, 4, 4).
+        outer: pose of the camera's mount in the frame where the board is at rest, shape (n, 4, 4).
         board_poses: camera_T_board, shape (n, 4, 4).
 
     Raises:
-        UserError: none of them finds one.
+        UserError: no method finds a solution.
     """
     import cv2
 
@@ -177,13 +181,14 @@ def closed_forms(outer: np.ndarray, board_poses: np.ndarray) -> dict[str, np.nda
 
 
 def _refuse_mirrored(outer: np.ndarray, board_poses: np.ndarray, methods: dict[str, np.ndarray]) -> None:
-    """Refuses views whose mirror image goes with the robot's motion.
+    """Refuse views that agree with the robot's motion far better after mirroring.
 
-    A mirrored chessboard is a chessboard again, so that no picture shows it. But with S = diag(-1, 1, 1) its poses are
-    S T S, up to a constant turn of the board: their turns still go with the robot's, and their shifts do not.
+    A mirrored image of a chessboard still shows a chessboard, so a single image does not reveal it. With
+    S = diag(-1, 1, 1), the board poses found in mirrored images are S T S, up to a constant turn of the board. Their
+    rotations still agree with the robot's motion, but their translations do not.
 
     Raises:
-        UserError: mirrored, the board rests within half the scatter or less, and an F test says so at 0.1 %.
+        UserError: mirroring at least halves the scatter of the board's origin, significant at 0.1 % by an F test.
     """
 
     def scatter(poses: np.ndarray, found: dict[str, np.ndarray]) -> float:
@@ -193,7 +198,7 @@ def _refuse_mirrored(outer: np.ndarray, board_poses: np.ndarray, methods: dict[s
     mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
     other = mirror @ board_poses @ mirror
     ratio = scatter(board_poses, methods) / max(scatter(other, closed_forms(outer, other)), 1e-18)
-    free = 3.0 * len(outer) - 6.0  # X and Z shift by three each
+    free = 3.0 * len(outer) - 6.0  # the translations of X and Z take three each
     if ratio > 4.0 and stats.f.sf(ratio, free, free) < 1e-3:
         raise UserError(
             "the pictures are mirrored: the board moves as its mirror image would",
@@ -204,10 +209,10 @@ def _refuse_mirrored(outer: np.ndarray, board_poses: np.ndarray, methods: dict[s
 def refine(
     chain: Chain, starts: Sequence[tuple[np.ndarray, np.ndarray]], rounds: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """X, Z and the standard deviations (6,) of X: weights and least squares in turn, from the best start.
+    """Refine X and Z from the best start; return X, Z and the standard deviations (6,) of X.
 
-    A view's weight is 1 / (1 + m^2 / KNEE^2) with m its misfit (Cauchy's loss on the six differences as one, so that no
-    choice of axes matters).
+    Weights and least squares alternate. With misfit m, a view's weight is 1 / (1 + m^2 / KNEE^2): Cauchy's loss on its
+    six differences together, so that the result does not depend on the choice of axes.
     """
     from scipy.optimize import least_squares
 
@@ -230,7 +235,7 @@ def refine(
 
 
 def _mean(poses: np.ndarray) -> np.ndarray:
-    """Give the middle of poses (n, 4, 4)."""
+    """Return the mean rotation and median translation of poses (n, 4, 4) as one pose (4, 4)."""
     out = np.eye(4)
     out[:3, :3] = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
     out[:3, 3] = np.median(poses[:, :3, 3], axis=0)

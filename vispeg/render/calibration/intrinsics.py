@@ -1,4 +1,4 @@
-"""A camera's intrinsics from views of a board: Zhang's method as OpenCV has it (`cv2.calibrateCameraExtended`)."""
+"""Intrinsics of a camera from views of a board: Zhang's method in OpenCV (`cv2.calibrateCameraExtended`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.render.calibration.board import Board
 from vispeg.render.calibration.detect import View
 from vispeg.render.calibration.rigid import move, transform
 
-ROUNDS, ENOUGH = 200, 1e-12  # OpenCV's own 30 rounds stop far from the end where the views are nearly alike
+ROUNDS, ENOUGH = 200, 1e-12  # OpenCV's default of 30 iterations stops far from the optimum if the views are similar
 TERMS = ("k1", "k2", "p1", "p2", "k3")
 FREE = {"none": (), "radial": ("k1", "k2"), "brown4": TERMS[:4], "brown5": TERMS}
 Distortion = Literal["none", "radial", "brown4", "brown5"]
@@ -36,23 +36,25 @@ class Intrinsics:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Refuses numbers that no camera has."""
+        """Check that the numbers are possible."""
         numbers = (*self.focal, *self.centre, *self.distortion)
         if not np.isfinite(numbers).all() or min(self.focal) <= 0 or min(self.size) < 1:
-            raise UserError("no camera's intrinsics", expected="finite numbers, fx and fy above 0", got=numbers)
+            raise UserError(
+                "impossible intrinsics of a camera", expected="finite numbers, fx and fy above 0", got=numbers
+            )
 
     @property
     def matrix(self) -> np.ndarray:
-        """K, shape (3, 3), px."""
+        """Camera matrix K, shape (3, 3), px."""
         return np.array([[self.focal[0], 0, self.centre[0]], [0, self.focal[1], self.centre[1]], [0, 0, 1.0]])
 
     @property
     def values(self) -> np.ndarray:
-        """fx, fy, cx, cy, k1, k2, p1, p2, k3, shape (9,)."""
+        """The values fx, fy, cx, cy, k1, k2, p1, p2, k3, shape (9,)."""
         return np.array([*self.focal, *self.centre, *self.distortion])
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of points (n, 3) in the camera's frame, m."""
+        """Project points (n, 3) in the camera's frame, m, to pixels (n, 2)."""
         import cv2
 
         lens = np.array(self.distortion)
@@ -65,7 +67,13 @@ NAMES = ("fx", "fy", "cx", "cy", *TERMS)
 
 @dataclass(frozen=True)
 class IntrinsicsFit:
-    """Intrinsics with the standard deviations that pixel noise alone leaves, order of `NAMES`, shape (9,)."""
+    """Fitted intrinsics.
+
+    Attributes:
+        intrinsics: the intrinsics.
+        std: standard deviations due to pixel noise alone, in the order of `NAMES`, shape (9,).
+        rms: RMS reprojection error, px.
+    """
 
     intrinsics: Intrinsics
     std: np.ndarray
@@ -75,15 +83,16 @@ class IntrinsicsFit:
 def estimate(
     views: Sequence[View], board: Board, distortion: Distortion, start: Intrinsics | None = None
 ) -> IntrinsicsFit:
-    """Fits the intrinsics to all corners of all views.
+    """Fit the intrinsics to all corners of all views.
 
     Args:
-        views: pictures of one size.
-        distortion: which of Brown's terms are free; the others are 0.
-        start: where the search begins; OpenCV's own guess without.
+        views: views of one image size.
+        board: the board.
+        distortion: which of Brown's terms are free, as in `FREE`; the others are 0.
+        start: start of the search; default: OpenCV's own guess.
 
     Raises:
-        UserError: views from which OpenCV finds no focal length: fewer than three directions (Zhang 2000, section 3.1).
+        UserError: the views do not fix a focal length, as with fewer than three directions (Zhang 2000, section 3.1).
     """
     import cv2
 
@@ -109,7 +118,11 @@ def estimate(
 
 
 def board_pose(view: View, board: Board, camera: Intrinsics) -> np.ndarray:
-    """camera_T_board of one view: the pose of least squared reprojection, shape (4, 4). Raises UserError."""
+    """Return camera_T_board of one view, shape (4, 4), m: the pose of least squared reprojection error.
+
+    Raises:
+        UserError: no pose is found.
+    """
     import cv2
 
     points, lens = board.points[view.ids], np.array(camera.distortion)
@@ -121,12 +134,12 @@ def board_pose(view: View, board: Board, camera: Intrinsics) -> np.ndarray:
 
 
 def view_error(view: View, board: Board, camera: Intrinsics, pose: np.ndarray) -> float:
-    """RMS distance, px, of a view's corners from where a board at camera_T_board `pose` has them."""
+    """Return the RMS distance, px, of a view's corners from those of a board at `pose` (camera_T_board)."""
     return rms(camera.project(move(pose, board.points[view.ids])) - view.pixels)
 
 
 def rms(pixels: np.ndarray) -> float:
-    """Root mean square length of vectors (n, 2)."""
+    """Return the root mean square length of vectors (n, 2)."""
     return float(np.sqrt(np.mean(np.sum(pixels**2, axis=1))))
 
 
@@ -142,6 +155,6 @@ def _fixed(distortion: Distortion) -> int:
 
 
 def undetermined(got: str | None = None) -> UserError:
-    """Give the error for views that are too much alike."""
+    """Return the error for views that are too similar to fix the focal length."""
     message = "the images do not fix the focal length: take some with the board tilted 20 to 45 degrees, both ways"
     return UserError(message, got=got)

@@ -1,4 +1,4 @@
-"""Intrinsics that are known already, from a file: the project's, OpenCV's, ROS's, or ViSP's."""
+"""Read known intrinsics from a file in the format of this project, OpenCV, ROS or ViSP."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def _example(folder: Path) -> Path:
 
 @enrol("camera model (ViSP)", _example)
 def read_intrinsics(path: str | Path) -> Intrinsics:
-    """Give the intrinsics in a file.
+    """Return the intrinsics in a file.
 
     Args:
-        path: a file as `vispeg.render.cameras.camera_files` reads them (YAML: the project's, OpenCV's, ROS
-            camera_info), or the XML of ViSP's vpXmlParserCamera with its distortion 0.
+        path: a YAML file that `vispeg.render.cameras.camera_files` reads (of the project, OpenCV or ROS camera_info),
+            or the XML of ViSP's vpXmlParserCamera without distortion.
 
     Raises:
-        UserError: no such file, or none of these.
+        UserError: the file is missing, or has none of these formats.
     """
     file = Path(path)
     if file.suffix.lower() != ".xml":
@@ -41,7 +41,13 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
 
 
 def _visp(text: str, file: Path) -> Intrinsics:
-    """Give the one flat table that ViSP writes, read by its tags alone: an XML reader would follow entities as well."""
+    """Return the intrinsics in ViSP's XML.
+
+    The file is one flat table and is read by its tags alone, since an XML parser would also follow entities.
+
+    Raises:
+        UserError: a tag is missing, occurs more than once or is not a number, or there is distortion.
+    """
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
 
     def value(tag: str, default: float | None = None) -> float:

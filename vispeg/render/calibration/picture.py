@@ -1,4 +1,4 @@
-"""A picture of what was found in a picture: corners as detected, and where the calibrated camera has them."""
+"""Draw the corners of a calibration image: as detected, and as the calibration predicts them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from vispeg.render.calibration.detect import read_grey
 from vispeg.render.calibration.intrinsics import board_pose
 from vispeg.render.calibration.rigid import inverse, move
 
-SCALE = 2  # enlarged, so that half a pixel can be seen
+SCALE = 2  # factor of enlargement, so that half a pixel is visible
 DETECTED, FITTED, ROBOT = (80, 220, 80), (255, 140, 40), (60, 60, 255)  # BGR: green, blue, red
 
 
 def overlay(path: Path, calibration: Calibration, board: Board, number: int, flange: np.ndarray | None) -> bytes:
-    """Give a PNG of one view: detected corners (green rings), reprojected with a free board pose (blue), by robot
-    (red).
+    """Return a PNG of one view with its corners.
+
+    Green rings are the corners as detected. Blue crosses are reprojected from the board's pose that fits this view
+    best, red crosses from the pose that the robot reports.
 
     Args:
-        path: the picture.
-        number: which of `calibration.views` it is.
+        path: the image.
+        calibration: the calibration.
+        board: the board.
+        number: index of the view in `calibration.views`.
         flange: base_T_flange of this view, shape (4, 4); None without poses.
     """
     import cv2
@@ -50,6 +54,6 @@ def overlay(path: Path, calibration: Calibration, board: Board, number: int, fla
 
 
 def _pixels(at: np.ndarray) -> list[tuple[int, int]]:
-    """Whole pixels of the enlarged picture, whose own first pixel covers SCALE of them."""
+    """Convert pixels (n, 2) of the original to whole pixels of the enlarged image, centres at integers in both."""
     large = np.clip(np.nan_to_num((at + 0.5) * SCALE - 0.5), -1e4, 1e4)
     return [(int(x), int(y)) for x, y in np.rint(large)]

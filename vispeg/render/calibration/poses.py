@@ -1,4 +1,4 @@
-"""Reads where the flange was in each picture: ViSP's one file a picture, or one CSV table."""
+"""Read the pose of the flange in each image, from ViSP's files (one per image) or from one CSV table."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.formats.yaml_data import read_yaml
 from vispeg.render.calibration.rigid import from_quaternion, transform
 
 COLUMNS = ("file", "x", "y", "z", "qw", "qx", "qy", "qz")
-FAR = 20.0  # m: farther than any arm reaches, so millimetres
+FAR = 20.0  # m: no arm reaches farther, so such a number is in mm
 
 
 def _table_example(folder: Path) -> Path:
@@ -34,16 +34,16 @@ def _visp_example(folder: Path) -> Path:
 
 
 def read_poses(path: str | Path, names: Sequence[str]) -> np.ndarray:
-    """Give the flange's pose on the base for each picture of `names`, base_T_flange, shape (n, 4, 4), m.
+    """Return the flange's pose on the base for each image of `names`, base_T_flange, shape (n, 4, 4), m.
 
     Args:
         path: a CSV file with the columns file, x, y, z (m), qw, qx, qy, qz; or a folder of YAML files as ViSP writes
-            them (`rows: 6, cols: 1, data:` x y z in m, then the rotation vector in rad), each joined to the picture
-            with the same last number in its name.
-        names: file names of the pictures.
+            them (`rows: 6, cols: 1, data:` x y z in m, then the rotation vector in rad). A YAML file belongs to the
+            image whose name has the same last number.
+        names: file names of the images.
 
     Raises:
-        UserError: a picture without a pose, a pose that is none, or millimetres.
+        UserError: an image has no pose, a pose is invalid, or positions are in millimetres.
     """
     root = Path(path)
     if root.is_dir():

@@ -1,4 +1,4 @@
-"""A calibration as records: the numbers with their intervals, and what a person should know before using them."""
+"""A calibration as records: the numbers with their intervals, and warnings for the user."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from vispeg.render.calibration.calibrate import Calibration
 from vispeg.render.calibration.intrinsics import NAMES
 
 FORMAT = "vispeg-calibration/1"
-ODD = 3.0  # standard deviations from which a view is named
-FAR_OFF = 3.0  # times the median reprojection error from which a view is named
-DISAGREE = np.array([8.0, 1.5])  # mm, deg: more than an arm's own errors
-COVER = 0.5  # of width and of height
+ODD = 3.0  # misfit, in standard deviations, above which a note names a view
+FAR_OFF = 3.0  # multiple of the median reprojection error above which a note names a view
+DISAGREE = np.array([8.0, 1.5])  # mm, deg: larger than the errors of an arm
+COVER = 0.5  # least share of the image's width and height that the corners should cover
 PER_UNIT = np.array([1e3] * 3 + [180 / np.pi] * 3)  # m to mm, rad to deg
 
 
 class ViewRow(TypedDict):
-    """A picture: corners, reprojection px with a free board pose and through the robot, misfit of the flange's pose."""
+    """The record of one view: number of corners, reprojection errors and misfit.
+
+    `reprojection_px` is with the view's own best board pose, `through_robot_px` with the one by the robot's pose.
+    `misfit` is that of the flange's pose, in standard deviations.
+    """
 
     file: str
     corners: int
@@ -32,7 +36,7 @@ class ViewRow(TypedDict):
 
 
 class CalibrationRecord(TypedDict):
-    """results.json, provenance aside; see docs/formats.md."""
+    """The content of results.json without provenance; see docs/formats.md."""
 
     format: str
     board: Mapping[str, object]
@@ -45,10 +49,12 @@ class CalibrationRecord(TypedDict):
 
 
 def record(calibration: Calibration, board: Board, missed: dict[str, str]) -> CalibrationRecord:
-    """Return the content of results.json without provenance: SI units or degrees as named, intervals as half widths.
+    """Return the content of results.json without provenance. Units are in the keys; intervals are half widths.
 
     Args:
-        missed: names of the pictures that were not used, and why.
+        calibration: the calibration.
+        board: the board.
+        missed: by name of each image that was not used, the reason.
     """
     described: dict[str, object] = {"kind": board.kind, "pattern": board.pattern, "square_m": board.square}
     if board.kind == "charuco":
@@ -73,7 +79,7 @@ def _effects(calibration: Calibration, board: Board) -> list[BoardEffect]:
 
 
 def views(calibration: Calibration) -> list[ViewRow]:
-    """One record a view: corners, reprojection px with a free board pose and through the robot, misfit."""
+    """Return one record per view."""
     out: list[ViewRow] = []
     for number, (view, error) in enumerate(zip(calibration.views, calibration.fit_pixels, strict=True)):
         row: ViewRow = {"file": view.name, "corners": len(view.ids), "reprojection_px": float(error)}
@@ -85,7 +91,7 @@ def views(calibration: Calibration) -> list[ViewRow]:
 
 
 def notes(calibration: Calibration, missed: dict[str, str]) -> list[str]:
-    """Warnings, a line each."""
+    """Return warnings for the user, one line each; `missed` is as for `record`."""
     out = []
     if missed:
         out.append("left out: " + "; ".join(f"{name} {why}" for name, why in missed.items()))

@@ -1,4 +1,4 @@
-"""Rigid transforms as 4x4 matrices: `a_T_b` takes coordinates in frame b to coordinates in frame a, metres."""
+"""Rigid transforms as 4x4 matrices: `a_T_b` converts coordinates in frame b to coordinates in frame a, in m."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 
 def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Transform (..., 4, 4) of rotation vectors (..., 3) rad and translations (..., 3) m."""
+    """Return the transforms (..., 4, 4) of rotation vectors (..., 3), rad, and translations (..., 3), m."""
     turn = np.asarray(rotation_vector, float)
     out = np.zeros((*turn.shape[:-1], 4, 4))
     out[..., :3, :3] = Rotation.from_rotvec(turn.reshape(-1, 3)).as_matrix().reshape(*turn.shape[:-1], 3, 3)
@@ -17,12 +17,12 @@ def transform(rotation_vector: np.ndarray, translation: np.ndarray) -> np.ndarra
 
 
 def from_quaternion(translation: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
-    """Transform (..., 4, 4) of translations (..., 3) m and unit quaternions (..., 4), w first."""
+    """Return the transforms (..., 4, 4) of translations (..., 3), m, and unit quaternions (..., 4), w first."""
     return transform(Rotation.from_quat(wxyz, scalar_first=True).as_rotvec(), translation)
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Give the inverse of rigid transforms, shape (..., 4, 4)."""
+    """Return the inverses of rigid transforms, shape (..., 4, 4)."""
     out = np.zeros_like(matrix)
     turned = np.swapaxes(matrix[..., :3, :3], -1, -2)
     out[..., :3, :3] = turned
@@ -32,23 +32,23 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def difference(matrix: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """From a reference to a transform, shape (6,): m in the outer frame, then rad in the inner."""
+    """Return the difference of a transform a_T_b from a reference, shape (6,): m in frame a, then rad in frame b."""
     turn = reference[:3, :3].T @ matrix[:3, :3]
     return np.concatenate([matrix[:3, 3] - reference[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
 
 
 def angles(rotations: np.ndarray) -> np.ndarray:
-    """Rotation angles (n,), rad, of matrices (n, 3, 3)."""
+    """Return the rotation angles (n,), rad, of rotation matrices (n, 3, 3)."""
     return Rotation.from_matrix(rotations).magnitude()
 
 
 def move(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) taken through transforms (..., 4, 4): shape (..., n, 3)."""
+    """Transform points (n, 3) by transforms (..., 4, 4); return shape (..., n, 3)."""
     return points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
 
 
 def shifted(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Give the inverse of `difference`: transforms (..., 4, 4) moved by (..., 6), m outside and rad inside."""
+    """Return transforms a_T_b (..., 4, 4) shifted by (..., 6), m in frame a and rad in frame b; undoes `difference`."""
     out = pose @ transform(by[..., 3:], np.zeros(3))
     out[..., :3, 3] += by[..., :3]
     return out
