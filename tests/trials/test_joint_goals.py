@@ -134,7 +134,7 @@ def test_units_signs_and_order_go_round():
     [
         (Wiring(joints={"d": MotorPart()}), STATE, "joints.d: no joint of the arm; expected a, b, c"),
         (Wiring(), STATE, "no such motor for a; expected one of grip, b, left, c; joints.a.motor of a FILE.yaml"),
-        (Wiring(joints={"a": MotorPart(motor="b")}), STATE, "a motor of two joints; got 'b'"),
+        (Wiring(joints={"a": MotorPart(motor="b")}), STATE, "two joints name the same motor; got 'b'"),
     ],
 )
 def test_motors_that_are_not_there_are_named(wiring, state, named):
@@ -147,11 +147,11 @@ def test_motors_that_are_not_there_are_named(wiring, state, named):
     [
         ("joint: {}", "joint: unknown key"),
         ("joints: {a: {unit: degrees}}", "joints.a.unit: is not one of the choices"),
-        ("joints: {a: {unit: percent}}", "go together"),
-        ("joints: {a: {unit: percent, range_rad: [0, 1], sign: -1}}", "range_rad says sign and zero too"),
-        ("joints: {a: {unit: percent, range_rad: [1, 1]}}", "of no width"),
+        ("joints: {a: {unit: percent}}", "must be given together"),
+        ("joints: {a: {unit: percent, range_rad: [0, 1], sign: -1}}", "range_rad determines sign and zero_rad"),
+        ("joints: {a: {unit: percent, range_rad: [1, 1]}}", "zero width"),
         ("joints: {a: {sign: 2}}", "joints.a.sign"),
-        ("cameras: {wrist: {fx: 10}}", "fx, fy, cx, cy go together"),
+        ("cameras: {wrist: {fx: 10}}", "fx, fy, cx, cy must be given together"),
         ("rate_hz: 5", "rate_hz"),
         ("- joints", "a mapping"),
     ],

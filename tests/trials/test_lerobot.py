@@ -58,7 +58,7 @@ def test_a_robot_that_measures_no_force_runs_where_that_is_said(tmp_path):
         (
             meaning(told=()),
             Limits(no_force_limit=True),
-            "the policy is told force and torque, and the robot measures neither",
+            "the policy observes force and torque, but the robot measures neither",
         ),
         (told, Limits(), "no limit of force can act; expected no_force_limit"),
     ):
@@ -201,6 +201,6 @@ class TestOverLeRobot:
 
     def test_depth_and_cameras_that_are_not_there_are_refused(self, run):
         said = run({"joints": AXES}, policy=meaning("depth", image_size=32), code=2)
-        assert "LeRobot's robots show colour alone" in said
+        assert "LeRobot's robots deliver only colour pictures" in said
         said = run({"joints": AXES}, policy=meaning("rgb", image_size=32), code=2)
         assert "the robot has no such camera for wrist_wide; expected one of none" in said

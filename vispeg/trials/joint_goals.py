@@ -13,11 +13,11 @@ MARGIN = 0.01  # rad, distance of goals from the joint limits, at which a run wo
 
 
 class JointGoals:
-    """Joint angles that move the flange as the policy's controller moves it in free air.
+    """Compute joint angles that move the flange as the policy's controller moves it in free air.
 
     A reference pose moves to the commanded pose by the controller's law, a spring and a damper per unit mass. The
     angles follow it by damped least squares (Wampler 1986), with the law's posture task in the null space, within the
-    joints' limits of speed and range.
+    joints' speed and position limits.
 
     Args:
         interface: the policy's interface: arm, limits, gains.

@@ -22,8 +22,8 @@ class Kept:
     """An environment whose episodes are written to folders.
 
     Args:
-        env: the environment to step: `vec`, or a wrapper of it.
-        vec: the environment itself, without autoreset.
+        env: the environment to step: `vec` or a wrapper of it.
+        vec: the underlying environment, with autoreset disabled.
         who: the policy.
         folder: folder of the trials.
         stem: prefix of their names, before the seed.
@@ -52,7 +52,7 @@ class Kept:
         self._starts: dict[int, StartPart] = {}
 
     def reset(self, *, seed: Any = None, options: Mapping[str, Any] | None = None) -> Any:
-        """Reset the environment, and begin to record the rows that are reset."""
+        """Reset the environment, and start recording the reset rows whose seed is to be recorded."""
         result = self.env.reset(seed=seed, options=options)
         self._seen, sim = result[0], self.vec.sim
         rows = np.flatnonzero((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
@@ -75,7 +75,7 @@ class Kept:
         return result
 
     def step(self, actions: np.ndarray) -> Any:
-        """Step the environment, and write the episodes that end."""
+        """Step the environment, and write recorded episodes that end."""
         sim, acting = self.vec.sim, True
 
         def heard(q: np.ndarray, dq: np.ndarray, felt: np.ndarray) -> None:

@@ -1,8 +1,8 @@
 """The driver for arms supported by LeRobot: `--robot lerobot:TYPE`, or `lerobot:TYPE:FILE.yaml` (docs/run.md).
 
 LeRobot's `Robot` returns joint positions and camera pictures and accepts joint angles; it has no time stamps,
-velocities or wrench. So readings are stamped on arrival, velocities are the slope of the last angles, and the flange
-pose that the policy commands is converted to joint angles here. Nothing is sent before the policy's first command.
+velocities or wrench. So readings are time-stamped on arrival, velocities are estimated from recent angles, and the
+commanded flange pose is converted to joint angles here. Nothing is sent before the policy's first command.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from vispeg.render.image_kinds import RGB, camera_of, kind_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.joint_goals import JointGoals
 
-WAIT = 5.0  # s, timeout of an answer: a motor bus and a camera take some hundredths of a second
+WAIT = 5.0  # s, timeout of an answer; a motor bus or a camera normally takes some hundredths of a second
 LEAVE = 5.0  # s, timeout for disconnecting from the arm
-BLIND = 0.5  # s, longest time without a picture: cameras are slower than joints
-FRAMES = 30.0  # Hz, rate at which pictures are requested: that of most cameras
+BLIND = 0.5  # s, longest time without a picture; cameras are slower than joints
+FRAMES = 30.0  # Hz, rate at which pictures are requested; most cameras deliver this rate
 SILENCE = 0.25  # s, longest time without a reading, as in the run loop
 POSITION = ".pos"  # suffix of a motor's name for its position
 
@@ -47,8 +47,14 @@ class _Part(BaseModel):
 
 
 class MotorPart(_Part):
-    """A joint's motor, and how its numbers are to be read: `deg`, `rad`, or `percent`, -100 to 100 over `range_rad`,
-    LeRobot's normalized positions. By default degrees of the motor with the joint's name.
+    """The motor of a joint, and how to read its position: by default the motor of the joint's name, in degrees.
+
+    Attributes:
+        motor: name of the motor; None for the joint's name.
+        unit: `deg`, `rad`, or `percent` for LeRobot's normalized positions, -100 to 100 over `range_rad`.
+        sign: direction of the motor relative to the joint.
+        zero_rad: joint angle at motor position 0, rad.
+        range_rad: joint angles at -100 and at 100, rad; given exactly if the unit is `percent`.
     """
 
     motor: Name | None = None
@@ -60,16 +66,16 @@ class MotorPart(_Part):
     @model_validator(mode="after")
     def _complete(self) -> MotorPart:
         if (self.unit == "percent") != (self.range_rad is not None):
-            raise ValueError("unit: percent and range_rad, the angles at -100 and 100, go together")
+            raise ValueError("unit: percent and range_rad, the angles at -100 and 100, must be given together")
         if self.range_rad is not None and (self.sign, self.zero_rad) != (1, 0.0):
-            raise ValueError("range_rad says sign and zero too")
+            raise ValueError("range_rad determines sign and zero_rad, so give neither of them")
         if self.range_rad is not None and self.range_rad[0] == self.range_rad[1]:
-            raise ValueError("range_rad is of no width")
+            raise ValueError("range_rad has zero width")
         return self
 
     @property
     def line(self) -> tuple[float, float]:
-        """Return `a`, `b` of the joint angle `a x + b` rad at motor position x."""
+        """The factors (a, b) in joint angle = a x + b, rad, at motor position x."""
         if self.range_rad is not None:
             low, high = self.range_rad
             return (high - low) / 200.0, (high + low) / 2.0
@@ -77,8 +83,9 @@ class MotorPart(_Part):
 
 
 class CameraPart(_Part):
-    """A camera: how LeRobot calls it, and its lens (px, Brown's five numbers). Without one it is the very camera that
-    the policy knows.
+    """A camera: LeRobot's name for it, and its lens, in px and Brown's five coefficients.
+
+    Without a lens, the camera is taken to be identical to the one that the policy was trained with.
     """
 
     key: Name | None = None
@@ -91,17 +98,17 @@ class CameraPart(_Part):
     @model_validator(mode="after")
     def _complete(self) -> CameraPart:
         if len({value is None for value in (self.fx, self.fy, self.cx, self.cy)}) > 1:
-            raise ValueError("fx, fy, cx, cy go together")
+            raise ValueError("fx, fy, cx, cy must be given together")
         return self
 
 
 class Wiring(_Part):
-    """Content of the file in `lerobot:TYPE:FILE.yaml`; all defaults without a file.
+    """Content of the file in `lerobot:TYPE:FILE.yaml`; without a file, the defaults hold.
 
     Attributes:
-        config: fields of LeRobot's configuration of this type of robot, such as `port`, `id`, `cameras`.
-        joints: of the arm, by the model's names.
-        cameras: by the policy's names.
+        config: fields of LeRobot's configuration for this type of robot, such as `port`, `id`, `cameras`.
+        joints: joint name in the model -> motor.
+        cameras: camera name of the policy -> camera.
         rate_hz: highest rate at which the arm is read and commanded, Hz; None for the policy's control rate.
         velocity_window_s: window over which velocities are estimated as the slope of the angles, s.
     """
@@ -114,24 +121,26 @@ class Wiring(_Part):
 
 
 def read_wiring(file: str | Path) -> Wiring:
-    """Give what a file says of motors and cameras. Raises UserError: no such file, not YAML, an unknown key, an
-    impossible value.
+    """Read a file on motors and cameras.
+
+    Raises:
+        UserError: no such file, invalid YAML, an unknown key or an impossible value.
     """
     return typed(Wiring, read_yaml(Path(file).expanduser()) or {}, file)
 
 
 class Motors:
-    """Conversion between joint angles and the motor values of a robot.
+    """Convert between joint angles and the motor values of a robot.
 
     Args:
         wiring: motor and unit of each joint.
         joints: joint names of the arm.
         state: names of the values that the robot reports.
-        action: names of the values that it accepts.
-        file: file of the wiring, for errors.
+        action: names of the values that the robot accepts.
+        file: the file of `wiring`, for error messages.
 
     Raises:
-        UserError: a joint or motor that is not there, or two joints of one motor.
+        UserError: an unknown joint or motor, or one motor for two joints.
     """
 
     def __init__(
@@ -149,7 +158,9 @@ class Motors:
                 got = name.removesuffix(POSITION)
                 raise UserError(f"the robot has no such motor for {joint}", file=file, expected=expected, got=got)
             if names.count(name) > 1:
-                raise UserError("a motor of two joints", file=file, key="joints", got=name.removesuffix(POSITION))
+                raise UserError(
+                    "two joints name the same motor", file=file, key="joints", got=name.removesuffix(POSITION)
+                )
         self.slope, self.zero = np.array([part.line for part in parts]).T
         self.read = np.array([list(state).index(name) for name in names])
         self.sent = np.array([list(action).index(name) for name in names])
@@ -161,7 +172,7 @@ class Motors:
         return self.slope * state[self.read] + self.zero
 
     def action(self, q: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Convert angles (nj,) rad to values to send; motors of no joint keep their value in the state `before`."""
+        """Convert angles (nj,) rad to values to send; motors without a joint keep their value in the state `before`."""
         out = np.zeros(len(self.others))
         for i, at in self.others:
             out[i] = before[at]
@@ -170,13 +181,13 @@ class Motors:
 
 
 class Slope:
-    """Estimates joint velocities from angles alone, as the slope of a line through the latest ones.
+    """Estimate joint velocities as the slope of a line fitted through the latest angles.
 
-    A single encoder step, 1.5 mrad for an STS3215, over 5 ms would be 0.3 rad/s; over a window T with n readings the
-    standard deviation is that of one step's rounding times sqrt(12 / n) / T. The delay is half the window.
+    One encoder step, 1.5 mrad for an STS3215, between two readings 5 ms apart would be 0.3 rad/s. With n readings in a
+    window T, the standard deviation is that of the rounding of an angle times sqrt(12 / n) / T. The delay is T / 2.
 
     Args:
-        window: s.
+        window: length of the window, s.
     """
 
     def __init__(self, window: float):
@@ -195,13 +206,13 @@ class Slope:
 
 
 class LeRobotRobot:
-    """An arm that LeRobot knows.
+    """Drive an arm that LeRobot supports.
 
     Args:
         text: TYPE, or TYPE:FILE.yaml.
 
     Raises:
-        UserError: nothing that runs LeRobot; a file that cannot be read.
+        UserError: no installation of LeRobot is found, or the file is invalid.
     """
 
     def __init__(self, text: str):
@@ -213,12 +224,12 @@ class LeRobotRobot:
         self._over, self._lock = threading.Event(), threading.Lock()
         self._newest: Reading | None = None
         self._seen: tuple[float, dict[str, Picture]] = -np.inf, {}
-        self._goals: JointGoals | None = None  # of an arm that was commanded
+        self._goals: JointGoals | None = None  # None until the first command
         self._pose: np.ndarray | None = None
         self._why = ""
 
     def connect(self, interface: Interface, seed: int) -> Connected:
-        """See Driver. Raises UserError: LeRobot's reasons, motors or cameras that are not there."""
+        """See Driver. Raises UserError: LeRobot cannot connect, or a motor or camera does not exist."""
         if self._thread is None:
             self._open(interface)
         with self._lock:
@@ -226,13 +237,13 @@ class LeRobotRobot:
         return Connected(wrench=None)
 
     def _open(self, interface: Interface) -> None:
-        if interface.feels:  # before the arm is asked
+        if interface.feels:  # the run loop will refuse such a policy, so leave the arm alone
             return
         told = self._link.begin()
         state, action, cameras = ([str(x) for x in told[key]] for key in ("state", "action", "cameras"))
         self._motors = Motors(self.wiring, interface.arm.joints, state, action, self.file)
         if self._motors.unknown:
-            what = "takes what it does not say, so that it cannot be held"
+            what = "the robot accepts a value that it does not report, so it could not be held at its present value"
             raise UserError(what, key=f"{PREFIX}{self.type}", got=self._motors.unknown[0])
         self._eyes = self._cameras(interface, cameras)
         self._interface, self._slope = interface, Slope(self.wiring.velocity_window_s)
@@ -245,7 +256,9 @@ class LeRobotRobot:
         for key, seen in interface.images.items():
             name = camera_of(key)
             if kind_of(key) is not RGB:
-                raise UserError("LeRobot's robots show colour alone", key=key, expected="a policy that sees rgb")
+                raise UserError(
+                    "LeRobot's robots deliver only colour pictures", key=key, expected="a policy that sees rgb"
+                )
             part = self.wiring.cameras.get(name, CameraPart())
             called = part.key or name
             if called not in there:
@@ -268,9 +281,9 @@ class LeRobotRobot:
             before = now
             try:
                 self._tick(now, action)
-            except UserError as error:  # a single lost packet is no reason to stop
+            except UserError as error:  # a single lost packet does not stop the arm
                 self._why = str(error)
-            except TimeoutError as error:  # a late answer would be taken for the next one
+            except TimeoutError as error:  # a late answer would be mistaken for the answer to the next request
                 self._why = str(error)
                 return
 
@@ -287,7 +300,7 @@ class LeRobotRobot:
         told = self._link.ask(asked | ({"look": 1} if look else {}), WAIT)
         at, state = float(told["time"]), told["state"]
         if self._newest is None or action is None:
-            self._state = state  # where the other motors are held
+            self._state = state  # the other motors are held here
         q = self._motors.angles(state)
         if look:
             self._seen = now, {name: self._picture(name, told[f"camera.{eye[0]}"]) for name, eye in self._eyes.items()}

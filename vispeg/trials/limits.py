@@ -12,9 +12,12 @@ from vispeg.interface.observer import Observer
 
 JOINT, VELOCITY, SPEED = "joint limit", "joint velocity", "speed limit"
 FORCE, WORKSPACE, WATCHDOG, STOPPED = "force limit", "workspace", "watchdog", "stopped"
-ABOVE, BELOW = 0.30, 0.02  # m: height of the workspace above the goal, and its depth below the tip's target
+ABOVE, BELOW = (
+    0.30,
+    0.02,
+)  # m: top of the workspace above the goal, and its bottom below the depth that counts as success
 SPEED_MS = 0.25  # m/s: reduced speed of ISO 10218-1, for a person next to the arm
-REACH = 0.15  # m: twice the farthest that episodes begin, and that goals are moved, to the side in the built-in worlds
+REACH = 0.15  # m: twice the largest horizontal distance of starts, and shift of goals, in the built-in worlds
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Limits:
         force: force on the wrist, minus the tool's weight, at which the arm stops, N; default: the task's.
         speed: speed of the tip at which the arm stops, m/s.
         reach: horizontal distance of the tip from the goal at which the arm stops, m.
-        no_force_limit: run a robot that measures no force, where no force limit can act.
+        no_force_limit: allow a robot that measures no force, so that no force limit can act.
     """
 
     force: float | None = None
@@ -46,15 +49,16 @@ class Limits:
         if felt and self.no_force_limit:
             raise UserError("is for robots that measure no force", key="--no-force-limit", expected="--force")
         if not felt and interface.feels:
-            what = "the policy is told force and torque, and the robot measures neither"
-            raise UserError(what, key="--robot", expected="a policy that is not told them, or a robot with a sensor")
+            what = "the policy observes force and torque, but the robot measures neither"
+            raise UserError(what, key="--robot", expected="a policy that does not, or a robot with a sensor")
         if not felt and not self.no_force_limit:
-            what = "the robot measures no force, so that no limit of force can act"
-            raise UserError(what, key="--robot", expected="--no-force-limit, where that is safe")
+            what = "the robot measures no force, so no force limit can act"
+            raise UserError(what, key="--robot", expected="--no-force-limit, if that is safe")
 
     def shares(self, interface: Interface, seen: Observer, force: float | None) -> dict[str, float]:
-        """Return each limit's used share in the current state, with this force (N) on the wrist if measured. It is 1
-        at the limit; the first limit above 1 is the reason to stop.
+        """Return how much of each limit the current state uses: limit -> share, 1 at the limit.
+
+        The first limit above 1 is the reason to stop. `force` is the contact force on the wrist, N; None if unmeasured.
         """
         arm, (q, dq) = interface.arm, seen.measured
         low, high = np.array(arm.low_rad), np.array(arm.high_rad)
@@ -71,13 +75,13 @@ class Limits:
         return {name: max(0.0, float(share)) for name, share in out.items()}
 
     def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
-        """Return the limit that the arm exceeds in the current state, see `shares`; None if none."""
+        """Return the first limit that the current state exceeds, `WATCHDOG` for readings that are not finite, or None."""
         if not all(np.isfinite(x).all() for x in (*seen.measured, force or 0.0)):
             return WATCHDOG
         return next((name for name, share in self.shares(interface, seen, force).items() if share > 1), None)
 
     def inside(self, interface: Interface, seen: Observer, tip: np.ndarray) -> bool:
-        """Test whether a tip (3,) m is within the workspace: a cylinder above the believed goal."""
+        """Return whether a tip (3,), m, is within the workspace: a cylinder above the believed goal."""
         return self._workspace(interface, seen, tip) <= 1
 
     def _workspace(self, interface: Interface, seen: Observer, tip: np.ndarray) -> float:

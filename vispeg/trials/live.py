@@ -1,6 +1,6 @@
-"""Publish a running run to other processes: a status file in the folder of its trials, and a file that stops it.
+"""Publish a run in progress to other processes: a status file in its folder of trials, and a file to stop it.
 
-The loop hands over its state without waiting; a thread writes the newest one. `TRIALS/.live` is removed after the run.
+The loop hands over its state without waiting; a thread writes the newest state. `TRIALS/.live` is removed at the end.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FOLDER, STATE, STOP = ".live", "state.json", "stop-"
 WIDEST = 320  # px: wider pictures are subsampled
 QUALITY = 80  # JPEG quality
 LOOKS = 0.02  # s between checks for a request to stop
-RECENT = 5.0  # s since its last write within which a run on another machine counts as alive
+RECENT = 5.0  # s; a run on another machine counts as alive this long after its last write
 ID = r"^[0-9a-f]{16}-[0-9]+$"
 
 Numbers = list[Annotated[float, Field(allow_inf_nan=False)]]
@@ -46,7 +46,8 @@ class State(BaseModel):
         pid, host: process id and host of the run.
         at: time of writing, s since 1970.
         policy, robot: names of the policy and the robot.
-        trial: folder of the episode; the `episode`-th of `episodes`.
+        trial: folder of the episode.
+        episode, episodes: number of the episode, and how many the run has.
         phase: `rest` before the policy acts, `acts`, or `over`.
         outcomes: outcomes of the run's finished episodes.
         step, of, late_s, missed, tip_m, force_n, pose, target, wrench, shares: as in `vispeg.trials.loop.Step`.
@@ -80,7 +81,7 @@ class State(BaseModel):
 
     @property
     def running(self) -> bool:
-        """Whether the process of the run is alive."""
+        """Return whether the process of the run is alive."""
         if self.host != socket.gethostname():
             return time.time() - self.at < RECENT
         try:
@@ -93,7 +94,7 @@ class State(BaseModel):
 
 
 class Live:
-    """Publishes a run to other processes; a context manager.
+    """Publish a run to other processes; use it as a context manager.
 
     Args:
         place: folder of the trials.
@@ -111,7 +112,7 @@ class Live:
 
     def __enter__(self) -> Live:
         with suppress(OSError):
-            shutil.rmtree(self._folder, ignore_errors=True)  # of a run that was killed
+            shutil.rmtree(self._folder, ignore_errors=True)  # left by a run that was killed
             self._folder.mkdir()
         self._thread.start()
         return self
@@ -124,7 +125,7 @@ class Live:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def begin(self, trial: str, episode: int) -> None:
-        """Publish that the `episode`-th episode begins; its trial will be named `trial`."""
+        """Publish that an episode begins, and the name of its trial."""
         self._said |= {"id": f"{self._run}-{episode}", "trial": trial, "episode": episode}
         with self._coming:
             self._stop, self._asked = self._folder / f"{STOP}{self._said['id']}", False
@@ -142,7 +143,7 @@ class Live:
         self._tell({**self._said, "phase": "over"}, {})
 
     def stopped(self) -> bool:
-        """Whether another process has requested the end of this episode."""
+        """Return whether another process has requested the end of this episode."""
         return self._asked
 
     def _tell(self, said: Mapping[str, Any], pictures: Mapping[str, Picture]) -> None:
@@ -160,7 +161,7 @@ class Live:
                         return
                     continue
                 (said, pictures), self._newest = self._newest, None
-            with suppress(Exception):  # neither a full disk nor an odd picture is a reason to stop an arm
+            with suppress(Exception):  # a full disk or an odd picture must not stop an arm
                 images = {name: encoded(picture) for name, picture in pictures.items()}
                 plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in said.items()}
                 part = self._folder / f".{STATE}"
@@ -180,7 +181,7 @@ def encoded(picture: Picture) -> str:
 
 
 def is_live(place: Path) -> bool:
-    """Test whether a folder of trials has a run's status file."""
+    """Return whether a folder of trials has a run's status file."""
     return (place / FOLDER / STATE).is_file()
 
 
@@ -192,7 +193,7 @@ def read_live(place: Path) -> State | None:
     try:
         state = typed(State, read_json(file), file)
     except UserError:
-        if not file.is_file():  # it has just ended
+        if not file.is_file():  # the run has just ended
             return None
         raise
     return state if state.running else None
@@ -202,7 +203,7 @@ def ask_stop(place: Path, episode: str) -> None:
     """Request the run in a folder of trials to end the episode with this id, as its stop key does.
 
     Raises:
-        UserError: no run, or it is in another episode.
+        UserError: no run is in progress, or not in this episode.
     """
     state = read_live(place)
     if state is None:

@@ -1,8 +1,8 @@
 """A robot that replays a log: `--robot log:FOLDER`, a recording made by `vispeg convert` or a LeRobot folder.
 
 Measurements are replayed on the log's clock, interpolated linearly between samples; the policy's commands have no
-effect. So a policy's run that another program recorded becomes a trial. If the log has commands, a note states how far
-the policy's commands differ from them.
+effect. This turns a run that another program recorded into a trial. If the log has commands, a note is printed when
+they differ from the policy's.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vispeg.trials.limits import Limits
 from vispeg.trials.loop import Clock, How
 
 CUTOFF_HZ = 15.0  # bandwidth of velocities computed from angles
-OTHER = 2e-3  # m, ten times an arm's repeatability: with larger differences, another policy produced the log
+OTHER = 2e-3  # m, ten times an arm's repeatability; a larger difference means that another policy made the log
 INFO, SPEED = "meta/info.json", ".vel"
 FORCE = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
 TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # convention in LeRobot folders
@@ -40,18 +40,18 @@ TOLD = WrenchSensor(frame="base", acts_on="flange", tared="weight")  # conventio
 
 @dataclass(frozen=True)
 class Unlimited(Limits):
-    """No limits: a replay cannot be stopped."""
+    """No limits, because a replay cannot be stopped."""
 
     def fit(self, interface: Interface, felt: bool) -> None:
         """Raise UserError if the policy observes forces and the log has none."""
         Limits(no_force_limit=not felt).fit(interface, felt)
 
     def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
-        """Give None."""
+        """Return None."""
         return None
 
     def inside(self, interface: Interface, seen: Observer, tip: np.ndarray) -> bool:
-        """Give True."""
+        """Return True."""
         return True
 
 
@@ -61,12 +61,13 @@ class Episode:
 
     Attributes:
         name: name shown to the user.
-        time: (n,) s from its first sample.
-        q, dq: (n, nj) rad, rad/s.
-        wrench: (n, 6) N and N m, or None; `sensor` states its convention.
-        pictures: camera name -> times (n,) s and the functions that read each picture.
-        asked: (n, 3) m, the commanded flange position, or None.
-        outcome: how it ended, or None.
+        time: (n,) time since the first sample, s.
+        q, dq: (n, nj) joint angles, rad, and velocities, rad/s.
+        wrench: (n, 6) force, N, and torque, N m; None without a sensor.
+        sensor: convention of the wrench.
+        pictures: camera name -> times (m,), s, and a function for each time that reads the picture.
+        asked: (n, 3) commanded flange position, m; None if not logged.
+        outcome: how the episode ended; None if unknown.
     """
 
     name: str
@@ -81,13 +82,13 @@ class Episode:
 
 
 class LoggedRobot(Clock):
-    """Driver and clock at once.
+    """Replay a log: a driver, and the clock of the run loop.
 
     Args:
-        folder: a recording, a folder of recordings, or a folder in LeRobot's layout; its episodes come in order.
+        folder: a recording, a folder of recordings, or a folder in LeRobot's layout; episodes are replayed in order.
 
     Raises:
-        UserError: no recording there, or one that cannot be read.
+        UserError: there is no recording, or it cannot be read.
     """
 
     def __init__(self, folder: str | Path):
@@ -98,23 +99,23 @@ class LoggedRobot(Clock):
 
     @property
     def episodes(self) -> int:
-        """How many there are."""
+        """Number of episodes."""
         return len(self._all)
 
     def how(self, how: How) -> How:
-        """Give the way in which a log is played: from its first sample, with no limit."""
+        """Return run settings fit for a log: without limits and without a rest before the policy acts."""
         return replace(how, limits=Unlimited(), rest=0.0)
 
     def now(self) -> float:
-        """Seconds since the episode's first sample."""
+        """Return seconds since the episode's first sample."""
         return self._now
 
     def wait(self, until: float) -> None:
-        """Be there."""
+        """Advance to the time `until`, s, without waiting."""
         self._now = max(self._now, until)
 
     def connect(self, interface: Interface, seed: int) -> Connected:
-        """Note that the next episode begins. Raises UserError: there is none, or it is another arm's."""
+        """Begin the next episode. Raises UserError: there is none, or it is of another arm."""
         if self._next >= self.episodes:
             raise UserError("has no more episodes", key="--episodes", expected=f"{self.episodes} or fewer")
         self._at = self._all[self._next](interface)
@@ -140,19 +141,19 @@ class LoggedRobot(Clock):
         return Reading(self._now, self._between(e.q), self._between(e.dq), wrench, told)
 
     def command(self, pose: np.ndarray) -> None:
-        """Note how far the log's own command is from it, half a policy step later."""
+        """Measure the distance of `pose` from the log's command half a policy step later."""
         if (asked := self._episode.asked) is not None:
             at = int(np.searchsorted(self._episode.time, self._now + self._period / 2, side="right")) - 1
             self._apart.append(float(np.linalg.norm(asked[at] - pose[:3])))
 
     def stop(self) -> Mapping[str, Any] | None:
-        """Give how the log says that the episode ended."""
+        """Return the outcome in the log, if it has one; note a difference between the log's commands and the policy's."""
         apart = float(np.nanmedian(self._apart)) if np.isfinite(self._apart).any() else 0.0
         self._apart = []
         if apart > OTHER:
             note(
-                f"{self._episode.name}: the log's commands lie {1e3 * apart:.1f} mm (median) from what the policy asks "
-                "for: another policy, another clock or another place of the goal"
+                f"{self._episode.name}: the log's commands differ from the policy's by {1e3 * apart:.1f} mm (median): "
+                "another policy, another clock or another goal position"
             )
         if self._at is None or self._at.outcome is None:
             return None
@@ -167,7 +168,7 @@ class LoggedRobot(Clock):
         return self._at
 
     def _between(self, values: np.ndarray) -> np.ndarray:
-        """(k,) now, of (n, k) at the samples."""
+        """Interpolate values (n, k) at the samples; return (k,) at the current time."""
         time = self._episode.time
         at = int(np.clip(np.searchsorted(time, self._now, side="right") - 1, 0, len(time) - 2))
         share = min(1.0, (self._now - time[at]) / (time[at + 1] - time[at]))
@@ -175,14 +176,14 @@ class LoggedRobot(Clock):
 
 
 def _of_recordings(place: Path) -> list[Callable[[Interface], Episode]]:
-    """Give what makes each episode. Raises UserError: no recording there, or one that cannot be read."""
+    """Return a function per episode of the recordings, which reads it. Raises UserError: none, or it cannot be read."""
     inside = sorted(p.parent for p in place.glob(f"*/{HEADER}"))
     found = [load(p) for p in ([place] if (place / HEADER).is_file() or not inside else inside)]
     return [partial(_recorded, rec, int(k)) for rec in found for k in np.unique(_numbers(rec))]
 
 
 def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
-    """Give an episode of a recording. Raises UserError: of another arm, or without readings."""
+    """Return an episode of a recording. Raises UserError: another arm, or fewer than two samples of all joints."""
     if set(whole.joints) != set(interface.arm.joints):
         raise UserError("joints of another arm", file=whole.path, expected=interface.arm.joints, got=whole.joints)
     rec = in_order(whole, interface.arm.joints)
@@ -194,7 +195,7 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
     for name in rec.frames.names if rec.frames is not None else ():
         some = [f for f in rec.frames.of(name) if f.episode == number]  # type: ignore[union-attr]
         if some:
-            c = some[0].camera  # of which the lens alone counts: the policy's own says where it is
+            c = some[0].camera  # only its lens is used; its pose is that of the policy's camera
             eye = Camera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
             views = [lambda f=f, eye=eye: Picture(f.rgb, f.depth, eye) for f in some]
             pictures[name] = np.array([f.time - start for f in some]), views
@@ -213,8 +214,10 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
 
 
 def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
-    """Give what makes each episode of more than a frame of a folder in LeRobot's layout. Raises UserError: one that
-    cannot be read.
+    """Return a function per episode of more than one frame in a folder in LeRobot's layout, which reads the episode.
+
+    Raises:
+        UserError: the folder cannot be read.
     """
     from vispeg.datasets.read import Dataset
 
@@ -224,7 +227,7 @@ def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
 
 
 def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: Interface) -> Episode:
-    """Give an episode of such a folder, its numbers by their names. Raises UserError: joints that are not there."""
+    """Return an episode of a folder in LeRobot's layout, with values found by name. Raises UserError: missing joints."""
     from vispeg.datasets.layout import colour_of, depth_of
     from vispeg.datasets.read import Dataset
 
@@ -275,22 +278,22 @@ def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: I
 
 
 def _picture(images: Mapping[str, np.ndarray], eye: Camera | None, row: int) -> Picture:
-    """Give a row of a camera's pictures, by kind."""
+    """Return the picture in one row of a camera's images, kind (`rgb`, `depth`) -> rows."""
     return Picture(**{kind: values[row] for kind, values in images.items()}, camera=eye)
 
 
 def _speeds(time: np.ndarray, q: np.ndarray, dq: np.ndarray | None) -> np.ndarray:
-    """(n, nj) rad/s, as measured or else from the angles; 0 where neither says."""
+    """Return velocities (n, nj), rad/s: as measured, or else from smoothed angles; 0 where unknown."""
     return np.nan_to_num(smooth(time, q, CUTOFF_HZ)[1] if dq is None else dq)
 
 
 def _numbers(rec: Recording) -> np.ndarray:
-    """(n,) the episode of each sample."""
+    """Return the episode number of each sample (n,)."""
     return np.zeros(len(rec.time), int) if rec.episode is None else rec.episode
 
 
 def _held(values: np.ndarray) -> np.ndarray:
-    """(n, k) with the last reading in the place of missing ones; 0 before the first."""
+    """Return values (n, k) with missing rows replaced by the last finite row; 0 before the first."""
     rows = np.where(np.isfinite(values).all(1), np.arange(len(values)), -1)
     last = np.maximum.accumulate(rows)
     return np.where(last[:, None] >= 0, values[np.maximum(last, 0)], 0.0)

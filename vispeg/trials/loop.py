@@ -25,19 +25,21 @@ from vispeg.trials.limits import STOPPED, WATCHDOG, WORKSPACE, Limits
 from vispeg.trials.tape import Tape
 from vispeg.trials.trial import HowPart, OutcomePart, PolicyPart, Said, StartPart, TimingPart, Trial, WorldPart
 
-REST = 1.2  # s in free air: of less, `compare` and `diagnose` compare neither joints (a second) nor wrench (0.3 s)
-SILENCE = 0.25  # s without a new reading after which the arm stops: a dozen frames of a camera, no more than 2 steps
+REST = (
+    1.2  # s at rest in free air; with less, `compare` and `diagnose` could use neither joints (1 s) nor wrench (0.3 s)
+)
+SILENCE = 0.25  # s without a new reading after which the arm stops, less than two policy steps
 
 
 class Acts(Protocol):
-    """A policy: `vispeg.learn.policy.Policy`, or `vispeg.interface.exported.Exported`."""
+    """The interface of a policy: `vispeg.learn.policy.Policy`, or `vispeg.interface.exported.Exported`."""
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None: ...  # noqa: D102
     def act(self, obs: Any) -> np.ndarray: ...  # noqa: D102
 
 
 class Clock:
-    """The host's clock. A simulation that waits for its policy has a clock of its own."""
+    """The host's clock; a replay or a simulation that waits for its policy replaces it."""
 
     def now(self) -> float:
         """Return the time in s since an arbitrary origin."""
@@ -56,11 +58,11 @@ class How:
 
     Attributes:
         limits: safety limits that stop the arm.
-        shadow: compute and record, do not move the arm.
-        slow: factor on the offset of each action, 0.05 to 1; an episode gets correspondingly more steps.
-        goal: where the goal is believed to be, m in the base; default: what the robot says, else its nominal place.
-        silence: s without a new reading after which the arm stops.
-        rest: s, on the robot's clock too, for which the arm is recorded at rest before the policy acts.
+        shadow: compute and record commands, but do not send them.
+        slow: factor on each action, 0.05 to 1; an episode gets correspondingly more steps.
+        goal: believed position of the goal in the base, m; None for the robot's statement, else the nominal position.
+        silence: time without a new reading after which the arm stops, s.
+        rest: time for which the arm is recorded at rest before the policy acts, s, on the host's and robot's clocks.
     """
 
     limits: Limits = Limits()
@@ -77,17 +79,18 @@ class How:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Status of a running episode after a policy step, for display.
+    """Status of an episode after a policy step, for display.
 
     Attributes:
-        number, of: the step.
-        tip: (3,) m, as measured, from the believed goal.
-        force: of contact on the wrist, N; None of a robot that measures none.
-        late: s after it was due; `missed` deadlines so far.
-        pose, target: (7,) flange as measured and as it is to be, m and w x y z in the base.
-        wrench: (6,) N and N m that the policy was told; None likewise.
-        shares: limit -> its used share, 1 at the limit.
-        pictures: that it saw, by camera.
+        number, of: number of the step, from 1, and number of steps in the episode.
+        tip: (3,) measured tip position relative to the believed goal, m.
+        force: contact force on the wrist, N; None if the robot measures none.
+        late: delay of the command after its due time, s.
+        missed: number of missed deadlines so far.
+        pose, target: (7,) measured and commanded flange pose in the base, m and quaternion w x y z.
+        wrench: (6,) wrench that the policy observes, N and N m; None if the robot measures none.
+        shares: limit -> used share, 1 at the limit.
+        pictures: camera name -> picture that the policy saw.
     """
 
     number: int
@@ -105,18 +108,18 @@ class Step:
 
 @dataclass
 class Watchdog:
-    """Stops the robot from a separate thread if the loop hangs."""
+    """Stop the robot from a separate thread if the loop hangs."""
 
     stop: Callable[[], object]
     silence: float
     barked: bool = False
     _last: float = field(default_factory=time.monotonic)
-    _before: Any = None  # how SIGINT is handled elsewhere
+    _before: Any = None  # the previous handler of SIGINT
     _over: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Watchdog:
         self._last, self._before = time.monotonic(), signal.getsignal(signal.SIGINT)
-        if not callable(self._before):  # ignored, as behind `nohup ... &`: then nothing would interrupt the loop
+        if not callable(self._before):  # SIGINT is ignored, as under `nohup ... &`, so nothing could interrupt the loop
             signal.signal(signal.SIGINT, signal.default_int_handler)
         threading.Thread(target=self._watch, daemon=True).start()
         return self
@@ -134,7 +137,7 @@ class Watchdog:
         while not self._over.wait(self.silence / 5):
             if time.monotonic() - self._last > self.silence:
                 self.barked = True
-                with suppress(Exception):  # what a driver raises here helps nobody
+                with suppress(Exception):  # an error here must not keep the loop from being interrupted
                     self.stop()
                 _thread.interrupt_main()
                 return
@@ -157,21 +160,21 @@ def run_episode(
     """Run one episode.
 
     Args:
-        policy: acts on one robot.
+        policy: the policy.
         interface: meaning of the policy's observations and actions.
-        robot: is read and commanded; stopped whatever happens.
-        who: the policy, for the trial.
-        seed: of the episode: its number, or what a simulated robot draws its start from.
-        how: see How.
-        name: of the robot, for the trial.
-        clock: clock of the loop.
-        show: called after every step.
-        key: returns whether a person wants the arm to stop; called in every control period.
-        watch: whether a thread watches the loop; only possible in the main thread.
+        robot: the robot's driver; the robot is stopped at the end in any case.
+        who: description of the policy, for the trial.
+        seed: number of the episode, from which a simulated robot draws its start.
+        how: settings of the run.
+        name: name of the robot, for the trial.
+        clock: clock of the loop; by default the host's.
+        show: called after every policy step.
+        key: called in every control period; returns whether a person wants the arm to stop.
+        watch: whether a watchdog thread stops the robot if the loop hangs; only possible in the main thread.
 
     Raises:
-        UserError: a picture that the policy sees is missing or unfit, joints that are not this arm's, a robot without
-            the sensor that the policy or a limit needs.
+        UserError: a picture that the policy needs is missing or unfit, the joints are those of another arm, or the robot
+            lacks the sensor that the policy or a limit needs.
     """
     how, clock = how or How(), clock or Clock()
     connected = robot.connect(interface, seed) or Connected()
@@ -190,7 +193,7 @@ def run_episode(
         ended = WATCHDOG if dog is not None and dog.barked else STOPPED
     except EOFError:  # a log is over
         ended = None
-    except OSError as error:  # the robot is not there any more, or a part of it is silent
+    except OSError as error:  # the robot is gone, or a part of it is silent
         ended, loop.why = WATCHDOG, str(error) or None
     finally:
         with suppress(OSError):
@@ -221,7 +224,9 @@ class _Loop:
         self.builder, self.tape = Builder(slowed), Tape(interface, connected.wrench is not None)
         self.count, self.missed, self.reads, self.stale, self.peak = round(interface.steps / how.slow), 0, 0, 0, 0.0
         self.cameras = tuple(dict.fromkeys(camera_of(key) for key in interface.images))
-        self.deadline = RECENT * interface.controller.period_s  # what is felt is of one moment as long as that
+        self.deadline = (
+            RECENT * interface.controller.period_s
+        )  # as long as the window over which the wrench is averaged
         believed = how.goal or connected.start.get("believed_m")
         self.goal = None if believed is None else np.asarray(believed, float)
         self.target = np.zeros(7)
@@ -229,7 +234,7 @@ class _Loop:
         self.why: str | None = None
 
     def run(self, beat: Callable[[], None]) -> str | None:
-        """Run to the end; return the limit that ended the episode, `success` at the goal, None for a timeout."""
+        """Run the episode; return the limit that ended it, `success` at the goal, or None for a timeout."""
         i, period = self.interface, self.interface.controller.period_s
         self.policy.reset(1)
         rest = round(self.how.rest / period)
@@ -238,7 +243,7 @@ class _Loop:
             due = begin + tick * period
             self.clock.wait(due)
             if not steps and tick >= rest and self.tape.length < self.how.rest - 1.5 * period:
-                rest = tick + 1  # a second of ours is less than one of its clock's
+                rest = tick + 1  # the robot's clock is slower than the host's: rest longer
             acts = tick >= rest + steps * i.ticks
             reading = self.robot.read(self.cameras if acts else ())
             beat()
@@ -276,7 +281,9 @@ class _Loop:
                     return limit
                 steps += 1
             now = self.clock.now()
-            if now - due > i.policy_period_s:  # a whole step is lost: go on from here, not in a burst
+            if (
+                now - due > i.policy_period_s
+            ):  # a whole step is lost: shift the schedule instead of catching up in a burst
                 begin += now - due
             tick = max(tick + 1, int((now - begin) / period + 1e-6))
 
@@ -291,7 +298,7 @@ class _Loop:
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
 
     def _wrench(self, reading: Reading) -> np.ndarray:
-        """Return the wrench of the tool on the flange, weight included, in flange axes about the flange's origin."""
+        """Return the wrench (6,) of the tool on the flange, weight included, in flange axes about its origin; 0 if none."""
         sensor = self.connected.wrench
         if sensor is None:
             return np.zeros(6)
@@ -334,7 +341,7 @@ class _Loop:
         return None
 
     def trial(self, ended: str | None, told: Mapping[str, Any] | None, who: PolicyPart, seed: int, name: str) -> Trial:
-        """Return the episode as a trial. Raises UserError: it ended before it began."""
+        """Return the episode as a trial. Raises UserError: it ended before the policy acted."""
         if self.first is None:
             raise UserError("the robot gave no reading", key="--robot", got=name)
         if not len(self.tape.late):
@@ -343,7 +350,10 @@ class _Loop:
         ended = ended or "timeout"
         outcome = {"success": ended == "success", "category": ended, "by": "measured", "why": self.why}
         outcome |= {"peak_force_n": self.peak if self.tape.felt else None}
-        if told is not None and ended in ("success", "timeout"):  # a limit of ours is why it ended, whatever it came to
+        if told is not None and ended in (
+            "success",
+            "timeout",
+        ):  # the robot's verdict counts unless a limit ended the episode
             outcome |= {**told, "by": "robot"}
         start = {"believed_m": self.builder.observer.believed[0].tolist(), **dict(self.connected.start)}
         start |= {"q_rad": np.asarray(self.first.q, float).tolist()}

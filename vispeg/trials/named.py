@@ -1,4 +1,4 @@
-"""The driver that a text names."""
+"""Find the driver that a text names."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ SIMULATED, ROS2, LEROBOT, LOG, PYTHON = "sim", "ros2", PREFIX.rstrip(":"), "log"
 
 
 def driver(text: str) -> Driver:
-    """Give the driver that `--robot` names: `sim:WORLD`, `ros2`, `ros2:FILE.yaml`, `lerobot:TYPE`,
+    """Return the driver that `--robot` names: `sim:WORLD`, `ros2`, `ros2:FILE.yaml`, `lerobot:TYPE`,
     `lerobot:TYPE:FILE.yaml`, `log:FOLDER`, or `python:MODULE:CALLABLE`.
 
     Raises:
-        UserError: no such kind, module, file or world, no ROS 2, no LeRobot, or an object without the four calls.
+        UserError: unknown kind, module, file or world; ROS 2 or LeRobot is missing; or an object without the four methods.
     """
     kind, _, rest = text.partition(":")
     if kind == SIMULATED and rest:
@@ -45,7 +45,7 @@ def _imported(text: str, module: str, name: str) -> Any:
         target = getattr(importlib.import_module(module), name)()
     except UserError:
         raise
-    except Exception as error:  # a module may raise anything while it is imported, a driver as it is made
+    except Exception as error:  # importing a module or making a driver may raise anything
         what = (str(error).splitlines() or [""])[0]
         expected = "a callable without arguments, in a module on PYTHONPATH or installed"
         raise UserError(

@@ -1,7 +1,7 @@
 """The driver of an arm over ROS 2: `--robot ros2`, or `ros2:FILE.yaml` with the names of its topics (docs/run.md).
 
-A controller on the robot's side, such as CRISP's, holds the pose that comes on `target_pose`; joints, wrench and
-pictures come back. Nothing is sent before the policy's first command.
+A controller on the robot's side, such as CRISP's, holds the pose received on `target_pose`; joints, wrench and pictures
+are received here. Nothing is sent before the policy's first command.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from vispeg.trials.driver import Connected, Reading
 
 PIP = "pip install ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-geometry-msgs"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-WAIT = 5.0  # s until every topic has spoken
-LISTENS = 0.5  # s until who holds the pose is found, and has said where; half of what the run loop's watchdog allows
-SILENCE = 0.25  # s without a wrench, as long as the run loop waits for joints
-BLIND = 0.5  # s without a picture: cameras are slower than joints
-APART = 0.005, np.deg2rad(2.0)  # m, rad: more than an arm at rest is off its own model
-COLOURS, DEPTHS = ("rgb8", "bgr8"), {"16UC1": ("u2", 1e-3), "32FC1": ("f4", 1.0)}  # metres of a unit
-LENS = 5  # numbers of Brown's lens, OpenCV's `plumb_bob`
+WAIT = 5.0  # s, longest wait for the first message on every topic
+LISTENS = 0.5  # s, longest wait for the controller and its pose; half of what the run loop's watchdog allows
+SILENCE = 0.25  # s, longest time without a wrench, as in the run loop for joints
+BLIND = 0.5  # s, longest time without a picture; cameras are slower than joints
+APART = 0.005, np.deg2rad(2.0)  # m, rad: larger than the error of an arm's model at rest
+COLOURS, DEPTHS = ("rgb8", "bgr8"), {"16UC1": ("u2", 1e-3), "32FC1": ("f4", 1.0)}  # encoding -> type, m per unit
+LENS = 5  # number of coefficients of Brown's lens, OpenCV's `plumb_bob`
 
 TOPIC = r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
 Name = Annotated[str, Field(min_length=1)]
@@ -50,7 +50,7 @@ Topic = Annotated[str, AfterValidator(lambda name: _topic(name))]
 
 def _topic(name: str) -> str:
     if not re.fullmatch(TOPIC, name, re.ASCII):
-        raise ValueError("is no name of a topic in ROS 2")
+        raise ValueError("is not a topic name of ROS 2")
     return name
 
 
@@ -59,7 +59,7 @@ class _Part(BaseModel):
 
 
 class WrenchTopic(WrenchSection):
-    """The wrench and how it is to be read: by default what acts on the flange, in its axes, the tool's weight off."""
+    """Topic and convention of the wrench: by default the wrench on the flange, in its axes, without the tool's weight."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -69,20 +69,21 @@ class WrenchTopic(WrenchSection):
 
 
 class FramePart(_Part):
-    """The frame that the controller holds, in the flange: m, and w x y z."""
+    """Pose in the flange of the frame that the controller holds: position, m, and quaternion w x y z."""
 
     pos_m: Vec3 = [0.0, 0.0, 0.0]
     quat: Turn = [1.0, 0.0, 0.0, 0.0]
 
     @property
     def pose(self) -> np.ndarray:
-        """(7,) m and w x y z."""
+        """The pose (7,): m, and the normalized quaternion w x y z."""
         return np.array([*self.pos_m, *(np.array(self.quat) / np.linalg.norm(self.quat))])
 
 
 class CameraTopics(_Part):
-    """Topics of a camera; by default NAME/rgb, NAME/depth and NAME/camera_info. `rectified`: the pictures' lens is
-    undone, so that the matrix P of camera_info is theirs.
+    """Topics of a camera; by default NAME/rgb, NAME/depth and NAME/camera_info.
+
+    `rectified` states that lens distortion was removed from the pictures, so that the matrix P of camera_info applies.
     """
 
     rgb: Topic | None = None
@@ -92,7 +93,7 @@ class CameraTopics(_Part):
 
 
 class Topics(_Part):
-    """What a `ros2:FILE.yaml` says; without a file all defaults."""
+    """Content of `ros2:FILE.yaml`; without a file, the defaults hold."""
 
     namespace: Topic | None = None
     joint_states: Topic = "joint_states"
@@ -105,32 +106,34 @@ class Topics(_Part):
     cameras: dict[str, CameraTopics] = {}
 
     def camera(self, name: str) -> CameraTopics:
-        """Topics of a camera, its defaults filled in."""
+        """Return the topics of a camera, with defaults filled in."""
         told = self.cameras.get(name, CameraTopics())
         defaults = {"rgb": f"{name}/rgb", "depth": f"{name}/depth", "info": f"{name}/camera_info"}
         return told.model_copy(update={key: getattr(told, key) or value for key, value in defaults.items()})
 
 
 def read_topics(file: str | Path) -> Topics:
-    """Give what a file says of topics. Raises UserError: no such file, not YAML, an unknown key, an impossible
-    value.
+    """Read a file of topics.
+
+    Raises:
+        UserError: no such file, invalid YAML, an unknown key or an impossible value.
     """
     return typed(Topics, read_yaml(Path(file).expanduser()) or {}, file)
 
 
 class Link:
-    """A node with a thread that hears.
+    """A ROS 2 node with a thread that receives messages.
 
     Args:
-        name: of the node.
-        topics: whose namespace it is in.
+        name: name of the node.
+        topics: names of the topics, including the node's namespace.
 
     Attributes:
-        node, context: rclpy's.
-        sensor, geometry: modules of messages.
+        node, context: the objects of rclpy.
+        sensor, geometry: the modules sensor_msgs.msg and geometry_msgs.msg.
 
     Raises:
-        UserError: no ROS 2 for this Python.
+        UserError: this Python has no ROS 2.
     """
 
     def __init__(self, name: str, topics: Topics):
@@ -144,9 +147,11 @@ class Link:
             raise UserError(what, key="--robot", expected=expected) from error
         self._time = times.Time
         os.environ.setdefault(RANGE, "LOCALHOST")
-        self._newest = qos.QoSProfile(depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT)  # fits what anyone offers
+        self._newest = qos.QoSProfile(
+            depth=1, reliability=qos.ReliabilityPolicy.BEST_EFFORT
+        )  # compatible with every publisher
         self.context = rclpy.Context()
-        quiet = ["vispeg", "--ros-args", "--disable-external-lib-logs"]  # no log in the user's home
+        quiet = ["vispeg", "--ros-args", "--disable-external-lib-logs"]  # write no log in the user's home
         rclpy.init(args=quiet, context=self.context, signal_handler_options=signals.SignalHandlerOptions.NO)
         kept = {"start_parameter_services": False, "enable_rosout": False}
         self.node = rclpy.create_node(name, namespace=topics.namespace, context=self.context, **kept)
@@ -155,14 +160,14 @@ class Link:
         self._heard: dict[str, tuple[Any, float]] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
-        atexit.register(self.close)  # a thread of ROS 2 that is left behind ends the interpreter with an abort
+        atexit.register(self.close)  # a running ROS 2 thread would abort the interpreter at exit
 
     def _spin(self) -> None:
-        with suppress(Exception):  # what it says as it is shut down
+        with suppress(Exception):  # errors during shutdown
             self._executor.spin()
 
     def listen(self, kind: type, topic: str, wanted: Any = None) -> str:
-        """Keep the newest message of a topic, of those that are `wanted(message)`; its whole name."""
+        """Subscribe to a topic and keep its newest message for which `wanted(message)` is true; return its full name."""
         name = self.node.resolve_topic_name(topic)
 
         def hear(message: Any) -> None:
@@ -173,33 +178,33 @@ class Link:
         return name
 
     def speak(self, kind: type, topic: str) -> Any:
-        """Give a publisher to which both who wants every message and who wants the newest can listen."""
+        """Return a publisher whose quality of service suits reliable and best-effort subscribers."""
         return self.node.create_publisher(kind, topic, 1)
 
     def stamp(self, moment: float) -> Any:
-        """Give a moment, s since 1970, as messages state it."""
+        """Return a time, s since 1970, as a ROS 2 time message."""
         return self._time(nanoseconds=round(1e9 * moment)).to_msg()
 
     def newest(self, name: str, silence: float = np.inf) -> Any:
-        """Give the newest message of a topic. Raises TimeoutError: none for `silence` s."""
+        """Return the newest message of a topic. Raises TimeoutError: none for `silence` s."""
         message, at = self._heard.get(name, (None, -np.inf))
         if message is None or time.monotonic() - at > silence:
             raise TimeoutError(f"nothing came on {name} for {silence:g} s")
         return message
 
     def forget(self) -> None:
-        """Only what comes from here on counts."""
+        """Discard all messages received so far."""
         self._heard.clear()
 
     def lacking(self, names: Sequence[str], wait: float) -> list[str]:
-        """Those of these topics on which nothing came within `wait` s."""
+        """Wait until all these topics have a message, at most `wait` s; return those without one."""
         until = time.monotonic() + wait
         while (lacking := [n for n in names if n not in self._heard]) and time.monotonic() < until:
             time.sleep(0.005)
         return lacking
 
     def close(self) -> None:
-        """Leaves ROS 2."""
+        """Shut down the node and its thread."""
         atexit.unregister(self.close)
         self.context.try_shutdown()  # wakes the thread
         self._thread.join(2.0)
@@ -208,21 +213,21 @@ class Link:
 
 
 class Ros2Robot:
-    """An arm over ROS 2.
+    """Drive an arm over ROS 2.
 
     Args:
-        file: with the names of topics, see Topics; "" for the defaults.
+        file: file with the names of topics, see Topics; "" for the defaults.
     """
 
     def __init__(self, file: str = ""):
         self.file, self.topics = file or None, read_topics(file) if file else Topics()
         self._link = Link("vispeg", self.topics)
         self._interface: Interface | None = None
-        self._target: Any = None  # where poses go; made by the first command, for a shadow must not be heard of
+        self._target: Any = None  # publisher of poses; made by the first command, as a shadow run must not publish
         self._orders: dict[tuple[str, ...], np.ndarray | None] = {}
 
     def connect(self, interface: Interface, seed: int) -> Connected:
-        """See Driver. Raises UserError: what the robot should say is not there, or is another arm's."""
+        """See Driver. Raises UserError: a topic is missing or silent, or the robot is another arm."""
         if self._interface is None:
             self._listen(interface)
         self._link.forget()
@@ -262,7 +267,7 @@ class Ros2Robot:
         self._interface = interface
 
     def _ours(self, message: Any) -> bool:
-        """Whether all joints of the arm are in a message, in whatever order: a gripper may speak on the same topic."""
+        """Return whether a message has all joints of the arm, in any order; a gripper may use the same topic."""
         names = tuple(message.name)
         if names not in self._orders:
             ours = set(self._names) <= set(names)
@@ -270,7 +275,7 @@ class Ros2Robot:
         return self._orders[names] is not None
 
     def _missing(self, name: str) -> UserError:
-        """Why nothing of use came on a topic."""
+        """Return the error that explains why a topic has no usable message."""
         kind = self._kinds[name]
         if name == self._joints and self._orders:
             expected = f"{', '.join(self._names)}; the key `joints` of ros2:FILE.yaml says how they are called"
@@ -282,8 +287,8 @@ class Ros2Robot:
         return UserError(f"is silent for {WAIT:g} s", key=name, expected=kind, got=there[0].topic_type)
 
     def _agrees(self, q: np.ndarray) -> None:
-        """Raise UserError where the controller says that it holds another frame than it would be asked for."""
-        if self._link.lacking([self._pose], LISTENS):  # a controller need not say it
+        """Raise UserError if the controller reports another frame than the one that would be commanded."""
+        if self._link.lacking([self._pose], LISTENS):  # a controller need not publish its pose
             return
         p = self._link.newest(self._pose).pose
         o = p.orientation
@@ -299,7 +304,7 @@ class Ros2Robot:
         )
         apart = f"{1e3 * off[0]:.1f} mm and {np.rad2deg(off[1]):.1f} degrees"
         expected = f"another base_frame there, or in ros2:FILE.yaml end_effector: {{pos_m: {place}, quat: {quat}}}"
-        what = f"the controller holds a frame {apart} from the one that it would be asked for"
+        what = f"the controller holds a frame {apart} away from the one that would be commanded"
         raise UserError(what, key=self._pose, expected=expected)
 
     def _flange(self, q: np.ndarray) -> np.ndarray:
@@ -307,16 +312,18 @@ class Ros2Robot:
         return self._interface.flange(q)
 
     def read(self, cameras: Sequence[str] = ()) -> Reading:
-        """See Driver. Raises TimeoutError: no wrench for a while, or no picture."""
-        message = self._link.newest(self._joints)  # the run loop sees itself that its time stands still
+        """See Driver. Raises TimeoutError: no wrench for SILENCE or no picture for BLIND seconds."""
+        message = self._link.newest(self._joints)  # the run loop notices if its time stamp stays the same
         order = self._orders[tuple(message.name)]
         q, dq = (np.array(values, float) for values in (message.position, message.velocity))
         if min(len(q), len(dq)) < len(message.name):
             got = f"{len(q)} angles, {len(dq)} velocities"
-            raise UserError("not a velocity for each joint", key=self._joints, expected=len(message.name), got=got)
+            raise UserError(
+                "lacks an angle or a velocity for some joint", key=self._joints, expected=len(message.name), got=got
+            )
         stamp = message.header.stamp
         if not (stamp.sec or stamp.nanosec):
-            raise UserError("does not say when it was measured", key=self._joints, expected="header.stamp")
+            raise UserError("has no time stamp", key=self._joints, expected="header.stamp")
         w = self._link.newest(self._force, SILENCE).wrench
         felt = np.array([w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z])
         pictures = {name: self._picture(name) for name in cameras}
@@ -329,7 +336,9 @@ class Ros2Robot:
         for part, image in images.items():
             size = camera.height, camera.width
             if image.shape[:2] != size:
-                raise UserError("not of its camera_info's size", key=view[part], expected=size, got=image.shape[:2])
+                raise UserError(
+                    "has another size than its camera_info", key=view[part], expected=size, got=image.shape[:2]
+                )
             if (part == "rgb") != (image.ndim == 3):
                 what = "a depth picture" if image.ndim == 2 else "a colour picture"
                 raise UserError(f"is {what}", key=view[part], expected=part)
@@ -339,7 +348,7 @@ class Ros2Robot:
         return self.topics.camera(name).rectified
 
     def command(self, pose: np.ndarray) -> None:
-        """See Driver. Raises UserError: nobody listens, or somebody else commands the arm."""
+        """See Driver. Raises UserError: no controller subscribes to the topic, or another node publishes on it."""
         link = self._link
         if self._target is None:
             self._target = link.speak(link.geometry.PoseStamped, self.topics.target_pose)
@@ -363,35 +372,36 @@ class Ros2Robot:
         self._target.publish(message)
 
     def stop(self) -> None:
-        """See Driver: holds the pose that the arm is in, where it was commanded at all."""
+        """See Driver: holds the arm's current pose if the arm was ever commanded."""
         if self._target is not None:
             message = self._link.newest(self._joints)
             self._send(self._flange(np.array(message.position, float)[self._orders[tuple(message.name)]]))
 
     def close(self) -> None:
-        """Leaves ROS 2."""
+        """Shut down the node."""
         self._link.close()
 
 
 def composed(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Give the pose (7,), m and w x y z, of a frame at `offset` (7,) in the frame at `pose`; to the bit where it is
-    none.
+    """Return the pose (7,) of a frame that lies at `offset` (7,) in the frame at `pose` (7,): m, quaternion w x y z.
+
+    A zero offset returns `pose` itself, bit for bit.
     """
     if np.array_equal(offset, [0, 0, 0, 1, 0, 0, 0]):
         return pose
     (w, *v), (a, *b) = (
         pose[3:],
         offset[3:],
-    )  # their product keeps its sign from pose to pose, which a filter may rely on
+    )  # the product's sign does not jump between poses, which a filter may rely on
     turn = w * np.array(b) + a * np.array(v) + np.cross(v, b)
     return np.concatenate([pose[:3] + rotation(pose[3:]) @ offset[:3], [w * a - np.dot(v, b)], turn])
 
 
 def image_from(message: Any, name: str) -> np.ndarray:
-    """Give a sensor_msgs/Image as (H, W, 3) uint8 sRGB, or as (H, W) depth in m, 0 or NaN for no reading.
+    """Convert a sensor_msgs/Image to (H, W, 3) uint8 sRGB, or to (H, W) depth in m with 0 or NaN for no reading.
 
     Raises:
-        UserError: another encoding, fewer bytes than the size says.
+        UserError: an unknown encoding, or fewer bytes than the size needs.
     """
     m, colour = message, message.encoding in COLOURS
     if not colour and m.encoding not in DEPTHS:
@@ -402,7 +412,7 @@ def image_from(message: Any, name: str) -> np.ndarray:
     data = np.frombuffer(m.data, np.uint8)
     if m.step < across or len(data) < m.height * m.step:
         raise UserError(
-            "fewer bytes than its size says",
+            "has fewer bytes than its size needs",
             key=name,
             expected=f"{m.height} rows of {across}",
             got=f"{len(data)}, in rows of {m.step}",
@@ -416,10 +426,10 @@ def image_from(message: Any, name: str) -> np.ndarray:
 
 
 def camera_from(info: Any, eye: Camera, name: str, rectified: bool = False) -> Camera:
-    """Give the camera that a sensor_msgs/CameraInfo states, where the policy's own camera `eye` sits.
+    """Return the camera with the lens of a sensor_msgs/CameraInfo and the pose of the policy's camera `eye`.
 
     Raises:
-        UserError: not calibrated, a lens that is not Brown's, a part of the picture alone.
+        UserError: not calibrated, a lens that is not Brown's, or binning or a region of interest.
     """
     if max(info.binning_x, info.binning_y) > 1 or (info.roi.width and info.roi.width != info.width):
         raise UserError("binning or a region of interest", key=name, expected="the whole picture")

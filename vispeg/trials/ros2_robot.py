@@ -1,11 +1,11 @@
-"""A simulated arm as a node of ROS 2, for trying `vispeg run --robot ros2` without an arm.
+"""A simulated arm as a ROS 2 node, to try `vispeg run --robot ros2` without an arm.
 
     python -m vispeg.trials.ros2_robot --world nominal
     vispeg run state-3mm --robot ros2 --out trials
 
 It publishes joints, wrench and pose at 200 Hz, and pictures, under the names of `ros2:FILE.yaml`, and holds the pose
-that comes on `target_pose`. Like a real arm it does not know about episodes. On its standard input, Enter resets it to
-the next start, a number and Enter to the start of that number, and q and Enter quits.
+received on `target_pose`. Like a real arm it does not know about episodes. On its standard input, Enter resets it to
+the next start, a number and Enter resets it to that start, and q and Enter quits.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from vispeg.task.interface import interface_in
 from vispeg.trials.ros2 import Link, Topics, composed, read_topics
 from vispeg.trials.simulated import BEHIND, SimulatedRobot
 
-FRAMES = 15.0  # pictures a second
+FRAMES = 15.0  # pictures per second
 FINGER = "finger_joint"  # an extra joint in the message, as a gripper may add one
 
 
 class Ros2Node:
-    """A simulated robot that speaks ROS 2.
+    """A simulated robot that publishes and subscribes over ROS 2.
 
     Args:
         robot: the simulated robot.
@@ -88,7 +88,7 @@ class Ros2Node:
             return
         if message is self.held:
             return
-        if self.held is None:  # an episode is as long as its policy acts
+        if self.held is None:  # the episode begins with the first command
             self.robot.ended, self.robot.sim.count[:] = None, 0
             print(f"commanded on {self.target}", flush=True)
         self.held = message
@@ -130,10 +130,10 @@ def as_read(wrench: np.ndarray, sensor: WrenchSensor, turn: np.ndarray, weight: 
     """Convert a wrench to a sensor's convention, the inverse of `vispeg.recordings.cell.canonical`.
 
     Args:
-        wrench: (6,) N and N m that the tool puts on the flange, in its axes, its weight included.
+        wrench: (6,) wrench of the tool on the flange, weight included, in flange axes, N and N m.
         sensor: the sensor's convention.
-        turn: (3, 3) flange to base.
-        weight: (3,) N in the base.
+        turn: (3, 3) rotation from flange to base.
+        weight: (3,) weight of the tool in the base, N.
     """
     force, torque = wrench[:3].copy(), wrench[3:]
     if sensor.tared:
@@ -166,7 +166,7 @@ def _info(link: Link, eye: Camera, stamp: Any) -> Any:
 
 
 def live(node: Ros2Node, seed: int) -> None:
-    """Run in real time until q or the end of standard input, unless that is /dev/null."""
+    """Run in real time until q or the end of standard input; without standard input (/dev/null), run on."""
     period = node.robot.config.control_period
     silent = stat.S_ISCHR(os.fstat(sys.stdin.fileno()).st_mode) and not sys.stdin.isatty()
     inputs = [] if silent else [sys.stdin]
@@ -195,8 +195,10 @@ def main() -> int:
     )
     parser.add_argument("--world", default="nominal", help="a built-in world, or a world file")
     parser.add_argument("--topics", help="FILE.yaml with the names of the topics")
-    parser.add_argument("--see", default="state", choices=sorted(MODES), help="whose pictures are published")
-    parser.add_argument("--seed", type=int, default=1, help="of the first start")
+    parser.add_argument(
+        "--see", default="state", choices=sorted(MODES), help="observation mode whose cameras publish pictures"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="number of the first start")
     args = parser.parse_args()
     try:
         topics = read_topics(args.topics) if args.topics else Topics()

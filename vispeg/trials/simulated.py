@@ -1,4 +1,4 @@
-"""A robot in simulation, with the hidden effects of its world: by itself, or in a process behind a loopback socket."""
+"""A simulated robot with the hidden effects of its world: as an object, or in a process behind a loopback socket."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from vispeg.task.environments.vector import TaskVec
 from vispeg.trials.wire import receive, send
 from vispeg.worlds.model_file import without_origin
 
-BEHIND = 0.05  # s that the robot may be behind the clock and still catch up; a stall beyond it is lost time
+BEHIND = 0.05  # s; with a larger delay behind the clock, the robot does not catch up but skips the lost time
 
 
 class SimulatedRobot:
-    """One robot that goes on tick by tick.
+    """One robot, advanced one control period at a time.
 
     Args:
         world: a built-in world's name, or a world file.
-        obs_mode: decides which pictures there are, and whether the goal is told.
-        settings: of the task, such as the policy's cameras.
+        obs_mode: observation mode: which pictures there are, and whether the goal is observed.
+        settings: settings of the task, such as the policy's cameras.
     """
 
     def __init__(self, world: str, obs_mode: str, settings: Mapping[str, Any]):
@@ -39,11 +39,11 @@ class SimulatedRobot:
 
     @property
     def time(self) -> float:
-        """Seconds since it began."""
+        """Simulated time since the episode began, s."""
         return self.ticks * self.config.control_period
 
     def begin(self, seed: int) -> dict[str, Any]:
-        """Give an episode's start; returns what trial.yaml says of it beside the joints."""
+        """Begin an episode; return its start as in trial.yaml, without the joints."""
         self.env.reset(seed=[seed])
         sim = self.sim
         self.ticks, self.ended = 0, None
@@ -58,7 +58,7 @@ class SimulatedRobot:
         }
 
     def tick(self) -> None:
-        """One control period."""
+        """Advance by one control period; judge the episode after each policy period."""
         sim, n = self.sim, self.config.ticks
         felt, force = sim.tick(len(self._felt), self.measured)
         self.wrench = felt[0].copy()
@@ -71,34 +71,34 @@ class SimulatedRobot:
             self._judge()
 
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give what the encoders say now, (1, nj) rad and rad/s; to be asked once a control period."""
+        """Read the encoders: angles and velocities (1, nj), rad and rad/s. Call this once per control period."""
         q, dq = self.sim.cell.measure()
         return q.copy(), dq.copy()
 
     def _judge(self) -> None:
-        """Give the task's judge looks at the time since it last did."""
+        """Let the task judge the time since it last did."""
         self.sim.seen.see(*self.measured)
         record = self.sim.settle(np.array(self._force), np.array(self._felt))[3][0]
         self.ended = self.ended or record
         self._force, self._felt = [], []
 
     def hold(self, pose: np.ndarray) -> None:
-        """Note that the flange is asked to be at `pose` (7,)."""
+        """Command the flange to `pose` (7,): m, quaternion w x y z, in the base."""
         self.sim.seen.goal[0], self.sim.seen.rot[0] = pose[:3], pose[3:]
 
     def rest(self) -> None:
-        """Note that the flange is asked to stay where it is."""
+        """Command the flange to stay where it is."""
         seen = self.sim.seen
         pos, rot, _, _ = seen.chain.pose(*self.measured)
         self.hold(np.concatenate([pos[0], rot[0]]))
 
     def reading(self) -> dict[str, np.ndarray]:
-        """`q`, `dq`, `wrench` as measured now."""
+        """Return the newest `q` (nj,), `dq` (nj,) and `wrench` (6,), in SI units."""
         q, dq = self.measured
         return {"q": q[0], "dq": dq[0], "wrench": self.wrench}
 
     def pictures(self, cameras: Sequence[str]) -> dict[str, np.ndarray]:
-        """Images (H, W) m or (H, W, 3) uint8 of these cameras, by the observation's keys."""
+        """Return pictures of these cameras, key of the observation -> (H, W) depth in m or (H, W, 3) uint8."""
         if not cameras:
             return {}
         self.env.look([0])
@@ -109,7 +109,7 @@ class SimulatedRobot:
         return out
 
     def outcome(self) -> dict[str, Any]:
-        """How the episode ended, or would if time were over now."""
+        """Return how the episode ended, or how it would if time were over now."""
         if self._force:
             self._judge()
         record, track = self.ended, self.sim.tracks[0]
@@ -123,9 +123,9 @@ class SimulatedRobot:
 
 
 def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
-    """Lives in its own time until the other side goes away."""
+    """Run the robot in real time and answer requests, with this latency (s), until the other side disconnects."""
     period, rng = robot.config.control_period, stream(time.time_ns() % 2**31, "robot's clock")
-    offset = float(rng.uniform(1e3, 1e6))  # nobody's clock begins with ours
+    offset = float(rng.uniform(1e3, 1e6))  # a real robot's clock does not begin at 0 either
     past: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=max(1, round(latency / period) + 1))
     coming: deque[tuple[float, np.ndarray]] = deque()
     begun, going = time.monotonic(), False
@@ -161,7 +161,7 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
 
 
 def main() -> int:
-    """Read what to be from one line of JSON, say its port or what is wrong in one line, and serve one client."""
+    """Read the robot's settings as a line of JSON, print the port or an error as a line of JSON, and serve one client."""
     asked = json.loads(sys.stdin.readline())
     try:
         robot = SimulatedRobot(asked["world"], asked["obs_mode"], asked["settings"])

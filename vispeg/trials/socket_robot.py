@@ -1,4 +1,4 @@
-"""The driver of a simulated robot in a process of its own: `--robot sim:WORLD`, or `sim:WORLD?latency=0.01`."""
+"""The driver of a simulated robot in a separate process: `--robot sim:WORLD`, or `sim:WORLD?latency=0.01`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from vispeg.render.image_kinds import camera_of
 from vispeg.trials.driver import Connected, Reading
 from vispeg.trials.wire import receive, send
 
-ANSWER = 2.0  # s in which it answers: a picture that software draws on a busy machine takes some tenths
+ANSWER = 2.0  # s, timeout of an answer; a software-rendered picture on a busy machine takes some tenths of a second
 
 
 class SocketRobot:
-    """A simulated robot behind a socket on the loopback.
+    """Drive a simulated robot through a loopback socket.
 
     Args:
-        text: WORLD, or WORLD?latency=SECONDS, which a command and a reading take each.
+        text: WORLD, or WORLD?latency=SECONDS, the delay of each command and of each reading.
     """
 
     def __init__(self, text: str):
@@ -48,7 +48,7 @@ class SocketRobot:
         load_world(self.world)
         self._link: socket.socket | None = None
         self._process: subprocess.Popen[str] | None = None
-        self._turn = threading.Lock()  # the watchdog may stop while the loop reads
+        self._turn = threading.Lock()  # the watchdog may call `stop` while the loop reads
 
     def connect(self, interface: Interface, seed: int) -> Connected:
         """See Driver."""

@@ -1,4 +1,4 @@
-"""What happens in an episode, kept moment by moment until it is a trial."""
+"""Collect an episode's readings and policy steps, and turn them into a trial."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import camera_of
 from vispeg.trials.trial import Steps
 
-DEPTH_UNIT = 1e-4  # m: 6.5 m in 16 bits, and a tenth of what a depth camera resolves
+DEPTH_UNIT = 1e-4  # m: 16 bits reach 6.5 m, at a tenth of a depth camera's resolution
 
 
 class Tape:
-    """One episode.
+    """Collect one episode.
 
     Args:
-        interface: the policy's, which says what the arm and its controller are.
+        interface: the policy's interface, which describes the arm and its controller.
         felt: whether the robot measures forces.
     """
 
@@ -36,8 +36,13 @@ class Tape:
         self._eyes: dict[str, Camera] = {camera_of(key): seen.eye for key, seen in interface.images.items()}
 
     def tick(self, time: float, q: np.ndarray, dq: np.ndarray, wrench: np.ndarray, target: np.ndarray) -> None:
-        """Give a reading: `time` s on the robot's clock, (nj,) rad and rad/s, (6,) N and N m of the tool on the
-        flange in its axes; and the flange pose (7,) that is asked for.
+        """Add a reading, unless its time is not later than the last one's.
+
+        Args:
+            time: time on the robot's clock, s.
+            q, dq: (nj,) joint angles, rad, and velocities, rad/s.
+            wrench: (6,) wrench of the tool on the flange, in flange axes, N and N m.
+            target: (7,) commanded flange pose.
         """
         if not self._ticks or time > self._ticks[-1][0]:
             read = np.array(q, float), np.array(dq, float), np.array(wrench, float), np.array(target, float)
@@ -52,9 +57,7 @@ class Tape:
         pictures: Mapping[str, Picture],
         moves: bool = True,
     ) -> None:
-        """Give the policy acted on the last reading; with `moves` the target that followed from it is held from
-        there on.
-        """
+        """Add a policy step on the last reading; with `moves`, the reading's commanded pose becomes `target`."""
         time, *measured, before = self._ticks[-1]
         self._ticks[-1] = (time, *measured, np.array(target, float) if moves else before)  # type: ignore[assignment]
         told, did, asked = (np.array(x, float).reshape(-1) for x in (seen, action, target))
@@ -63,27 +66,27 @@ class Tape:
 
     @property
     def late(self) -> np.ndarray:
-        """(n,) s, how late each step's command was."""
+        """Delay (n,) of each step's command, s."""
         return np.array([s[1] for s in self._steps])
 
     @property
     def length(self) -> float:
-        """Seconds so far, on the robot's clock."""
+        """Time between the first and the last reading, on the robot's clock, s."""
         return self._ticks[-1][0] - self._ticks[0][0] if self._ticks else 0.0
 
     @property
     def begun(self) -> float:
-        """Seconds until the policy acted first."""
+        """Time between the first reading and the policy's first step, s."""
         return self._steps[0][0] - self._ticks[0][0] if self._steps else 0.0
 
     def steps(self) -> Steps:
-        """Give what the policy saw and did."""
+        """Return the policy's observations and actions."""
         columns = [np.array(column) for column in zip(*self._steps, strict=True)]
         time, *rest = columns
         return Steps(time - self._ticks[0][0], *rest)
 
     def recording(self, notes: str = "") -> Recording:
-        """Everything measured, beginning at 0 s."""
+        """Return all readings and pictures as a recording that begins at 0 s."""
         i = self.interface
         time, q, dq, wrench, target = (np.array(column) for column in zip(*self._ticks, strict=True))
         pos, turn, _, _ = i.chain.pose(q, dq)
@@ -137,7 +140,7 @@ class Tape:
 
 
 def recorded(camera: Camera, name: str) -> RecordedCamera:
-    """Give a camera as a recording states it; without a pose where it is neither on the flange nor on the base."""
+    """Return a camera in a recording's form; without a pose unless it is mounted on the flange or the base."""
     c = camera
     pose, mounted = None, c.parent in ("base", "flange")
     if mounted:

@@ -39,7 +39,7 @@ class _Part(BaseModel):
 
 
 class PolicyPart(_Part):
-    """Whose trial it is: the name in tables, the SHA-256 of its folder, what it sees, the seed of its training."""
+    """The policy: its name in tables, the SHA-256 of its folder, its modality, and the seed of its training."""
 
     name: Annotated[str, Field(min_length=1)]
     digest: str = ""
@@ -55,9 +55,7 @@ class WorldPart(_Part):
 
 
 class StartPart(_Part):
-    """How it began: joints (rad); where the goal was if anybody measured it, and where it was believed to be (m, base);
-    of a simulated robot all effects of its world.
-    """
+    """The start: joint angles (rad), measured goal if known, believed goal (m, in the base), and, if simulated, effects."""
 
     q_rad: Annotated[list[Finite], Field(min_length=1, max_length=64)]
     goal_m: Vec3 | None = None
@@ -66,7 +64,7 @@ class StartPart(_Part):
 
 
 class OutcomePart(_Part):
-    """How it ended, and who says so; `why` a robot that fell silent was stopped, in its driver's words."""
+    """The outcome, and who judged it; `why` is the driver's reason if the robot was lost."""
 
     success: Annotated[bool, Field(strict=True)]
     category: Annotated[str, Field(min_length=1)]
@@ -78,8 +76,16 @@ class OutcomePart(_Part):
 
 
 class TimingPart(_Part):
-    """How well the loop kept time: its period, steps, those later than `deadline_s`, and how late they were; and how
-    many steps asked for more than the controller takes (`clipped`).
+    """Timing of the loop.
+
+    Attributes:
+        period_s: policy period.
+        steps: number of policy steps.
+        clipped: steps whose action exceeded the allowed range.
+        missed: steps later than `deadline_s`.
+        late_median_s, late_most_s: median and largest delay of a step.
+        reads: number of readings.
+        stale: readings that were no newer than the one before.
     """
 
     period_s: Positive = 0.0
@@ -94,14 +100,14 @@ class TimingPart(_Part):
 
 
 class HowPart(_Part):
-    """In which way it was run."""
+    """Settings of the run, see `vispeg.trials.loop.How`."""
 
     shadow: bool = False
     slow: Annotated[float, Field(gt=0, le=1)] = 1.0
 
 
 class Said(_Part):
-    """trial.yaml without its format."""
+    """Content of trial.yaml, without its format."""
 
     policy: PolicyPart
     robot: str = ""
@@ -114,9 +120,7 @@ class Said(_Part):
     how: HowPart = HowPart()
 
     def begin(self) -> Start:
-        """Give the start that an environment takes: `reset(options={"start": ...})`. Raises UserError: no such
-        effect.
-        """
+        """Return the start for an environment's `reset(options={"start": ...})`. Raises UserError: an unknown effect."""
         from vispeg.task.start import Start
         from vispeg.worlds.model_file import read_placed
 
@@ -130,14 +134,14 @@ class Said(_Part):
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What the policy saw and did.
+    """The policy's observations and actions.
 
     Attributes:
-        time: (n,) s, when it looked, on the recording's clock.
-        late: (n,) s, how much later than due its command was out.
-        seen: (n, d) the part `policy` of its observation; pictures are the recording's frames at these times.
-        action: (n, k).
-        target: (n, 7) flange pose that was asked for, m and w x y z.
+        time: (n,) time of each observation on the recording's clock, s.
+        late: (n,) delay of each command after its due time, s.
+        seen: (n, d) the part `policy` of the observations; pictures are the recording's frames at these times.
+        action: (n, k) actions.
+        target: (n, 7) commanded flange poses, m and quaternion w x y z.
     """
 
     time: np.ndarray
@@ -152,10 +156,10 @@ class Trial:
     """One trial.
 
     Attributes:
-        said: trial.yaml.
+        said: content of trial.yaml.
         recording: joints, wrench and pictures.
-        steps: what the policy saw and did.
-        path: of the folder; None where it was not read from one.
+        steps: the policy's observations and actions.
+        path: the trial's folder; None if it was not read from one.
     """
 
     said: Said
@@ -165,10 +169,10 @@ class Trial:
 
 
 def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Path:
-    """Write a trial's folder, which is a recording with two files more; it appears whole or not at all.
+    """Write a trial's folder, a recording with two additional files; it appears completely or not at all.
 
     Raises:
-        UserError: the folder is there, or cannot be written.
+        UserError: the folder exists, or cannot be written.
     """
     target, steps = Path(folder), trial.steps
     outcome = trial.said.outcome
@@ -202,15 +206,15 @@ def _example(folder: Path) -> Path:
 
 
 def is_trial(folder: str | Path) -> bool:
-    """Whether a folder is a trial's."""
+    """Return whether a folder is that of a trial."""
     return (Path(folder) / FILE).is_file()
 
 
 def folders(place: str | Path) -> list[Path]:
-    """Give the trials in a folder, in the order of their names; the folder itself where it is one.
+    """Return the folders of the trials in a folder, sorted by name; the folder itself if it is a trial.
 
     Raises:
-        UserError: none there.
+        UserError: there are none.
     """
     place = Path(place)
     found = [place] if is_trial(place) else sorted(p for p in place.glob("*") if is_trial(p)) if place.is_dir() else []
@@ -220,11 +224,10 @@ def folders(place: str | Path) -> list[Path]:
 
 
 def read_said(folder: str | Path) -> Said:
-    """Give what trial.yaml says.
+    """Read a trial's trial.yaml.
 
     Raises:
-        UserError: no such file, a key that is missing or unknown, a value that cannot be, an outcome that contradicts
-            its category.
+        UserError: no such file, a missing or unknown key, an impossible value, or a contradictory outcome.
     """
     file = Path(folder) / FILE
     said = typed(Said, TRIAL.read(file), file)
@@ -236,14 +239,14 @@ def read_said(folder: str | Path) -> Said:
 
 @enrol(NAME, _example)
 def read_trial(folder: str | Path) -> Trial:
-    """Give a trial. Raises UserError: as `read_said`; a recording or table that cannot be."""
+    """Read a trial. Raises UserError: as `read_said`, or an invalid recording or table."""
     path = Path(folder)
     said = read_said(path)
     return Trial(said, load(path), _steps(path / STEPS), path)
 
 
 def read_trials(place: str | Path) -> list[Said]:
-    """Give what the trials in a folder say. Raises UserError as `folders` and `read_said`."""
+    """Read trial.yaml of every trial in a folder. Raises UserError: as `folders` and `read_said`."""
     return [read_said(folder) for folder in folders(place)]
 
 

@@ -1,4 +1,4 @@
-"""Messages between the run loop and a simulated robot: a line of JSON and the arrays that it announces."""
+"""Messages between the run loop and a simulated robot: a JSON header, then the arrays that it describes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-MOST = 1 << 26  # bytes of a message
+MOST = 1 << 26  # most bytes of a message
 TYPES = ("float64", "float32", "uint8")
 
 
 def send(link: socket.socket, message: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:
-    """Send a message with arrays of TYPES by name."""
+    """Send a message with named arrays, whose types are among TYPES."""
     parts = {name: np.ascontiguousarray(a) for name, a in (arrays or {}).items()}
     stated = {name: [a.dtype.name, list(a.shape)] for name, a in parts.items()}
     head = json.dumps({"message": dict(message), "arrays": stated}).encode()
@@ -24,11 +24,11 @@ def send(link: socket.socket, message: Mapping[str, Any], arrays: Mapping[str, n
 
 
 def receive(link: socket.socket) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Give the next message and its arrays.
+    """Return the next message and its arrays.
 
     Raises:
-        EOFError: the other side is gone.
-        OSError: something else than a message, or none in the socket's time.
+        EOFError: the other side has disconnected.
+        OSError: invalid data, or no message within the socket's timeout.
     """
     size_head, size_body = struct.unpack("<II", _exactly(link, 8))
     if size_head + size_body > MOST:

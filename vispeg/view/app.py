@@ -1,4 +1,4 @@
-"""The app: a server that listens on this machine alone, and its pages."""
+"""The app: a web server that only this machine can reach, and its pages."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ SYSTEM, LIGHT, DARK = "as the system", "light", "dark"
 
 
 class App:
-    """The page at `url`, which holds its token, until it is closed.
+    """Serve the pages at `url`, which contains the access token, until `close`.
 
     Args:
-        opened: what to show.
-        out: folder of results.
-        port: to listen at; None for the first free one.
-        threads: of simulations.
-        dark: light on dark, whatever the system says.
+        opened: what the pages show at first.
+        out: folder that results are written to.
+        port: port to listen on; None for the first free one.
+        threads: number of threads for simulations.
+        dark: begin with dark colours, whatever the system's setting.
 
     Raises:
-        UserError: the port is none, or taken.
+        UserError: no valid port, or one in use.
     """
 
     def __init__(self, opened: Opened, out: Path, *, port: int | None = None, threads: int = 2, dark: bool = False):
         import viser
 
         gate, port = Gate(), free_port(port)
-        with contextlib.redirect_stdout(io.StringIO()), gate.guarding():  # the toolkit greets on stdout
+        with contextlib.redirect_stdout(io.StringIO()), gate.guarding():  # the toolkit prints a greeting
             self.server = viser.ViserServer(host=HOST, port=port, label="vispeg", verbose=False)
         limit_uploads(self.server)
         self.url = gate.url(self.server.get_port())
@@ -72,29 +72,29 @@ class App:
         self.show(opened.page)
 
     def show(self, title: str) -> None:
-        """Turn to a page; where it draws nothing of its own, the arm stands in the middle."""
+        """Switch to a page; if it draws nothing of its own, show the arm in the 3D view."""
         self.server.gui.set_panel_label(f"vispeg · {title}")
         for page in self.pages:
             page.show(page.title == title)
         self.study.traces.stand(all(page.title != title or not page.fills for page in self.pages))
 
     def _dropped(self, log: Path, model: str) -> None:
-        """Note that a log was dropped beside a model: it becomes a recording first."""
+        """Open the import page with a log that was dropped on the diagnosis page, and with its model."""
         self.show(self.logs.title)
         self.logs.take(log, model)
 
     def _recorded(self, folder: Path) -> None:
-        """Note that a log has become a recording: the page of diagnoses offers it."""
+        """Offer a new recording on the diagnosis page, and open that page."""
         self.study.add(folder)
         self.show(self.study.title)
 
     def _play(self, policy: str) -> None:
-        """Note that a run's checkpoint is to be played: the page of policies does it."""
+        """Open the policy page and play a checkpoint of a training run."""
         self.show(self.policies.title)
         self.policies.choose(policy)
 
     def serve(self) -> None:
-        """Answers until the program is interrupted, then closes."""
+        """Serve until the program is interrupted, then close."""
         try:
             threading.Event().wait()
         except KeyboardInterrupt:
@@ -103,7 +103,7 @@ class App:
             self.close()
 
     def close(self) -> None:
-        """End the workers and the server."""
+        """Stop the workers and the server."""
         for page in self.pages:
             page.close()
         with contextlib.redirect_stdout(io.StringIO()):
@@ -111,35 +111,37 @@ class App:
 
 
 class Colours:
-    """Light or dark, as each window's system has it until somebody chooses; made among the page's elements.
+    """Choose light or dark colours; each window follows its own system until somebody chooses.
 
     Args:
-        server: of the toolkit.
-        dark: whether to begin dark, whatever the system says.
+        server: the toolkit's server.
+        dark: begin with dark colours, whatever the system's setting.
     """
 
     def __init__(self, server: Any, dark: bool):
         self.server, gui = server, server.gui
-        self.systems: dict[int, bool] = {}  # by window: whether its system is dark
-        self.lock = Lock()  # a choice and a window that speaks at the same time: the later one reads the other's word
+        self.systems: dict[int, bool] = {}  # window -> whether its system is dark
+        self.lock = Lock()  # a choice and a window's report may come at once: the later must see the earlier
         self.choice = gui.add_dropdown("Colours", (SYSTEM, LIGHT, DARK), initial_value=DARK if dark else SYSTEM)
-        self.heard = gui.add_text("System", "")  # a window types here what its system says; it hides the field
+        self.heard = gui.add_text(
+            "System", ""
+        )  # the window's script writes its system's setting here, and hides the field
         server.on_client_connect(self._greet)
         self.choice.on_update(lambda _: self.apply())
         self.heard.on_update(self._hear)
         self._theme(gui, dark)
 
     def apply(self) -> None:
-        """Turn all windows to what was chosen, each by itself: a message to all may overtake one to a window."""
+        """Apply the choice to each window in turn: a broadcast could overtake a message to one window."""
         with self.lock:
             for window in self.server.get_clients().values():
                 self._turn(window)
 
     async def _greet(self, window: Any) -> None:
-        """Ask a window once it can answer: words of one that is not yet connected are lost."""
+        """Ask a new window for its system's setting; before it is connected, its answer would be lost."""
         window.gui.add_html(html.window(self.heard._impl.uuid))
 
-    async def _hear(self, event: Any) -> None:  # awaited before another window's word can take this one's place
+    async def _hear(self, event: Any) -> None:  # awaited, so that another window's report cannot overwrite this one
         if event.client is None:
             return
         with self.lock:

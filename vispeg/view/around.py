@@ -1,4 +1,4 @@
-"""Find what can be opened: under the working folder, and in the package."""
+"""Find what can be opened: in the working folder and in the package."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HEADS: dict[str, tuple[tuple[bytes, Kind], ...]] = {  # file ending -> words in 
     ".yaml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
     ".yml": ((b"vispeg-model/", "model"), (b"vispeg-world/", "world")),
 }
-HEAD = 4096  # bytes searched for them
+HEAD = 4096  # number of bytes searched for these words
 DEEPEST = 4  # levels below the working folder; this program writes two or three levels deep
 MOST = 4000  # most folders and files to inspect, about a second on a slow disk
 PASSED_OVER = {"node_modules", "site-packages", "__pycache__", "venv", "env", "build", "dist"}
@@ -83,7 +83,7 @@ def _kind_of_folder(path: Path) -> Kind | None:
 
 
 def around(folder: Path) -> Around:
-    """Find everything of a known kind under a folder; skip hidden folders and those of other programs."""
+    """Find everything of a known kind in a folder; skip hidden folders and those of other programs."""
     out, left, level = Around(), MOST, [folder]
     for _ in range(DEEPEST + 1):
         below: list[Path] = []
@@ -98,7 +98,7 @@ def around(folder: Path) -> Around:
                     out.places.setdefault(kind, []).append(child)
                 elif child.is_dir() and not child.is_symlink():
                     below.append(child)
-                if kind in ("run", "trials"):  # its checkpoints are policies, each trial is a recording
+                if kind in ("run", "trials"):  # a run's checkpoints are policies, and each trial is a recording
                     below.append(child)
         level = below
     return out
@@ -115,7 +115,7 @@ def _children(folder: Path) -> Iterator[Path]:
 
 
 def shipped_recordings() -> list[Path]:
-    """Give the bundled recordings, of an arm with two effects hidden in it."""
+    """Return the bundled example recordings, of an arm with two hidden effects."""
     return sorted(p for p in (assets() / "recordings").iterdir() if (p / "recording.yaml").is_file())
 
 

@@ -1,4 +1,4 @@
-"""What there is of one kind, in a list to choose from, with a place for a path that is not in it."""
+"""A drop-down list of everything of one kind, with a text field for a path that is not in the list."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ CHOOSE = "choose"
 
 
 class Choice:
-    """Added where the page's elements are being added.
+    """Its elements are added to the part of the page that is being built.
 
     Args:
-        place: of the page.
-        label: of the list.
-        kind: of what lies under the working folder.
-        names: that come with the package: how each is offered -> what it is.
-        first: what is chosen at the beginning; "" for nothing, which only then can be chosen.
-        chosen: called with the path or name that is chosen.
-        path: whether another path may be typed beside it.
+        place: what all pages share: server, folder of results, 3D view.
+        label: label of the list.
+        kind: kind of thing to offer from the working folder.
+        names: entries that come with the package: text in the list -> value.
+        first: value chosen at the beginning; "" for none. Only with "" does the list offer an empty choice.
+        chosen: called with each chosen path or name.
+        path: whether to add a text field for another path.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Choice:
 
     @property
     def value(self) -> str:
-        """The name or path that is chosen; "" for none."""
+        """The chosen name or path; "" for none."""
         return self.offers.get(str(self.list.value), "")
 
     @value.setter
@@ -62,7 +62,7 @@ class Choice:
         self.list.value = next(offer for offer, other in self.offers.items() if other == value)
 
     def refresh(self) -> None:
-        """Offers what is there now; what is chosen stays."""
+        """Offer what exists now, and keep the choice."""
         found = named(self.place.around().of(self.kind), Path.cwd())
         self.offers = {**self.none, **self.more}
         self.offers |= {offer: str(path) for offer, path in found.items()} | self.names
@@ -73,7 +73,7 @@ class Choice:
                 self.list.value = before
 
     def found(self) -> Sequence[str]:
-        """Everything that is offered."""
+        """Return every value that is offered."""
         return [value for value in self.offers.values() if value]
 
     def _chosen(self) -> None:

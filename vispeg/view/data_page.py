@@ -1,4 +1,4 @@
-"""The page of datasets: frames one by one, what was drawn for each, and how the draws spread over all episodes."""
+"""The dataset page: frames one by one, the values drawn for each, and their distribution over all episodes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from vispeg.view.place import Page, Place
 
 
 class DataPage(Page):
-    """Browses a dataset.
+    """Browse a dataset.
 
     Args:
-        place: where it stands.
-        dataset: its folder; "" for none yet.
+        place: what all pages share: server, folder of results, 3D view.
+        dataset: the dataset's folder; "" for none yet.
     """
 
     title = "Data"
@@ -62,14 +62,14 @@ class DataPage(Page):
             self.open()
 
     def open(self) -> None:
-        """Open the dataset that is named."""
+        """Open the chosen dataset."""
         self.holding = None
         self._guided()
         self.job.begin(Frames, ())
         self.job.ask("open", self.folder.value)
 
     def look(self) -> None:
-        """Show the frame of the slider; while one is being read, the last one asked for waits."""
+        """Show the frame at the slider; if another is being read, do it afterwards."""
         if self.holding is None:
             return
         self.waits = self.job.busy
@@ -77,7 +77,7 @@ class DataPage(Page):
             self.job.ask("frame", int(self.number.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """Give what the worker tells."""
+        """Handle a message (name, value) from the worker."""
         if name == "dataset":
             self._opened(value)
         elif name == "frame":
@@ -87,14 +87,14 @@ class DataPage(Page):
             self.folder.value = str(value)
 
     def idle(self, idle: bool) -> None:
-        """Read now what was asked for meanwhile."""
+        """Show the frame that was requested while the worker was busy."""
         for button in (self.back, self.on):
             button.disabled = self.holding is None
         if idle and self.waits:
             self.look()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew."""
+        """Show or hide the page, and offer what is in the working folder now."""
         self.visible = self.root.visible = visible
         if visible:
             self.folder.refresh()
@@ -105,7 +105,7 @@ class DataPage(Page):
         self.job.end()
 
     def _guided(self) -> None:
-        """Says what there is to do, and shows the controls of what is open."""
+        """Say what to do next, and show the controls of an open dataset."""
         there = self.holding is not None
         self.steps.visible = self.same.visible = there
         self.left.visible = there and self.visible

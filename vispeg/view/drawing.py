@@ -1,4 +1,4 @@
-"""A MuJoCo model in the page's 3D view: a frame a body, its shapes in it; a posture moves the frames."""
+"""Draw a MuJoCo model in the page's 3D view: one frame per body, which holds its shapes and moves with the posture."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     import viser
 
 G = mujoco.mjtGeom
-BARE = (150, 158, 168), (21, 101, 179)  # of links without shapes, in turn
+BARE = (150, 158, 168), (21, 101, 179)  # alternating colours of links without shapes
 
 
 @dataclass(frozen=True)
 class Look:
-    """Of all shapes at once, in place of their own colour (0 to 255): a ghost of a model beside the measured one."""
+    """One colour (0 to 255) and opacity for all shapes, in place of their own: for a ghost beside the measured arm."""
 
     colour: tuple[int, int, int] | None = None
     opacity: float | None = None
 
 
 class Drawing:
-    """A model under `root` of the scene.
+    """Draw a model in the frame `root` of the scene.
 
     Args:
-        scene: of the page.
-        root: name of the frame that holds it, such as `/arm`.
-        model: compiled.
-        look: of its shapes.
-        colours: geom name -> colour (3,) 0 to 1, in place of the model's.
+        scene: the page's 3D scene.
+        root: name of the frame to draw in, such as `/arm`.
+        model: the compiled model.
+        look: colour and opacity of all shapes.
+        colours: geom name -> colour (3,), 0 to 1, in place of the model's.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Drawing:
         self.scene.add_mesh_simple(way, *shape, color=colour, opacity=look.opacity, side="double", **at)
 
     def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
-        """Move it to the configuration (nq,), with bodies placed in their parents as a Snapshot says."""
+        """Move the model to the configuration (nq,), and bodies to poses (7,) in their parents: m, quaternion w x y z."""
         for name, place in (bodies or {}).items():
             body = self.model.body(name).id
             self.model.body_pos[body], self.model.body_quat[body] = place[:3], place[3:]
@@ -82,9 +82,9 @@ class Drawing:
             frame.position, frame.wxyz = self.data.xpos[body].copy(), self.data.xquat[body].copy()
 
     def show(self, visible: bool) -> None:
-        """Whether it can be seen."""
+        """Show or hide the drawing."""
         self.root.visible = visible
 
     def remove(self) -> None:
-        """Take it away."""
+        """Remove the drawing."""
         self.root.remove()

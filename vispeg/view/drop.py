@@ -1,4 +1,4 @@
-"""A button that files are dropped on, and the folder that keeps them."""
+"""A button to drop files on, and the folder where they are kept."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ FOLDER = "dropped"
 
 
 class Drop:
-    """Added where the page's elements are being added.
+    """Its elements are added to the part of the page that is being built.
 
     Args:
-        place: of the page.
-        label, hint: of the button.
-        kinds: endings that the browser offers, such as `.yaml`.
-        receive: called with the path of each file that was dropped.
-        fail: called with what went wrong.
+        place: what all pages share: server, folder of results, 3D view.
+        label, hint: label and tooltip of the button.
+        kinds: file endings that the browser offers, such as `.yaml`.
+        receive: called with the path of each dropped file.
+        fail: called with an error message.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class Drop:
 
 
 def kept(folder: Path, name: str, content: bytes) -> Path:
-    """Where a dropped file is kept: the same one once, another one of its name under the next number.
+    """Write a dropped file into a folder and return its path; a different file of the same name gets a number.
 
     Raises:
-        UserError: a name that no file can have, or the disk is full.
+        UserError: no valid file name, too many files of this name, or a full disk.
     """
     plain = Path(Path(name).name or "file")
     for n in ("", *(f"-{n}" for n in range(2, 1000))):

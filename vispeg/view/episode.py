@@ -1,4 +1,4 @@
-"""Episodes of a policy, in a worker process: each step as it can be drawn."""
+"""Play episodes of a policy in a worker process, and send each step to be drawn."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from vispeg.sim.compiled import compiled
 
 
 class Episodes:
-    """Of the page's worker; `tell` is called with "cell" (side, MjModel, world), then "moment" (side, Moment)."""
+    """The object of the page's worker; `tell` gets "cell" (side, MjModel, world), then "moment" (side, Moment)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell
 
     def play(self, name: str, worlds: tuple[str, ...], seed: int) -> None:
-        """Plays a policy's episode of a seed in each world; "" is the world that it was trained in.
+        """Play a policy's episode with a seed in each world; "" is the world that the policy was trained in.
 
         Raises:
-            UserError: no such policy or world, a policy that does not fit the world, or torch is not installed.
+            UserError: unknown policy or world, a policy that does not fit the world, or torch is not installed.
         """
         who = entrant(name)
         for side, world in enumerate(worlds):

@@ -1,4 +1,4 @@
-"""Frames of a dataset, in a worker process: pictures, labels, and what was drawn for each."""
+"""Read frames of a dataset in a worker process: pictures, labels, and the values drawn for each."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from vispeg.render.image_kinds import depth_picture
 from vispeg.report.dataset.pictures import chosen, depth_range, part_picture
 from vispeg.report.text.quantities import plain
 
-SAMPLED = 12  # frames that the span of depth is taken from
-MOST = 12  # numbers of a feature that are shown
+SAMPLED = 12  # number of frames from which the depth range is taken
+MOST = 12  # features with more numbers are not shown
 
 
 @dataclass(frozen=True)
 class Holding:
-    """A dataset.
+    """Description of an open dataset.
 
     Attributes:
-        name: of its folder.
-        frames: in all.
-        starts: first frame of each episode.
-        cameras, parts: names.
-        fps: frames a second; None where it does not say.
-        worlds: what was drawn for each episode, label -> parameters.
+        name: name of its folder.
+        frames: total number of frames.
+        starts: number of the first frame of each episode.
+        cameras, parts: names of the cameras and of the labelled parts.
+        fps: frames per second; None if the dataset does not say.
+        worlds: values drawn for each episode: label of the effect -> parameter -> value.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Holding:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: its number, episode and row in it, pictures (H, W, 3) uint8, facts, and what was drawn for it."""
+    """One frame: its number, its episode and row in that, pictures (H, W, 3) uint8, facts, and its drawn values."""
 
     number: int
     episode: int
@@ -60,14 +60,14 @@ class Frame:
 
 
 class Frames:
-    """What the page's worker holds; `tell` is called with "dataset" (Holding) and "frame" (Frame)."""
+    """The object of the page's worker; `tell` gets "dataset" (Holding) and "frame" (Frame)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell, self.data = tell, None
         self.limits: Mapping[str, tuple[float, float]] = {}
 
     def open(self, folder: str) -> None:
-        """Open a dataset. Raises UserError: none that can be read."""
+        """Open a dataset, and send its description and first frame. Raises UserError: it cannot be read."""
         self.tell("say", "reading the dataset")
         data = self.data = open_dataset(folder)
         self.limits = depth_range(data, [data[i] for i in chosen(data, SAMPLED)])
@@ -78,13 +78,13 @@ class Frames:
         self.frame(0)
 
     def render(self, out: Path) -> str:
-        """Render a dataset small enough to wait for; return its folder. Raises UserError: it is there already."""
+        """Render a small dataset; return its folder. Raises UserError: the folder exists already."""
         self.tell("say", "rendering 8 frames")
         render_dataset(out, "S", frames=8, looks=4, size=96, workers=0)
         return str(out)
 
     def frame(self, number: int) -> None:
-        """Tells a frame. Raises UserError: it cannot be read."""
+        """Send a frame. Raises UserError: it cannot be read."""
         if self.data is None:
             raise UserError("no dataset is open")
         data, frame = self.data, self.data[number]
@@ -96,7 +96,7 @@ class Frames:
         self.tell("frame", Frame(number, k, number - starts[k], pictures, [f for f in facts if f[1]], drawn))
 
     def _views(self, frame: Mapping[str, np.ndarray], name: str) -> list[tuple[str, np.ndarray]]:
-        """Colour, depth and parts of a camera, as far as the frame has them."""
+        """Return the (label, picture) pairs of a camera that the frame has: colour, depth, parts."""
         out = []
         if (colour := frame.get(colour_of(name))) is not None:
             out.append((f"{name}, colour", colour))
@@ -117,7 +117,7 @@ def _drawn_of(data: Dataset | Stored, episode: int) -> list[tuple[str, Mapping[s
 
 
 def _numbers(frame: Mapping[str, np.ndarray]) -> list[tuple[str, str]]:
-    """Actions, states, poses: what is short enough to be read."""
+    """Return (name, text) of each feature that is a text or has at most `MOST` numbers, such as actions and poses."""
     out = []
     for name, value in frame.items():
         flat = np.asarray(value).ravel()

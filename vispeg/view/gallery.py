@@ -1,4 +1,4 @@
-"""Pictures of a panel, each under its name, enlarged to where their pixels can be seen."""
+"""Show pictures in a panel, each with its name, enlarged so that pixels can be seen."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from vispeg.view.place import Place
 
-LEAST = 192  # px, height of a picture
+LEAST = 192  # px; smaller pictures are enlarged to at least this height
 
 
 class Gallery:
-    """Added where the page's elements are being added."""
+    """Its elements are added to the part of the page that is being built."""
 
     def __init__(self, place: Place):
         self.place, self.root = place, place.gui.add_folder(None)
         self.images: dict[str, Any] = {}
 
     def show(self, pictures: Mapping[str, np.ndarray]) -> None:
-        """Show these (H, W, 3) uint8, in place of those before."""
+        """Show these pictures (H, W, 3) uint8 in place of the previous ones."""
         for key in [key for key in self.images if key not in pictures]:
             self.images.pop(key).remove()
         for key, image in pictures.items():

@@ -1,4 +1,4 @@
-"""Who may talk to the page: a token, the page's own address, and a limit on what is dropped on it."""
+"""Protect the page: a token, a check of the request's origin, and a limit on dropped files."""
 
 from __future__ import annotations
 
@@ -19,22 +19,24 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import size
 
 HOST = "127.0.0.1"
-PORT, NEXT = 8080, 100  # where the first page listens, and how many ports are tried from there
-UPLOADS = 1_000_000_000  # bytes dropped in all: they are held in memory; a larger log is named by its path
+PORT, NEXT = 8080, 100  # the first port to try, and how many to try from there
+UPLOADS = 1_000_000_000  # most bytes of dropped files in all, as they are held in memory; larger logs are named by path
 REFUSED = "403: open the address that `vispeg view` printed, with its token.\n"
 
 
 def free_port(asked: int | None) -> int:
-    """Give a port of this machine that nothing listens at: the one asked for, or from `PORT` on the first free one.
+    """Return a free port of this machine: the one asked for, or the first free one from `PORT` on.
 
     Raises:
-        UserError: no port, one that is taken or reserved, or none is free.
+        UserError: not a port number, a port in use or reserved, or no port is free.
     """
     if asked is not None and not 1 <= asked <= 65535:
         raise UserError("is no port", key="--port", expected="1 to 65535", got=asked)
     for port in range(PORT, PORT + NEXT) if asked is None else (asked,):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial:
-            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: one just left is free
+            trial.setsockopt(
+                socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+            )  # as the server does: a port that was just closed counts as free
             try:
                 trial.bind((HOST, port))
                 return port
@@ -48,25 +50,25 @@ def free_port(asked: int | None) -> int:
 
 
 class Gate:
-    """Lets in who knows the token, from the page's own address.
+    """Admit requests that carry the token and, for the websocket, come from the page's own address.
 
-    The token is in the query of every request, the websocket's too. No cookie holds it: a browser would send that to
-    every port of this machine, so also to a page of another account.
+    The token is in the query of every request, the websocket's included. It is not in a cookie, because a browser sends
+    cookies to every port of this machine, so also to servers of other accounts.
 
     Attributes:
-        token: random for each start.
+        token: the token, random at each start.
     """
 
     def __init__(self) -> None:
         self.token = secrets.token_urlsafe(32)
 
     def url(self, port: int) -> str:
-        """Give the address to open."""
+        """Return the address to open in a browser."""
         return f"http://{HOST}:{port}/?{urlencode({'token': self.token})}"
 
     @contextlib.contextmanager
     def guarding(self) -> Iterator[None]:
-        """Give a server that is made in the body asks at this gate first."""
+        """Let servers that are created in the body of `with` ask this gate about each request."""
         import websockets.asyncio.server as library
 
         plain: Any = library.serve
@@ -81,7 +83,7 @@ class Gate:
             library.serve = plain  # type: ignore[misc]
 
     def answer(self, plain: Callable[..., Any], connection: Any, request: Any) -> Any:
-        """Refuse a request, send a window to the address with the websocket's in it, or let the toolkit answer."""
+        """Refuse a request, redirect a window to the address that names the websocket, or let the toolkit answer."""
         query = parse_qs(urlsplit(request.path).query)
         given = query.get("token", [""])[0]
         if not secrets.compare_digest(given.encode(), self.token.encode()):
@@ -91,7 +93,7 @@ class Gate:
         if response is None:  # a websocket begins
             own = request.headers.get_all("Origin") == [f"http://{HOST}:{port}"]
             return None if own else connection.respond(HTTPStatus.FORBIDDEN, REFUSED)
-        if "websocket" not in query:  # the toolkit's script asks this word where its server is
+        if "websocket" not in query:  # the toolkit's script reads its server's address here
             to = {"token": self.token, "websocket": f"ws://{HOST}:{port}/?{urlencode({'token': self.token})}"}
             response = connection.respond(HTTPStatus.FOUND, "")
             response.headers["Location"] = f"/?{urlencode(to)}"
@@ -102,7 +104,10 @@ class Gate:
 
 
 def opener(folder: Path, url: str) -> Path:
-    """Give a file of this account alone that leads to the address: on a command line others would read its token."""
+    """Write an HTML file that redirects to the address and that only this account can read; return its path.
+
+    On a command line, other accounts could read the token.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     handle, name = mkstemp(".html", "open-", folder)
     with os.fdopen(handle, "w", encoding="utf-8") as file:
@@ -111,9 +116,10 @@ def opener(folder: Path, url: str) -> Path:
 
 
 def limit_uploads(server: Any, most: int = UPLOADS) -> None:
-    """Has a toolkit's server take no more than `most` bytes of dropped files in all, each as large as it says.
+    """Limit a toolkit's server to `most` bytes of dropped files in all, and each file to its announced size.
 
-    The toolkit holds what comes in memory and has no limit of its own, so its two handlers are asked only after this.
+    The toolkit keeps dropped files in memory and has no limit of its own, so its two handlers are wrapped. The handlers
+    of its sharing feature, a tunnel through an outside server, are removed.
     """
     from viser import _messages as messages
 
@@ -133,7 +139,7 @@ def limit_uploads(server: Any, most: int = UPLOADS) -> None:
 
     def came(client: int, message: Any) -> None:
         left = arriving.get(message.transfer_uuid, -1) - len(message.content)
-        if left < 0:  # more than it said, or never begun
+        if left < 0:  # more than announced, or never begun
             gui._current_file_upload_states.pop(message.transfer_uuid, None)
             arriving.pop(message.transfer_uuid, None)
             return
@@ -146,5 +152,5 @@ def limit_uploads(server: Any, most: int = UPLOADS) -> None:
     ):
         link.unregister_handler(kind, old)
         link.register_handler(kind, new)
-    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):  # a tunnel through a server elsewhere
+    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):  # see above
         server._websock_server.unregister_handler(kind)

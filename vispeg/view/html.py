@@ -1,4 +1,4 @@
-"""Pieces of the page that the toolkit has no element for: text from files never becomes markup."""
+"""HTML for parts of the page that the toolkit has no element for; text from files is escaped."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from vispeg.view.run_folder import Run
 
 
-WIDEST = 14  # letters of a row's name beside the map
+WIDEST = 14  # most characters of a row's name beside the map
 AXES = {k: v for k, v in LABELS.items() if k != "frequency"} | {"contact": "phase of contact", "part": "part"}
 
 
@@ -33,17 +33,17 @@ def _page(template: str, **values: object) -> str:
 
 
 def style() -> str:
-    """Give the style of the pieces; once a page."""
+    """Return the style sheet; add it once per page."""
     return _page("style")
 
 
 def below() -> str:
-    """Of a narrow window: what leads to the page's second panel, which stands under the first there."""
+    """Return the link to the page's second panel, which is below the first one in a narrow window."""
     return _page("below")
 
 
 def window(target: str) -> str:
-    """Give what runs once a window, see window.js; it types into the field whose label is for `target`."""
+    """Return the script that runs once per window (window.js); it writes into the field whose label is for `target`."""
     made = templates("vispeg.view")
     assert made.loader is not None
     script, _, _ = made.loader.get_source(made, "window.js")
@@ -51,22 +51,22 @@ def window(target: str) -> str:
 
 
 def note(text: str) -> str:
-    """Give a paragraph."""
+    """Return text as a paragraph."""
     return _page("note", text=text)
 
 
 def next_step(title: str, text: str, steps: tuple[str, ...] = (), at: int = 0) -> str:
-    """Give what there is to do next, under the steps of the way: `at` is the one (0, 1, ..) that is being done."""
-    parts = text.split("`")  # every other one is the name of something on the page
+    """Return the instruction for the next step, below a list of all steps; `at` is the number of the current one."""
+    parts = text.split("`")  # every other part names an element of the page
     return _page("next", title=title, parts=parts, steps=steps, at=at)
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """Names without the words that all of them begin and end with, as far as they still differ and say something.
+    """Return names without the words that all of them begin or end with.
 
     `panda_joint1`, `panda_joint2` become `joint1`, `joint2`; `shoulder_pan_joint`, `elbow_joint` lose `joint`.
     """
-    words = [re.split(r"([_\-./ ]+)", name) for name in names]  # words at even places, what parts them between
+    words = [re.split(r"([_\-./ ]+)", name) for name in names]  # words at even places, separators between them
     if len(set(names)) < 2:
         return list(names)
     for end in (0, -1):
@@ -76,17 +76,17 @@ def distinct(names: Sequence[str]) -> list[str]:
 
 
 def error(text: str) -> str:
-    """Give what went wrong, in the words of the command line."""
+    """Return an error message, in the style of the command line."""
     return _page("error", text=text)
 
 
 def commands(lines: list[str]) -> str:
-    """Commands, each with a button that copies it."""
+    """Return command lines, each with a button that copies it."""
     return _page("commands", lines=lines)
 
 
 def ladder(standing: Standing) -> str:
-    """Give the error now, and how it fell model by model."""
+    """Return the present error, and its decrease model by model."""
     errors = [rung.error for rung in standing.ladder]
     high, low = max(errors), min([*errors, standing.floor or min(errors)]) / 1.6
     low = min(low, high / 10) or 1e-12
@@ -106,9 +106,7 @@ def ladder(standing: Standing) -> str:
 
 
 def heat(standing: Standing, axis: str, chosen: str, target: str) -> str:
-    """Give the map of one axis as buttons; a press types `COLUMN, TRACK TIME` into the field whose label is for
-    `target`.
-    """
+    """Return a map as buttons; each press writes `COLUMN, TRACK TIME` into the field whose label is for `target`."""
     field = standing.maps[axis]
     top = max(float(np.nanmax(field.first, initial=3.0)), 3.0)
     rows, short = [], distinct(standing.columns)
@@ -138,7 +136,7 @@ def _cell(standing: Standing, field: Field, j: int, i: int, top: float, column: 
 
 
 def _shade(share: float) -> tuple[str, bool]:
-    """Give a colour of the reports' scale, and whether it is dark."""
+    """Return a colour of the reports' scale, and whether it is dark."""
     parts = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in SHADES], float)
     x = share * (len(parts) - 1)
     k = min(int(x), len(parts) - 2)
@@ -147,7 +145,7 @@ def _shade(share: float) -> tuple[str, bool]:
 
 
 def tried(trials: list[Tried], said: list[str], unit: str) -> str:
-    """Give what was tried and refused, and why; the newest first."""
+    """Return the fitted candidates with their errors and reasons for refusal, the newest first, and the log lines."""
     rows = []
     for t in reversed(trials):
         factor, name = prefix(max(t.before, t.after), unit)
@@ -157,7 +155,7 @@ def tried(trials: list[Tried], said: list[str], unit: str) -> str:
 
 
 def episode(sides: list[tuple[str, Moment, str]]) -> str:
-    """One moment of an episode in each world, with how it ends there."""
+    """Return one moment of an episode in each world, and the episode's outcome there."""
     rows = []
     for world, moment, ends in sides:
         force = plain(float(np.linalg.norm(moment.force)), 2)
@@ -172,17 +170,17 @@ def _three(values: np.ndarray) -> str:
 
 
 def columns(proposed: Proposed) -> str:
-    """Give what the columns of a log are taken for, and why."""
+    """Return the proposed meaning of a log's columns, with reasons."""
     return _page("columns", lines=proposed.lines, remarks=proposed.remarks)
 
 
 def doubts(look: Look) -> str:
-    """Give what the units that are chosen make impossible."""
+    """Return the values that are impossible in the chosen units."""
     return _page("doubts", samples=look.samples, joints=len(look.joints), rate=f"{look.rate_hz:g}", doubts=look.doubts)
 
 
 def run(run: Run) -> str:
-    """Where a training run stands."""
+    """Return the progress of a training run."""
     steps = run.curves.get("steps", np.zeros(0))
     last = {"steps": f"{steps[-1]:.0f}", "success": f"{100 * run.curves['success'][-1]:.0f}"} if len(steps) else {}
     return _page(
@@ -191,12 +189,12 @@ def run(run: Run) -> str:
 
 
 def live(state: State) -> str:
-    """Where a run on a robot stands."""
+    """Return the state of a run on a robot."""
     return _page("live", s=state, **_numbers(state))
 
 
 def _numbers(state: State) -> dict[str, object]:
-    """Give what of a step is shown: the tip in mm, how far the target is, and the share of each limit in percent."""
+    """Return the numbers of a step to show: tip (mm), distance to the target (mm), share of each limit (%), wrench."""
     if state.tip_m is None or state.pose is None or state.target is None:
         return {}
     apart = 1e3 * float(np.linalg.norm(np.subtract(state.target[:3], state.pose[:3])))
@@ -206,7 +204,7 @@ def _numbers(state: State) -> dict[str, object]:
 
 
 def trials(said: Mapping[str, Said]) -> str:
-    """Give the trials of a folder, the newest first, and how many succeeded."""
+    """Return the trials of a folder, the newest first, and the number of successes."""
     rows = []
     for name, one in reversed([*said.items()]):
         o, t = one.outcome, one.timing
@@ -217,12 +215,12 @@ def trials(said: Mapping[str, Said]) -> str:
 
 
 def film(name: str, data: bytes) -> str:
-    """Give a film, in the page itself."""
+    """Return a film, embedded in the page."""
     return _page("film", name=name, data=base64.b64encode(data).decode())
 
 
 def frame(frame: Frame, holding: Holding) -> str:
-    """Give a frame of a dataset: its place, its numbers, the colours of its parts, and what was drawn for it."""
+    """Return the description of a dataset's frame: place, numbers, colours of the parts, and drawn values."""
     from vispeg.report.dataset.pictures import part_picture
 
     colours = part_picture(np.arange(1, len(holding.parts) + 1)) if holding.parts else np.zeros((0, 3), int)
@@ -231,10 +229,10 @@ def frame(frame: Frame, holding: Holding) -> str:
 
 
 def draws(spread: Mapping[str, object]) -> str:
-    """Histograms of what was drawn over all episodes of a dataset."""
+    """Return histograms of the values drawn over all episodes of a dataset."""
     return _page("draws", **spread)
 
 
 def drawn(values: list[tuple[str, str]]) -> str:
-    """Give what an episode of a world drew."""
+    """Return the values drawn for an episode."""
     return _page("drawn", values=values)

@@ -1,4 +1,4 @@
-"""The page of logs: drop one, see what its columns are taken for, look at the plot, write the recording."""
+"""The import page: drop a log, check the proposed meaning of its columns and the plot, write the recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KINDS += (("m", "mm"), ("N m", "Nm", "mNm", "N cm", "kg cm", "N"))
 SI = {"q": "rad", "q_cmd": "rad", "dq": "rad/s", "dq_cmd": "rad/s", "tau": "N m", "tau_cmd": "N m"}
 COLOURS = ("#1f6fb4", "#d9541e", "#2a9d60", "#a2456b", "#b0892b", "#5b4bb7", "#0a7a75", "#7a5230")
 STATED = {words: value for value, words in WHERE.items()}
-OTHERS = "table", "joints", "recording"  # keys of a map that are no columns
+OTHERS = "table", "joints", "recording"  # keys of a map that do not name columns
 UNKNOWN, NONE = "not known", "none"
 MODES = {UNKNOWN: "unknown", "holds angles (q_cmd)": "position", "applies torques (tau_cmd)": "torque"}
 MODES |= {"is a servo of unknown gains (q_cmd)": "servo"}
@@ -32,12 +32,12 @@ NEXT = "Drop a log, or choose one that is there. Its columns and units are propo
 
 
 class ImportPage(Page):
-    """From a log to a recording.
+    """Turn a log into a recording.
 
     Args:
-        place: where it stands.
+        place: what all pages share: server, folder of results, 3D view.
         logs: files to begin with.
-        model: whose log it is, as `vispeg diagnose` takes a model.
+        model: the model of the logged robot, in any form that `vispeg diagnose` accepts.
         written: called with the folder of each written recording.
     """
 
@@ -93,14 +93,14 @@ class ImportPage(Page):
             self.begin()
 
     def take(self, log: Path, model: str | None = None) -> None:
-        """Proposes a map for a log that was dropped or chosen."""
+        """Open a dropped or chosen log and propose its map."""
         self.log.value = str(log)
         if model is not None:
             self.model.value = model
         self.begin()
 
     def begin(self) -> None:
-        """Proposes a map for the log that is named."""
+        """Propose a map for the log in the path field."""
         path = Path(str(self.log.value))
         self.proposed = self.seen = None
         self.name.value = path.name.partition(".")[0] or "rig-1"
@@ -109,7 +109,7 @@ class ImportPage(Page):
         self.job.ask("propose", path, str(self.model.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """Give what the worker tells."""
+        """Handle a message (name, value) from the worker."""
         if name == "proposed":
             self.proposed = value
             self._offered(value)
@@ -132,12 +132,12 @@ class ImportPage(Page):
             self.written(Path(value))
 
     def idle(self, idle: bool) -> None:
-        """Only what was looked at can be written."""
+        """Enable the buttons; a recording can be written only after its preview."""
         self.propose.disabled = not idle
         self.write.disabled = not idle or self.seen is None
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew."""
+        """Show or hide the page, and offer what is in the working folder now."""
         self.root.visible = self.left.visible = visible
         if visible:
             self.there = named(self.place.around().of("log"), Path.cwd())
@@ -149,7 +149,11 @@ class ImportPage(Page):
         self.job.end()
 
     def columns(self) -> dict[str, Any]:
-        """Give the proposed map, with what was chosen on the page in place of what was proposed."""
+        """Return the proposed map, with the page's choices in place of the proposed values.
+
+        Raises:
+            UserError: gains that are not numbers.
+        """
         columns: dict[str, Any] = dict(self.proposed.data) if self.proposed is not None else {}
         for target, value in columns.items():
             signal = target.partition(".")[0]
@@ -182,7 +186,7 @@ class ImportPage(Page):
             self.take(path)
 
     def _offered(self, proposed: Proposed) -> None:
-        """Show the choices that a proposal leaves, as it proposes them."""
+        """Show a proposal's choices, set to the proposed values."""
         self.filling = True
         for old in self.units.values():
             old.remove()
@@ -209,7 +213,7 @@ class ImportPage(Page):
         return Topics(str(self.topic.value), None if command == NONE else command)
 
     def _next(self) -> str:
-        """Give what there is to do, in a sentence."""
+        """Return the next thing to do, as a sentence."""
         look = self.seen
         if look is None:
             return NEXT
@@ -230,7 +234,7 @@ class ImportPage(Page):
             self.guide.content = html.next_step("A log becomes a recording", self._next())
 
     def _control(self) -> dict[str, Any] | None:
-        """Give what was stated of the controller. Raises UserError: gains that are no numbers."""
+        """Return the stated controller; None if unknown. Raises UserError: gains that are not numbers."""
         if self._mode() == "servo":
             return {"mode": "servo"}
         if self._mode() == "unknown" or self.seen is None or not self.controller.visible:
@@ -267,7 +271,7 @@ class ImportPage(Page):
         return self._out().exists() or map_file(self._out()).exists()
 
     def _named(self) -> None:
-        """Says before it is pressed whether the button replaces a recording."""
+        """Label the write button: it says whether a recording would be replaced."""
         new, old = "Confirm and write the recording", f"Confirm and replace {self._out().name}"
         self.write.label = old if self._replaces() else new
         self._commands()
@@ -276,7 +280,7 @@ class ImportPage(Page):
         self._commands()
         words = str(self.write.label)
         self._named()
-        if str(self.write.label) != words:  # it came to stand there meanwhile: the button says so now
+        if str(self.write.label) != words:  # it has appeared in the meantime: the button says so now
             return
         try:
             columns, source = self.columns(), Path(str(self.log.value))

@@ -1,4 +1,4 @@
-"""A log becomes a recording, in a worker process: a proposal, a look at what it means, the folder."""
+"""Turn a log into a recording, in a worker process: propose a map, preview its result, write the folder."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from vispeg.recordings.importers.source import is_bag, is_table, read_source
 from vispeg.robots.model import load, load_for
 from vispeg.sim.units import needs_of
 
-MOST = 2000  # samples of the look
+MOST = 2000  # most samples of a preview
 WHERE = {"none": "not used", "joint": "measured at the joint", "motor": "from the motor current"}
 
 
 @dataclass(frozen=True)
 class Proposed:
-    """A map to be confirmed.
+    """A proposed map, to be confirmed.
 
     Attributes:
-        lines: (target, column, unit, reason) of each column; none for a file that names its signals itself.
-        units: signal -> its unit, of those whose unit can be chosen.
-        data: the map as plain data, as a map file holds it and `vispeg convert --guess` proposes it.
-        remarks: what a person should look at.
-        topics: of joint states in a bag; the first one is read unless another is chosen.
-        robot: the name or file that the joints are looked up in.
+        lines: (target, column, unit, reason) of each column; none for a file that names its signals as recordings do.
+        units: signal -> unit, for the signals whose unit can be chosen.
+        data: the map as plain data, in the form of a map file and of `vispeg convert --guess`.
+        remarks: points that a person should check.
+        topics: topics of joint states in a bag; the first one is read unless another is chosen.
+        robot: name or file of the robot whose joints are looked up.
     """
 
     lines: tuple[tuple[str, str, str, str], ...]
@@ -53,7 +53,10 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Look:
-    """What a map makes of a log: time (n,) s, signals (n, nj) in SI units, and what cannot be true of them."""
+    """A preview of a log read with a map: time (n,), s; signals (n, nj) in SI units; and in `doubts` impossible values.
+
+    `rate_hz` and `samples` describe the whole log, the arrays a part of its samples.
+    """
 
     time: np.ndarray
     joints: tuple[str, ...]
@@ -64,16 +67,16 @@ class Look:
 
 
 class Importer:
-    """What the page's worker holds; `tell` is called with "say" (a sentence), "proposed" (Proposed), "look" (Look)."""
+    """The object of the page's worker; `tell` gets "say" (a sentence), "proposed" (Proposed) and "look" (Look)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell
 
     def propose(self, source: Path, model: str) -> None:
-        """Proposes a map, and looks at what it makes of the log.
+        """Send a proposed map, and a preview of the log read with it.
 
         Raises:
-            UserError: no such file or model, or no column that can be the time or the angles.
+            UserError: the file or model does not exist, or no column can be the time or the angles.
         """
         if not source.exists():
             raise UserError("does not exist", file=source)
@@ -92,7 +95,7 @@ class Importer:
         self.look(source, model, dict(proposed.data), Topics(proposed.topics[0]) if proposed.topics else None)
 
     def look(self, source: Path, model: str, columns: dict[str, object], topics: Topics | None = None) -> None:
-        """Read the log with a map, and of a bag the topics, and tell what comes out."""
+        """Read the log with a map (a bag: from these topics), and send a preview."""
         robot = robot_of(model)
         arm = load(robot)
         mapping = map_from(columns, source, arm.joints)
@@ -117,7 +120,7 @@ class Importer:
         """Write the recording as `vispeg convert --map` would, and the map beside it; return the recording's path.
 
         Raises:
-            UserError: either is there already and not to be replaced, or holds what this program did not write.
+            UserError: one of them exists and `replace` is false, or its folder was not written by this program.
         """
         robot = robot_of(model)
         refuse(out, replace, holds="recording")
@@ -133,24 +136,24 @@ class Importer:
 
 
 def _own_arrays(source: Path) -> bool:
-    """Whether an archive names its signals as a recording does, so that nothing is to be guessed."""
+    """Return whether an NPZ file names its signals as a recording does, so that nothing must be guessed."""
     return source.suffix.lower() == ".npz" and {"time", "q"} <= set(read_arrays(source))
 
 
 def robot_of(model: str) -> str:
-    """Give the robot of a model, a world or a robot: the name or file that a log's joints are looked up in."""
+    """Return the name or file of the robot of a model or world, in which a log's joints are looked up."""
     return str(read_model(model).robot)
 
 
 def map_file(out: Path) -> Path:
-    """Where the map of a recording's folder is kept."""
+    """Return the path of the map file that belongs to a recording's folder."""
     return out.with_name(f"{out.name}-map.yaml")
 
 
 def _remarks(proposal: Proposal) -> tuple[str, ...]:
-    """Give what a person should look at, with the page's own controls for what to do."""
+    """Return the points that a person should check, with the page's controls in place of command-line options."""
     signals, sensor = proposal.signals(), proposal.recording.get("torque_sensor", "none")
-    # a page has fields, no options: what one is called stays
+    # the page has fields instead of options, so of each option only the name stays
     said = (FLAG.sub(lambda flag: flag[1].replace("-", " "), doubt) for doubt in proposal.doubts)
     out = [doubt for doubt in said if not doubt.startswith("torque_sensor")]
     driven = "q_cmd" in signals or "tau_cmd" in signals

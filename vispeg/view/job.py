@@ -1,4 +1,4 @@
-"""A worker and its line in the page: what it is at, a bar, a button that stops it, and what went wrong."""
+"""A worker and its status on the page: present work, progress bar, stop button, and error message."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from vispeg.view.worker import Kind, Worker
 
 
 class Job:
-    """Work of a page, one piece after the other.
+    """Run a page's work in one worker process, one request after the other.
 
     Args:
         place: of the page; the line is added where the page's elements are being added.
-        receive: called with (name, value) of what the work tells beside `say`.
-        idle: called after each change, with whether nothing is requested any more.
+        receive: called with (name, value) of each message other than "say".
+        idle: called after each change, with True if no request is left.
     """
 
     def __init__(self, place: Place, receive: Callable[[str, Any], None], idle: Callable[[bool], None]):
@@ -34,11 +34,11 @@ class Job:
 
     @property
     def busy(self) -> bool:
-        """Whether something that was asked for is not done."""
+        """Return whether a request is unfinished."""
         return self.worker is not None and self.worker.busy
 
     def begin(self, make: Callable[..., object], args: tuple[Any, ...], *asked: str) -> None:
-        """Give up what is running, start a new process and ask for the first things."""
+        """Stop the running work, and start a process that makes `make(tell, *args)` and calls the methods `asked`."""
         self.end()
 
         def start(heard: Callable[..., None]) -> Worker:
@@ -48,7 +48,7 @@ class Job:
         self._fresh()
 
     def ask(self, method: str, *args: Any) -> None:
-        """Has something done; a process that was stopped is started again first."""
+        """Request a call of a method; start the process again if it was stopped."""
         with self.lock:
             if self.worker is None or not self.worker.alive:
                 self._fresh()
@@ -57,7 +57,7 @@ class Job:
         self._shown()
 
     def stop(self) -> None:
-        """Give up what is running; a fresh process takes up what was done before."""
+        """Stop the running work, and start a new process that repeats the first requests."""
         self.end()
         self._fresh()
 
@@ -75,7 +75,7 @@ class Job:
             mine: list[Worker] = []
 
             def heard(kind: Kind, name: str, value: Any) -> None:
-                if mine and mine[0] is self.worker:  # one that was given up has nothing to say
+                if mine and mine[0] is self.worker:  # ignore messages of a stopped worker
                     self._heard(kind, name, value)
 
             self.worker = self.start(heard)
@@ -99,12 +99,13 @@ class Job:
             self._shown()
 
     def fail(self, text: str) -> None:
-        """Show what went wrong."""
+        """Show an error message."""
         self.trouble.content, self.trouble.visible = html.error(text), True
 
     def _shown(self) -> None:
-        """Show whether something runs. A click and the worker's answer come in threads of their own: the one that comes
-        last asks last.
+        """Show whether work is running.
+
+        Clicks and the worker's answers come in different threads; under the lock, the later one shows the final state.
         """
         with self.lock:
             busy = self.busy

@@ -1,4 +1,4 @@
-"""Sources to show: folders and files of any known kind, recognized by their content."""
+"""Sort what the user names on the command line into what each page opens, by content."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ EXPECTED = "a recording, a folder of some, a log, a model, a world, a policy, a 
 
 @dataclass(frozen=True)
 class Opened:
-    """What the pages start with; all of it may be empty.
+    """What each page opens at the start; any of it may be empty.
 
     Attributes:
-        recordings: folders.
-        model: as `vispeg diagnose` takes it.
-        logs: files that are no recordings yet.
-        world: a world's name or file; "" where none was named.
-        policy: a policy's name or folder; "" likewise.
-        dataset, run, trials: folders of a dataset, of a training run, of trials; "" likewise.
+        recordings: folders of recordings.
+        model: a model in any form that `vispeg diagnose` accepts.
+        logs: log files, which must be imported first.
+        world: a world's name or file; "" if none was named.
+        policy: a policy's name or folder; "" if none was named.
+        dataset, run, trials: folder of a dataset, of a training run, of trials; "" if none was named.
     """
 
     recordings: tuple[Path, ...] = ()
@@ -42,7 +42,7 @@ class Opened:
 
     @property
     def page(self) -> str:
-        """The page that what was named is seen on."""
+        """Title of the page that opens first."""
         if self.recordings:
             return "Diagnose"
         named = {"Trials": self.trials, "Policies": self.policy, "Training": self.run, "Data": self.dataset}
@@ -51,14 +51,14 @@ class Opened:
 
 
 def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
-    """Tells apart what was named.
+    """Recognize each source.
 
     Args:
-        sources: names, files and folders of any kind.
-        chosen: the model, whatever is among `sources`.
+        sources: names, files and folders of any known kind.
+        chosen: the model, in place of any in `sources`.
 
     Raises:
-        UserError: something that is not there, or nothing that can be shown.
+        UserError: a source that does not exist, or that cannot be shown.
     """
     recordings: list[Path] = []
     logs: list[Path] = []
@@ -90,7 +90,9 @@ def opened(sources: Sequence[str], chosen: str | None = None) -> Opened:
             model = str(path / "model.yaml")
         elif kind == "log":
             logs.append(path)
-        elif kind == "model" or is_file(path) and path.suffix.lower() in HEADS:  # one without a head is refused by name
+        elif (
+            kind == "model" or is_file(path) and path.suffix.lower() in HEADS
+        ):  # reading an invalid model names the fault
             model = str(path)
         else:
             raise UserError("cannot be shown", file=text, expected=EXPECTED)
@@ -102,6 +104,6 @@ def _recordings(folder: Path) -> list[Path]:
 
 
 def _is_world(text: str) -> bool:
-    """Whether a built-in world has this name, or a file that is there says that it is a world."""
+    """Return whether this is the name of a built-in world, or an existing file that describes a world."""
     yaml = Path(text).suffix.lower() in (".yaml", ".yml")
     return is_world(text) if Path(text).is_file() or not yaml else False

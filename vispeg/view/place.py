@@ -1,4 +1,4 @@
-"""What every page of the app is given, and what it offers."""
+"""What all pages of the app share, and the interface of a page."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 
 View = tuple[tuple[float, float, float], tuple[float, float, float]]
-ARM: View = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)  # of an arm alone
-WIDE = 370  # px of a panel
-FRESH = 3.0  # s that a look at the working folder holds: pages ask one after the other
-CELL: View = (1.55, -1.35, 0.9), (0.45, -0.1, 0.25)  # between the walls of a cell
+ARM: View = (1.7, -1.5, 1.1), (0.1, 0.0, 0.55)  # view of an arm alone
+WIDE = 370  # px, width of a panel
+FRESH = 3.0  # s for which a listing of the working folder is reused, as several pages ask for it
+CELL: View = (1.55, -1.35, 0.9), (0.45, -0.1, 0.25)  # view into a cell, between its walls
 
 
 @dataclass
 class Stage:
-    """The middle of the page: what a page draws there, and else the arm.
+    """The 3D view in the middle of the page.
 
     Attributes:
-        rest: shows or hides the arm that stands there where a page draws nothing of its own.
+        rest: shows or hides the arm, which is shown while a page draws nothing of its own.
     """
 
     rest: Callable[[bool], None] = lambda visible: None
@@ -35,13 +35,14 @@ class Stage:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a page stands.
+    """What all pages share.
 
     Attributes:
-        server: of the toolkit; its state is every window's.
-        out: folder of results.
-        threads: of simulations.
-        stage: the middle of the page.
+        server: the toolkit's server; all windows share its state.
+        out: folder that results are written to.
+        threads: number of threads for simulations.
+        stage: the 3D view.
+        seen: the last listing of each folder, and when it was made (s, monotonic clock).
     """
 
     server: viser.ViserServer
@@ -56,7 +57,7 @@ class Place:
         return self.server.gui
 
     def around(self) -> Around:
-        """Give what lies under the working folder, and under the folder of results where that is elsewhere."""
+        """Return what the working folder contains, and the folder of results if that is elsewhere."""
         here, now = Path.cwd(), time.monotonic()
         when, known = self.seen.get(here, (-FRESH, Around()))
         if now - when >= FRESH:
@@ -68,24 +69,24 @@ class Place:
         return known
 
     def beside(self, panel: Any) -> None:
-        """Put a page's second panel on the left; in a narrow window it is the end of the one sheet, and open too."""
+        """Place a page's second panel on the left, unfolded; a narrow window shows it below the first panel."""
         panel.dock_left()
         panel.set_width(WIDE)
         panel.expand()
 
     def look(self, view: View) -> None:
-        """Turn every window, and those that are opened later, to a point: position of the viewer, and the point, m."""
+        """Set the view of every window, present and future: position of the viewer and the point looked at, m."""
         first = self.server.initial_camera
         for camera in (first, *(client.camera for client in self.server.get_clients().values())):
             camera.position, camera.look_at = view
 
 
 class Page(ABC):
-    """One of the app's pages: controls in the panel on the right, pictures in one on the left, a drawing between.
+    """A page of the app: controls in a panel on the right, pictures in one on the left, a 3D view between them.
 
     Attributes:
-        title: of its button.
-        fills: whether it has something of its own in the middle now.
+        title: label of the page's button.
+        fills: whether the page now draws something of its own in the 3D view.
     """
 
     title: str
@@ -93,7 +94,7 @@ class Page(ABC):
 
     @abstractmethod
     def show(self, visible: bool) -> None:
-        """Whether it is the one that is seen."""
+        """Show or hide the page."""
 
     def close(self) -> None:
-        """End what it has running."""
+        """Stop the page's running work."""

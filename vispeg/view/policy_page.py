@@ -1,4 +1,4 @@
-"""The page of policies: one of them in a world, step by step, and the same seed in a second world beside it."""
+"""The policy page: a policy's episode in a world, step by step, beside the same seed in a second world."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ APART = 1.6  # m between the two cells
 
 @dataclass
 class Side:
-    """One of the two worlds: its name, cell and steps."""
+    """One of the two episodes: name of its world, drawing of the cell, and steps so far."""
 
     world: str = ""
     cell: Drawing | None = None
@@ -37,16 +37,16 @@ class Side:
 
 
 def none(_: str) -> None:
-    """Play what is chosen when its button is pressed."""
+    """Do nothing when a choice changes: its episode is played when the button is pressed."""
 
 
 class PolicyPage(Page):
-    """Watches a policy.
+    """Watch a policy.
 
     Args:
-        place: where it stands.
-        policy: a folder or the name of one that comes with the package; "" offers all.
-        world: a world file or name to play in; "" is the policy's own.
+        place: what all pages share: server, folder of results, 3D view.
+        policy: a policy's folder, or the name of a bundled one, to play at once; "" for none.
+        world: name or file of the world to play in; "" for the policy's own.
     """
 
     title = "Policies"
@@ -91,12 +91,12 @@ class PolicyPage(Page):
             self.begin()
 
     def choose(self, policy: str) -> None:
-        """Offers a policy's folder, and plays it in the world that it was trained in."""
+        """Choose a policy's folder, and play it in the world that it was trained in."""
         self.policy.value, self.world.value = policy, OWN
         self.begin()
 
     def begin(self) -> None:
-        """Plays the episode that is chosen."""
+        """Play the chosen episode."""
         self.playing = False
         for side in self.sides:
             self._clear(side)
@@ -113,7 +113,7 @@ class PolicyPage(Page):
         self.job.ask("play", self.policy.value, where, seed)
 
     def receive(self, name: str, value: Any) -> None:
-        """Give what the worker tells."""
+        """Handle a message (name, value) from the worker."""
         if name == "cell":
             k, model, world = value
             side = self.sides[k]
@@ -144,13 +144,13 @@ class PolicyPage(Page):
             self.draw()
 
     def idle(self, idle: bool) -> None:
-        """While an episode is worked out no other is begun."""
+        """Disable the buttons while an episode is being simulated."""
         self.start.disabled = not idle
         for button in (self.play, self.back, self.on):
             button.disabled = not idle or not self.sides[0].steps
 
     def draw(self) -> None:
-        """Draws the step that is chosen."""
+        """Draw the chosen step."""
         with self.place.server.atomic():
             lines, pictures = [], {}
             for side in self.sides:
@@ -164,7 +164,7 @@ class PolicyPage(Page):
             self.words.content = html.episode(lines)
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen."""
+        """Show or hide the page."""
         self.visible = visible
         self.root.visible = visible
         self.left.visible = visible and self.steps.visible
@@ -182,7 +182,7 @@ class PolicyPage(Page):
         self.job.end()
 
     def _forces(self) -> None:
-        """Give the force at the wrist over time, of both worlds."""
+        """Plot the force at the wrist over time in both worlds."""
         if self.plot is not None:
             self.plot.remove()
             self.plot = None

@@ -61,7 +61,7 @@ def read(folder: Path) -> Run:
         UserError: not the folder of a run, or an unreadable table.
     """
     if not is_run(folder):
-        raise UserError("no training run", file=folder, expected=f"{TABLE} or {BEGUN}, as `vispeg train` writes")
+        raise UserError("is not the folder of a training run", file=folder, expected=f"{TABLE} or {BEGUN} in it")
     rows: list[dict[str, str]] = []
     if (folder / TABLE).is_file():
         rows = list(csv.DictReader(io.StringIO(read_text(folder / TABLE, 64 * MB), newline="")))

@@ -1,4 +1,4 @@
-"""The page of training runs: curves while they grow, several runs in one, a run's films, and its policies to play."""
+"""The training page: growing curves, also of several runs together, a run's films, and its policies to play."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from vispeg.view.choice import Choice
 from vispeg.view.place import Page, Place
 from vispeg.view.run_folder import CHECKPOINTS, Run, film, newest, read, runs_in
 
-EVERY = 1.0  # s between looks at the folder
-SHARE = "share of episodes"  # 0 to 1 whatever the curve does
-CURVES = {  # title -> columns of progress.csv, each with its colour; of several runs the first column alone
+EVERY = 1.0  # s between readings of the folder
+SHARE = "share of episodes"  # plots with this in their title span 0 to 1
+CURVES = {  # title -> columns of progress.csv with their colours; if several runs are shown, only the first column
     f"success ({SHARE})": {"success": "#0a7a75", "train_success": "#d9541e"},
     "return of an episode": {"reward": "#1f6fb4"},
     "critic's loss": {"critic_loss": "#a2456b"},
@@ -31,7 +31,16 @@ CURVES = {  # title -> columns of progress.csv, each with its colour; of several
     "peak force (N)": {"peak_force": "#7a5230"},
     "steps of an episode": {"episode_steps": "#2a9d60"},
 }
-COLOURS = ("#0a7a75", "#d9541e", "#1f6fb4", "#a2456b", "#b0892b", "#5b4bb7", "#2a9d60", "#7a5230")  # of runs
+COLOURS = (
+    "#0a7a75",
+    "#d9541e",
+    "#1f6fb4",
+    "#a2456b",
+    "#b0892b",
+    "#5b4bb7",
+    "#2a9d60",
+    "#7a5230",
+)  # colours of several runs
 FIRST = [  # 23 to 28 s, film included, in four runs on two cores without other work
     f"{registry.FIRST}-state",
     *"--recipe distill --teacher expert --distill-steps 1000 --distill-updates 500".split(),
@@ -39,12 +48,12 @@ FIRST = [  # 23 to 28 s, film included, in four runs on two cores without other 
 
 
 class RunPage(Page):
-    """Follows runs.
+    """Follow training runs.
 
     Args:
-        place: where it stands.
-        run: a run's folder, or one that holds runs; "" for none yet.
-        play: shows a policy's folder on the page of policies.
+        place: what all pages share: server, folder of results, 3D view.
+        run: a run's folder, or a folder of runs; "" for none yet.
+        play: called with a policy's folder to play it on the policy page.
     """
 
     title = "Training"
@@ -53,7 +62,7 @@ class RunPage(Page):
         self.place, gui, self.play = place, place.gui, play
         self.plots: dict[str, Any] = {}
         self.latest: Run | None = None
-        self.others: dict[Path, tuple[Any, Run | None]] = {}  # a box for each, and what it wrote where that is ticked
+        self.others: dict[Path, tuple[Any, Run | None]] = {}  # a tick box for each run, and its data if ticked
         self.trainer: subprocess.Popen | None = None
         self.visible, self.ended, self.lock = False, threading.Event(), threading.RLock()
         self.root = gui.add_folder(None)
@@ -91,12 +100,12 @@ class RunPage(Page):
         threading.Thread(target=self._watch, daemon=True).start()
 
     def follow(self) -> None:
-        """Read the run that is chosen and those ticked beside it, and draw what is new."""
+        """Read the chosen and the ticked runs, and draw what is new."""
         with self.lock:
             self._follow()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew."""
+        """Show or hide the page, and offer what is in the working folder now."""
         self.visible = self.root.visible = visible
         if visible:
             self.folder.refresh()
@@ -104,7 +113,7 @@ class RunPage(Page):
         self._guided()
 
     def close(self) -> None:
-        """Look no more, and end what it trains."""
+        """Stop following, and end a training that this page started."""
         self.ended.set()
         self._stop()
 
@@ -132,7 +141,7 @@ class RunPage(Page):
         self._guided()
 
     def _guided(self) -> None:
-        """Says what there is to do, and shows the controls of what is followed."""
+        """Say what to do next, and show the controls of the followed run."""
         run, training = self.latest is not None, self.trainer is not None and self.trainer.poll() is None
         for folder in (self.policies, self.films, self.same):
             folder.visible = run
@@ -151,7 +160,7 @@ class RunPage(Page):
         self.guide.content = html.next_step("How training goes", text)
 
     def _boxes(self) -> None:
-        """Give a box for each other run that is there."""
+        """Make a tick box for every other run that exists."""
         if self.latest is None:
             return
         paths = [Path(value) for value in self.folder.found()]
@@ -178,7 +187,7 @@ class RunPage(Page):
                 self.follow()
 
     def _train(self) -> None:
-        """Trains a policy in a process of its own, as the command does, into the folder of results."""
+        """Train a policy by `vispeg train` in a separate process, into the folder of results."""
         out = self.place.out / "runs" / "first"
         words = ["-m", "vispeg", "train", *FIRST, "--out", str(out), "--quiet"]
         self.trainer = subprocess.Popen([sys.executable, *words], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -229,7 +238,7 @@ class RunPage(Page):
                 )
 
     def _offered(self, run: Run) -> None:
-        """Checkpoints and films to choose from; what is chosen stays where it can."""
+        """Offer the run's checkpoints and films; keep the choice if it still exists."""
         for choice, names in ((self.checkpoint, run.checkpoints), (self.film, tuple(f.name for f in run.films))):
             new = names or ("none",)
             if tuple(choice.options) != new:
@@ -258,7 +267,7 @@ class RunPage(Page):
 
 
 def _line(run: Run, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Give steps and values (n,) of a column, where it has some."""
+    """Return the steps (n,) and values (n,) of a column where both are finite, sorted by step."""
     steps = run.curves.get("steps", np.zeros(0))
     values = run.curves.get(column, np.full(len(steps), np.nan))
     there = np.isfinite(values) & np.isfinite(steps)

@@ -1,4 +1,4 @@
-"""The page of trials: a run on a robot while it goes on, with a button that stops it, and episodes that are over."""
+"""The trials page: a run on a robot in progress, with a stop button, and a table of finished episodes."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from vispeg.view import html
 from vispeg.view.choice import Choice
 from vispeg.view.place import Page, Place
 
-EVERY = 0.25  # s between looks at the folder: a step of the policy takes 0.16 s
-RED = (179, 38, 30)  # of the style's, on which white can be read
-MOST = 100  # trials that are listed, the newest
+EVERY = 0.25  # s between readings of the folder; a step of the policy takes 0.16 s
+RED = (179, 38, 30)  # a red of the style sheet on which white text is legible
+MOST = 100  # number of trials listed, the newest
 
 
 class TrialsPage(Page):
-    """Follows a folder of trials.
+    """Follow a folder of trials.
 
     Args:
-        place: where it stands.
-        trials: the folder; "" for none yet.
+        place: what all pages share: server, folder of results, 3D view.
+        trials: folder of trials; "" for none yet.
     """
 
     title = "Trials"
@@ -49,14 +49,14 @@ class TrialsPage(Page):
         threading.Thread(target=self._watch, daemon=True).start()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew."""
+        """Show or hide the page, and offer what is in the working folder now."""
         self.visible = self.root.visible = visible
         if visible:
             self.folder.refresh()
             self.follow()
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop following."""
         self.ended.set()
 
     def follow(self) -> None:
@@ -79,7 +79,7 @@ class TrialsPage(Page):
                 self._guided()
 
     def halt(self) -> None:
-        """Ask the run for the end of the episode that is shown, as the space bar in its terminal does."""
+        """Ask the run to end the shown episode, as the space bar in its terminal does."""
         with self.lock:
             if self.state is None:
                 return
@@ -90,7 +90,7 @@ class TrialsPage(Page):
                 self._trouble(str(error))
 
     def _trials(self, place: Path) -> None:
-        """Read the trials that are new."""
+        """List the newest trials, if any has changed."""
         there = sorted(p for p in place.iterdir() if not p.name.startswith(".") and is_trial(p))[-MOST:]
         seen = [(p.name, (p / FILE).stat().st_mtime_ns) for p in there]
         if seen != self.seen:

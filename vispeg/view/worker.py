@@ -1,6 +1,6 @@
-"""A process of its own for long work: it does one thing after the other, tells how far it is, and can be stopped.
+"""A separate process for long work: it handles one request after the other, reports progress, and can be stopped.
 
-It reports in plain data, so that the page stays alive while it works and outlives it where it fails.
+It reports plain data. The page stays responsive while it works, and survives if it fails.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Heard = Callable[[Kind, str, Any], None]
 
 
 class Worker:
-    """One process that owns one object, and calls its methods by name.
+    """A process that owns one object and calls its methods by name.
 
     Args:
-        make: `make(tell, *args)` makes the object in the process; `tell(name, value)` of it reaches `heard`.
-        args: of `make`; data that can be pickled, between these two processes alone.
+        make: `make(tell, *args)` makes the object in the process; each `tell(name, value)` reaches `heard`.
+        args: further arguments of `make`; must be picklable.
         heard: called from a thread of this process: ("told", name, value), ("done", method, result), ("refused" or
             "failed", method, text), ("stopped", method, None).
     """
@@ -41,22 +41,22 @@ class Worker:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def ask(self, method: str, *args: Any) -> None:
-        """Has a method called once everything asked for before is done."""
+        """Request a call of a method, after all earlier requests."""
         self._asked.append(method)
         self._pipe.send((method, args))
 
     @property
     def busy(self) -> bool:
-        """Whether something that was asked for is not done."""
+        """Return whether a request is unfinished."""
         return bool(self._asked)
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return whether the process is running."""
         return self._process.is_alive()
 
     def stop(self) -> None:
-        """End the process at once; what it was at is lost, what it wrote before stays."""
+        """Kill the process; unfinished work is lost, written files stay."""
         self._process.kill()
         self._process.join()
 

@@ -1,4 +1,4 @@
-"""One draw of a world, in a worker process: the cell as it stands at the start, and what cameras make of it."""
+"""Draw an episode's start in a world, in a worker process: the cell, its values, and pictures by its cameras."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ from vispeg.worlds.distribution import LogUniform, Uniform
 
 @dataclass(frozen=True)
 class Range:
-    """A range that can be moved.
+    """A range of a world's parameter that the page can change.
 
     Attributes:
-        effect, where, param: what it is of; `unit` of its values.
-        low, high: the world's own; `least`, `most` the bounds that a slider offers.
+        effect, where, param: the effect, its place and its parameter.
+        unit: unit of the values.
+        low, high: the range in the world.
+        least, most: the bounds of the slider.
     """
 
     effect: str
@@ -41,7 +43,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Drawn:
-    """An episode's start: the cell's model, how it stands, pictures (H, W, 3) uint8, and the values drawn."""
+    """An episode's start: compiled cell, configuration, poses of bodies, pictures (H, W, 3) uint8, and drawn values."""
 
     model: mujoco.MjModel
     qpos: np.ndarray
@@ -51,17 +53,17 @@ class Drawn:
 
 
 class Draws:
-    """What the page's worker holds; `tell` is called with "ranges" ([Range]) and "drawn" (Drawn)."""
+    """The object of the page's worker; `tell` gets "ranges" (list of Range) and "drawn" (Drawn)."""
 
     def __init__(self, tell: Callable[[str, Any], None]):
         self.tell = tell
 
     def open(self, world: str) -> None:
-        """Tells the ranges of a world. Raises UserError: no such world."""
+        """Send the ranges of a world. Raises UserError: no such world."""
         self.tell("ranges", ranges(world))
 
     def draw(self, world: str, seed: int) -> None:
-        """Draws an episode's start. Raises UserError: no such world, or one that cannot be."""
+        """Draw and send an episode's start. Raises UserError: no such world, or an impossible one."""
         self.tell("say", f"drawing seed {seed}")
         env = TaskVec(1, world, obs_mode="rgbd", render_mode="rgb_array")
         try:
@@ -77,13 +79,13 @@ class Draws:
             env.close()
 
     def save(self, file: Path, text: str, replace: bool = False) -> str:
-        """Write a world file; return its path. Raises UserError: it is there already, and not to be replaced."""
+        """Write a world file; return its path. Raises UserError: it exists and `replace` is false, or is invalid."""
         write_text_atomic(file, text, overwrite=replace)
         return str(load_world(file).path)
 
 
 def in_words(label: str, values: Mapping[str, float]) -> tuple[str, str]:
-    """`Link mass of link 1`, `mass 0.287 kg`: what an episode drew of an effect, in the words of the sliders."""
+    """Return an effect's name and drawn values in words, such as `Link mass of link 1`, `mass 0.287 kg`."""
     name, _, where = label.removesuffix(")").partition("(")
     params = effect(name).params
     texts = {k: effect_words.in_unit({"value": v, "unit": params[k].unit}) for k, v in values.items()}
@@ -92,7 +94,7 @@ def in_words(label: str, values: Mapping[str, float]) -> tuple[str, str]:
 
 
 def ranges(world: str) -> list[Range]:
-    """Give the flat ranges of a world, each with a span about it that its effect allows."""
+    """Return the uniform and log-uniform ranges of a world, each with slider bounds that its effect allows."""
     entries = []
     for entry in load_world(world).world.ranges:
         for name, value in entry.params.items():

@@ -1,4 +1,4 @@
-"""The page of worlds: a slider for every range; cell and pictures are drawn again as they move; the file to keep."""
+"""The world page: a slider for each range; moving one draws the cell and pictures again; the result can be saved."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from vispeg.worlds.distribution import LogUniform, Uniform
 from vispeg.worlds.entry import entry_dict
 
 NEXT = "Draw other seeds, or move the ends of a range: the cell is drawn again. Then keep the world as a file."
-STEPS = 200  # of a slider
+STEPS = 200  # number of steps of a slider
 
 
 class WorldPage(Page):
-    """Looks at a world and changes its ranges.
+    """Show a world and change its ranges.
 
     Args:
-        place: where it stands.
-        world: a world file or name to begin with; "" opens none before the page is seen.
+        place: what all pages share: server, folder of results, 3D view.
+        world: name or file of the world to begin with; "" for the world `randomized`.
     """
 
     title = "Worlds"
@@ -70,7 +70,7 @@ class WorldPage(Page):
         self.name.on_update(lambda _: self._named())
 
     def open(self) -> None:
-        """Show the ranges of the world that is chosen, and draw it."""
+        """Show the ranges of the chosen world, and draw it."""
         self.opened = self.world.value
         if self.job.start is None:
             self.job.begin(Draws, ())
@@ -78,7 +78,7 @@ class WorldPage(Page):
         self.draw()
 
     def draw(self) -> None:
-        """Draws the world as the sliders say; while one is being drawn, the next one waits for it."""
+        """Draw the world with the sliders' ranges; if another is being drawn, do it afterwards."""
         if self.job.worker is not None and self.job.worker.busy:
             self.again = True
             return
@@ -88,7 +88,7 @@ class WorldPage(Page):
         self.job.ask("draw", world, int(self.seed.value))
 
     def receive(self, name: str, value: Any) -> None:
-        """Give what the worker tells."""
+        """Handle a message (name, value) from the worker."""
         if name == "ranges":
             self._ranges(value)
         elif name == "drawn":
@@ -98,12 +98,12 @@ class WorldPage(Page):
             self._named()
 
     def idle(self, idle: bool) -> None:
-        """Draw now what was moved meanwhile."""
+        """Draw again if a slider moved while the worker was busy."""
         if idle and self.again:
             self.draw()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; the first time, its world is opened."""
+        """Show or hide the page; open its world when it is shown for the first time."""
         self.visible = visible
         self.root.visible = self.left.visible = visible
         if self.cell is not None:
@@ -120,7 +120,7 @@ class WorldPage(Page):
         self.job.end()
 
     def text(self) -> str:
-        """Give the world file: the world that was opened, and the ranges that were moved."""
+        """Return the text of a world file: the opened world as base, with the changed ranges."""
         base = self.opened if not Path(self.opened).suffix else str(Path(self.opened).resolve())
         moved = {(r.effect, r.where, r.param): s.value for r, s in self._changed()}
         entries = []
@@ -144,7 +144,7 @@ class WorldPage(Page):
         return [(r, s) for r, s in self.sliders if moved(r, s)]
 
     def _file(self) -> Path:
-        """Give the world as the sliders say, as a file of the page's own."""
+        """Write the world with the sliders' ranges into a hidden file; return its path."""
         return write_text_atomic(self.place.out / ".world.yaml", self.text(), overwrite=True)
 
     def _ranges(self, ranges: list[Range]) -> None:
@@ -190,7 +190,7 @@ class WorldPage(Page):
         self.draw()
 
     def _named(self) -> None:
-        """Says before it is pressed whether the button replaces a file."""
+        """Label the save button: it says whether a file would be replaced."""
         target = self._target()
         self.save.label = f"Replace {target.name}" if target.exists() else "Write the world file"
 
@@ -198,7 +198,7 @@ class WorldPage(Page):
         self._commands()
         words = str(self.save.label)
         self._named()
-        if str(self.save.label) == words:  # else it came to stand there meanwhile: the button says so now
+        if str(self.save.label) == words:  # otherwise it has appeared in the meantime: the button says so now
             self.job.ask("save", self._target(), self.text(), self._target().exists())
 
     def _target(self) -> Path:

@@ -18,7 +18,7 @@ from vispeg.worlds.world import World
 
 
 class Borders(Subject):
-    """Edge errors of recordings with frames; arguments as for `Joints`."""
+    """Compare the edges in recorded pictures with the model; arguments as for `Joints`."""
 
     unit, shows = "px", "How far borders lie from where the model puts them"
 
@@ -40,11 +40,11 @@ class Borders(Subject):
 
     @property
     def body(self) -> Scene:
-        """The cell."""
+        """The robot in its cell."""
         return self.judged.scene
 
     def error(self, world: World) -> float:
-        """RMS edge error, px."""
+        """Return RMS edge error, px."""
         return self.judged.error(world)
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
@@ -61,7 +61,7 @@ class Borders(Subject):
         return tuple(out)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Map the whitened edge errors over time, and by the part whose border it is."""
+        """Map the edge errors, as multiples of their noise, over time and by the part that the border belongs to."""
         rows: list[list[np.ndarray]] = [[], [], [], []]
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
@@ -82,7 +82,7 @@ class Borders(Subject):
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Return the recording of a track, and the time of its first sample, s, which the track counts from."""
+        """Return a track's recording, and the recording's time (s) at the track's zero."""
         rec = self.recordings[self.judged.items[track].name]
         return rec, float(rec.time[0])
 
@@ -90,14 +90,14 @@ class Borders(Subject):
         return self.judged.items[track].sight.time - self.recorded(track)[1]
 
     def _placed(self, item: Item, values: np.ndarray) -> np.ndarray:
-        """Return (n, columns): the values (n,) in the column of the item's camera, NaN elsewhere."""
+        """Return (n, columns) with the values (n,) in the column of the item's camera and NaN elsewhere."""
         out = np.full((len(values), len(self.columns)), np.nan)
         out[:, self.columns.index(item.sight.camera.name)] = values
         return out
 
 
 def _per_frame(item: Item, away: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Return each frame's RMS edge error, (frames,) px, weighted by the trust in each edge."""
+    """Return each frame's RMS edge error (frames,), px, weighted by the trust in each edge."""
     good = np.isfinite(away)
     trust, at = np.where(good, item.trust, 0.0), np.searchsorted(frames, item.points.frame)
     square = np.bincount(at, trust * np.where(good, away, 0.0) ** 2, len(frames))

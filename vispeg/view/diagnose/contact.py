@@ -1,4 +1,4 @@
-"""Contact: the wrench at the wrist that keeps the hand on its measured path."""
+"""The contact channel: the wrench at the wrist that keeps the hand on its measured path."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vispeg.worlds.world import World
 
 
 class Contact(Subject):
-    """Recordings with a wrench in a cell; the arguments of `Joints`."""
+    """Compare recorded wrenches with the model of a robot in its cell; arguments as for `Joints`."""
 
     columns, units, unit = COLUMNS, ("N",) * 3 + ("N m",) * 3, "N"
     shows = "Force and torque at the wrist that the model misses"
@@ -32,24 +32,24 @@ class Contact(Subject):
 
     @property
     def floor(self) -> float:
-        """RMS of the force's noise."""
+        """RMS noise of the force, N."""
         return self.judged.floor
 
     @property
     def body(self) -> Scene:
-        """The cell."""
+        """The robot in its cell."""
         return self.judged.items[0].source.scene
 
     def begin(self, world: World) -> Beginning:
-        """Partial effects of contact are fitted anew."""
+        """Return the model with its partial effects freed, so that the search fits them again."""
         return begun(world)
 
     def error(self, world: World) -> float:
-        """RMS of the force."""
+        """Return the RMS error of the force on the judged recordings, N."""
         return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Give a track an episode, a row a block of time."""
+        """Return one track per episode, with one row per block of time."""
         out = []
         for item, before, after in zip(self.judged.items, *self._predicted(first, now), strict=True):
             posture = np.nan_to_num(item.recording.q[item.segment.rows])
@@ -59,7 +59,7 @@ class Contact(Subject):
         return tuple(out)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """By phase of contact, and over time."""
+        """Return the errors, as multiples of the noise, by phase of contact and over time."""
         items = self.judged.items
 
         def white(predicted: list[np.ndarray]) -> np.ndarray:
@@ -76,7 +76,7 @@ class Contact(Subject):
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Give an episode's recording; its time is the recording's own."""
+        """Return a track's recording, and the recording's time (s) at the track's zero."""
         item = self.judged.items[track]
         return item.recording, float(item.recording.time[item.segment.rows[0]] - item.segment.time[0])
 

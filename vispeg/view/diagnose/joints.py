@@ -1,4 +1,4 @@
-"""Joints: angles in closed loop, or torques by inverse dynamics."""
+"""The joints channel: angles simulated in closed loop, or torques computed by inverse dynamics."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from vispeg.worlds.world import World
 
 
 class Joints(Plain):
-    """Recordings of joints.
+    """Compare recorded joint angles or torques with the model.
 
     Args:
-        inputs: model and recordings.
-        threads: of the simulation.
-        say: called with a line on each step.
-        progress: of the search; None where there is nothing to judge on.
+        inputs: the model and the recordings.
+        threads: number of threads for the simulation.
+        say: called with a line of text at each step.
+        progress: saved progress of the search; None without recordings to judge on, so without a search.
     """
 
     shows = "Torque that the model lacks"
@@ -40,9 +40,9 @@ class Joints(Plain):
         self.units = (self.unit,) * len(self.columns)
 
     def begin(self, world: World) -> Beginning:
-        """With the steps of encoders; partial effects are fitted anew."""
+        """Return the model with encoder resolutions read from the recordings, and with partial effects freed."""
         return of_joints(world, self.recordings, self.unit)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Missing torque over speed, load, position, phase, time."""
+        """Return the missing torque over speed, load, position, phase and time."""
         return maps(self.judged, self.judged.simulated([first]), self.judged.simulated([now]))

@@ -1,4 +1,4 @@
-"""The page of a diagnosis: choose model and recordings, see where it fails, press an effect, watch the error fall."""
+"""The diagnosis page: choose a model and recordings, see where the model fails, add effects, see the error fall."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from vispeg.view.place import Page, Place
 ROLES = ("fit", "judge on", "leave out", "remove")
 CHOOSE = "choose"
 WAY = ("Model and logs", "Where it fails", "What is missing", "Add it", "Take it away")
-LINES = 6  # of the log that are shown
+LINES = 6  # number of log lines shown
 
 
 class StudyPage(Page):
-    """What is missing from a model.
+    """Find by hand what a model lacks.
 
     Args:
-        place: where it stands.
-        model: as `vispeg diagnose` takes it.
-        recordings: folders; the last one is judged on where there are several.
-        log: called with a log that was dropped here, and the model: it becomes a recording first.
+        place: what all pages share: server, folder of results, 3D view.
+        model: a model in any form that `vispeg diagnose` accepts.
+        recordings: folders of recordings; if there are several, the last one is held out and judges.
+        log: called with a log that was dropped here and with the model, so that the log is imported first.
     """
 
     title = "Diagnose"
@@ -110,7 +110,7 @@ class StudyPage(Page):
             self.open()
 
     def take(self, path: Path) -> None:
-        """Take a model or a log that was dropped."""
+        """Accept a dropped model or log; show an error for any other file."""
         kind = kind_of(path)
         if kind == "log":
             self.log_dropped(path, self.chosen_model)
@@ -121,7 +121,7 @@ class StudyPage(Page):
             self.job.fail(str(UserError("is neither a model nor a log", file=path.name, expected=words)))
 
     def add(self, path: Path) -> None:
-        """Offers a recording; so far the last one was judged on, now this one is. One that is there is read anew."""
+        """Add a recording and hold it out in place of the one held out so far; the first one is fitted."""
         if path not in self.roles:
             for other in self.roles.values():
                 other.value = ROLES[0] if other.value == ROLES[1] else other.value
@@ -135,7 +135,7 @@ class StudyPage(Page):
         self._guided()
 
     def open(self, channel: str | None = None) -> None:
-        """Compare the model with the recordings in a channel, by default their first, then score candidates."""
+        """Compare the model with the recordings in a channel (default: the first), then score the candidates."""
         fitted, held_out = self._sides()
         if not fitted and not held_out:
             self._guided()
@@ -148,7 +148,7 @@ class StudyPage(Page):
         self.job.begin(Study, args, *asked)
 
     def receive(self, name: str, value: Any) -> None:
-        """Give what the worker tells."""
+        """Handle a message (name, value) from the worker."""
         if name == "model":
             self.drawn += 1
             self.traces.draws(*value)
@@ -171,7 +171,7 @@ class StudyPage(Page):
         self._logged()
 
     def idle(self, idle: bool) -> None:
-        """Buttons that would wait for what is running are off."""
+        """Disable the buttons that must wait for the running work."""
         ready = idle and self.standing is not None
         able = ready and self.standing is not None and self.standing.judged
         for button in (self.screen, self.run, self.report, *self.candidates):
@@ -183,7 +183,7 @@ class StudyPage(Page):
         self._guided()
 
     def show(self, visible: bool) -> None:
-        """Whether the page is seen; what lies under the working folder is offered anew."""
+        """Show or hide the page, and offer what is in the working folder now."""
         self.visible = self.root.visible = visible
         self.left.visible = visible and self.standing is not None
         self.traces.show(visible)
@@ -195,11 +195,11 @@ class StudyPage(Page):
         """End the worker."""
         self.job.end()
 
-    last = ""  # the candidate that was fitted last, by hand
+    last = ""  # the candidate that the user fitted last
 
     @property
     def chosen_model(self) -> str:
-        """The model as `vispeg diagnose` takes it."""
+        """The chosen model, in a form that `vispeg diagnose` accepts."""
         return self.models.get(str(self.model.value), str(self.model.value))
 
     def _wire(self) -> None:
@@ -223,7 +223,7 @@ class StudyPage(Page):
         self.job.fail(text)
 
     def _offered(self, model: str) -> None:
-        """Offers the models that are there, and chooses one; a model that was not drawn is drawn."""
+        """Offer the models that exist, choose one, and draw it if none was drawn."""
         found = named(self.place.around().of("model"), Path.cwd())
         self.models = {label: str(path) for label, path in found.items()} | {n: n for n in (*available(), OPEN_CELL)}
         label = next((label for label, value in self.models.items() if value == model), "")
@@ -233,12 +233,12 @@ class StudyPage(Page):
         if tuple(self.model.options) != tuple(self.models):
             self.model.options = tuple(self.models)
         if self.model.value != label:
-            self.model.value = label  # asks for it to be drawn
+            self.model.value = label  # its update draws the model
         elif not self.drawn:
             self._other_model()
 
     def _other_model(self) -> None:
-        """Draws the model that is chosen; what was compared with another one is put aside."""
+        """Draw the chosen model, and drop the comparison with the previous one."""
         self.drawn += 1
         threading.Thread(target=self._draw, args=(self.drawn, self.chosen_model), daemon=True).start()
         if self.standing is not None:
@@ -261,7 +261,7 @@ class StudyPage(Page):
             self.traces.draws(made, isinstance(body, Scene))
 
     def _listed(self) -> None:
-        """Offers the recordings under the working folder that are not in the list, each folder of several as one."""
+        """Offer the recordings in the working folder that are not chosen yet, and folders of several as one entry."""
         paths = [
             p for p in self.place.around().of("recording") if p not in self.roles and p.resolve() not in self.roles
         ]
@@ -283,14 +283,14 @@ class StudyPage(Page):
             self.add(path)
 
     def _example(self) -> None:
-        """Give the bundled recordings with the arm that they are of."""
+        """Open the bundled recordings with the model of their arm."""
         self._offered("iiwa14")
         for path in shipped_recordings():
             self.add(path)
         self.open()
 
     def _other_channel(self) -> None:
-        """Look in the channel that is chosen, unless it is looked in already."""
+        """Compare in the chosen channel, unless it is the present one."""
         if self.standing is not None and self.channel.value != self.standing.channel:
             self.open(str(self.channel.value))
 
@@ -306,7 +306,7 @@ class StudyPage(Page):
         self._guided()
 
     def _guided(self) -> None:
-        """Says what there is to do next."""
+        """Say what to do next."""
         at, text = self._next()
         self.guide.content = html.next_step("", text, WAY, at)
         fitted, held_out = self._sides()
@@ -350,7 +350,7 @@ class StudyPage(Page):
         self.job.ask(what, *args)
 
     def _download(self, path: Path | None, window: Any = None) -> None:
-        """Hands a file that was written to the window that asked for it."""
+        """Send a written file to the window that asked for it."""
         window = window or self.window
         if path is not None and window is not None:
             window.send_file_download(path.name, path.read_bytes(), save_immediately=True)
@@ -359,7 +359,7 @@ class StudyPage(Page):
         return None if self.written_to is None or not (self.written_to / name).is_file() else self.written_to / name
 
     def _reported(self, folder: Path) -> None:
-        """Offers the report, and the next motion where one would tell more; says why."""
+        """Offer the report, and the next motion if there is one, with the reason for it."""
         self.written_to = folder
         record = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
         following = record.get("next_experiment") or {}
@@ -377,12 +377,12 @@ class StudyPage(Page):
 
     def _stand(self, standing: Standing) -> None:
         if self.standing is not None and self.standing.effects != standing.effects:
-            self._candidates([])  # of another model; new ones are being scored
+            self._candidates([])  # these were scored for another model; new scores follow
         self.standing = standing
         if tuple(self.channel.options) != standing.channels:
             self.channel.options = standing.channels
         self.channel.value, self.channel.visible = standing.channel, len(standing.channels) > 1
-        self.motion.visible = self.page.visible = False  # of another state
+        self.motion.visible = self.page.visible = False  # they belong to the previous state
         self.written.content = ""
         self._stood()
         self.ladder.content = html.ladder(standing)
@@ -396,7 +396,7 @@ class StudyPage(Page):
         self._commands()
 
     def _stood(self) -> None:
-        """Show what there is once a model was compared, and hides it where none was."""
+        """Show the results once a model was compared, else hide them."""
         there = self.standing is not None
         for folder in (self.missing, self.history, self.results, self.same):
             folder.visible = there
@@ -408,7 +408,7 @@ class StudyPage(Page):
     def _map(self) -> None:
         if self.standing is None or self.axis.value not in self.standing.maps:
             return
-        target = self.go._impl.uuid  # the toolkit's id of the text field, which is its element's
+        target = self.go._impl.uuid  # the toolkit's id of the text field is also the id of its HTML element
         self.heat.content = html.heat(self.standing, self.axis.value, str(self.go.value), target)
 
     def _go(self) -> None:
@@ -422,7 +422,7 @@ class StudyPage(Page):
         self._picture()
 
     def _picture(self) -> None:
-        """Asks for the picture at the moment, where pictures are what is compared, or one was asked for before."""
+        """Request the picture at the shown moment, if pictures are compared or one was requested before."""
         standing = self.standing
         if standing is not None and (standing.unit == "px" or self.pictures.taken is not None):
             self._see(str(self.pictures.camera.value))
@@ -457,7 +457,7 @@ class StudyPage(Page):
         return fitted, held_out
 
     def _file(self) -> Path:
-        """Give a file that is not there yet."""
+        """Return a path for model.yaml that does not exist yet."""
         names = (self.place.out / f"model{n}.yaml" for n in ("", *range(2, 1000)))
         return next(path for path in names if not path.exists())
 

@@ -1,4 +1,4 @@
-"""Camera pictures on the page: what was photographed at the moment, what the model renders, a slider between them."""
+"""Camera pictures on the page: the recorded one, the one that the model renders, and a slider that blends them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from vispeg.view.diagnose.standing import Pictured, Standing
 from vispeg.view.place import Place
 
-LEAST = 320  # px, width of a picture
+LEAST = 320  # px; smaller pictures are enlarged to about this width
 KINDS = {"colour": ("rendered", "measured"), "depth": ("depth_rendered", "depth_measured")}
 
 
 class Pictures:
-    """Elements are added where the page's are being added; they are seen where the recordings have pictures.
+    """Its elements are added to the part of the page that is being built, and shown if the recordings have pictures.
 
     Args:
-        place: of the page.
-        ask: asks for the camera's picture at the moment that is shown.
+        place: what all pages share: server, folder of results, 3D view.
+        ask: called with a camera's name to request its picture at the shown moment.
     """
 
     def __init__(self, place: Place, ask: Callable[[str], None]):
@@ -38,7 +38,7 @@ class Pictures:
         self.kind.on_update(lambda _: self.draw())
 
     def take(self, standing: Standing) -> None:
-        """Offers the cameras of the recordings."""
+        """Offer the cameras of the recordings that are compared."""
         names = tuple(dict.fromkeys(name for track in standing.tracks for name in track.cameras))
         self.folder.visible = bool(names)
         if names and tuple(self.camera.options) != names:
@@ -53,7 +53,7 @@ class Pictures:
         self.draw()
 
     def draw(self) -> None:
-        """Draws the frame, as much of it rendered as the slider says."""
+        """Draw the frame, blended from measured (0) to rendered (1) as the slider says."""
         if self.taken is None or str(self.kind.value) not in KINDS:
             return
         rendered, measured = (self.taken.pictures.get(name) for name in KINDS[str(self.kind.value)])

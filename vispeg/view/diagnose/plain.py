@@ -1,4 +1,4 @@
-"""Any channel that brings no page of its own: its signal of every joint, measured and predicted."""
+"""The view of any channel without a view of its own: its signal in every joint, measured and predicted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.worlds.world import World
 
 
 class Plain(Subject):
-    """Recordings in a channel; its other arguments are those of `Joints`."""
+    """Compare a channel's signal with the model; arguments other than `channel` as for `Joints`."""
 
     shows = "How far the signal is off"
 
@@ -31,7 +31,7 @@ class Plain(Subject):
 
     @property
     def floor(self) -> float:
-        """RMS of the noise."""
+        """RMS noise, in `unit`."""
         return self.judged.floor
 
     @property
@@ -40,16 +40,16 @@ class Plain(Subject):
         return self.judged.items[0].robot
 
     def error(self, world: World) -> float:
-        """RMS over joints."""
+        """Return the RMS error over all joints on the judged recordings, in `unit`."""
         return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Give a track a segment."""
+        """Return one track per segment of a recording."""
         before, after = self.judged.simulated([first]), self.judged.simulated([now])
         return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Over time."""
+        """Return the errors, as multiples of the noise, over time."""
         items, rows = self.judged.items, []
         for world in (first, now):
             predicted = zip(items, self.judged.simulated([world]), strict=True)
@@ -60,6 +60,6 @@ class Plain(Subject):
         return {"time": over_time(rows[0], rows[1], moment)}
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Give a segment's recording and start."""
+        """Return a track's recording, and the recording's time (s) at the track's zero."""
         item = self.judged.items[track]
         return item.recording, float(item.recording.time[item.segment.rows[0]])

@@ -1,4 +1,4 @@
-"""What the worker tells of a search: plain data that the page draws."""
+"""The state of a search as plain data, which the worker sends and the page draws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Rung:
-    """A model of the ladder: what was added to the one before, and its held-out RMS error."""
+    """One model of the ladder: what was added to the previous model, and the held-out RMS error with it."""
 
     words: str
     error: float
@@ -27,16 +27,17 @@ class Rung:
 
 @dataclass(frozen=True)
 class Track:
-    """One held-out stretch.
+    """One compared stretch of a recording.
 
     Attributes:
-        name: the recording's.
-        time: (n,) s.
-        posture: (n, nj) rad, measured.
-        measured, first, now: (n, columns) in the columns' units; of the model as it was given, and as it is. Without
-            `measured` they are errors.
-        wrench: (n, 6) N and N m as recorded, where the recording says what it is; else None.
-        cameras: names of those that took pictures.
+        name: name of the recording or of its part.
+        time: (n,) time, s.
+        posture: (n, nj) measured joint angles, rad.
+        measured: (n, columns) measured values in the columns' units; None if only errors are known.
+        first, now: (n, columns) predictions of the given model and of the present one, in the same units. If
+            `measured` is None, they are errors.
+        wrench: (n, 6) recorded force (N) and torque (N m), if the recording describes the sensor; else None.
+        cameras: names of the cameras that took pictures.
     """
 
     name: str
@@ -51,7 +52,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Pictured:
-    """A frame: its camera, when it was taken (s in its track), and pictures (H, W, 3) uint8 by name."""
+    """A camera frame: the camera, its time in the track (s), and pictures (H, W, 3) uint8 by name."""
 
     camera: str
     time: float
@@ -60,10 +61,13 @@ class Pictured:
 
 @dataclass(frozen=True)
 class Field:
-    """A map of what is off over one axis: edges (k+1,), RMS over its noise first and now (columns, k).
+    """A map of the model's error over one axis, in k cells.
 
-    `moment` (columns, k, 2) is the track and the time, s, of the worst in a cell; NaN in an empty one. Cells that are
-    no ranges have `labels` (k,).
+    Attributes:
+        edges: (k+1,) edges of the cells.
+        first, now: (columns, k) RMS error of the given and of the present model, as a multiple of the noise.
+        moment: (columns, k, 2) track and time (s) of the largest error in each cell; NaN in an empty cell.
+        labels: (k,) names of the cells, if they are not ranges of a number.
     """
 
     edges: np.ndarray
@@ -75,20 +79,23 @@ class Field:
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a search stands.
+    """The state of a search.
 
     Attributes:
-        joints: whose angles the postures are.
-        columns, units: what is compared side by side, and in which unit each.
-        shows: what a cell of the maps says.
-        unit: of errors.
-        floor: RMS of the noise.
-        ladder: models, the given one first.
-        effects: that were added, as they are now fitted; `initial` those of the user's model.
-        tracks, maps: what was measured and predicted; maps by axis, none where torque says nothing.
-        judged: whether there is a recording to judge on; only then effects can be added.
-        channels, channel: those that the recordings have; the one that is looked in.
-        enough: whether the error is so near the noise that nothing more could be named.
+        joints: names of the joints in each posture.
+        columns, units: names of the compared quantities, and the unit of each.
+        shows: what the numbers in the maps mean.
+        unit: unit of the errors.
+        floor: RMS noise, in `unit`.
+        ladder: the models so far, the given one first.
+        effects: the added effects with their fitted sizes.
+        initial: the effects of the given model.
+        tracks: measured and predicted signals.
+        maps: maps of the error, axis -> map; empty if the recordings show no torque.
+        judged: whether there is a held-out recording; only then can effects be added.
+        enough: whether the error is so near the noise that nothing more can be named.
+        channels: the channels that the recordings have.
+        channel: the channel that is compared.
     """
 
     joints: tuple[str, ...]
@@ -110,7 +117,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A candidate: its members as `EFFECT:WHERE` joined by `+`, in words, and the share of the error it promises."""
+    """A candidate: its members as `EFFECT:WHERE` joined by `+`, its name in words, and its expected share of the error."""
 
     key: str
     words: str
@@ -119,7 +126,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate that was fitted: held-out error before and after, RMS; `refused` says why it does not pass."""
+    """A fitted candidate: held-out RMS error before and after, and in `refused` why it did not pass ("" if it did)."""
 
     words: str
     size: str

@@ -1,7 +1,7 @@
-"""A diagnosis driven by hand, in a worker process: compare, screen, fit one effect or let the search go on, take back.
+"""A diagnosis by hand, in a worker process: compare, screen, fit one effect or let the search continue, undo.
 
-It answers from, and adds to, the progress that `vispeg diagnose` keeps beside its result, and writes down what was
-done; a killed one does it again in a moment, and the command goes on from there.
+It uses and extends the progress that `vispeg diagnose` saves beside its result, and it records each step. If the
+worker is killed, the next one repeats the steps in a moment; `vispeg diagnose` can continue from the same progress.
 """
 
 from __future__ import annotations
@@ -42,23 +42,24 @@ from vispeg.vision.show import side_by_side
 from vispeg.worlds.model_file import model_text, placed_dict
 from vispeg.worlds.world import World
 
-SHOWN = 12  # candidates
+SHOWN = 12  # number of candidates shown
 SUBJECTS = {"joints": Joints, "contact": Contact, "pictures": Borders}
-STEPS = "steps.json"  # in the folder of the progress
+STEPS = "steps.json"  # name of the file with the steps, in the folder of the progress
 
 
 class Study:
-    """What the page's worker holds.
+    """The object that the page's worker owns.
 
     Args:
         tell: called with "say" (a sentence), "model" (MjModel, whether it is a cell), "standing", "candidates",
             "tried" and "pictured", see `vispeg.view.diagnose.standing`.
-        model: as `vispeg diagnose` takes it.
-        fitted, held_out: folders of recordings; without `held_out` the model is only compared with the others.
-        out: folder of results; what was worked out is kept in `found.part` in it, or `found-2.part` where that is of
-            other recordings.
-        threads: of the simulation.
-        channel: the one to look in, of those that `vispeg diagnose` looks in; by default their first.
+        model: a model in any form that `vispeg diagnose` accepts.
+        fitted, held_out: folders of recordings to fit and to judge on; unless both are given, the model is only
+            compared.
+        out: folder of results. Progress is kept in its `found.part`, or in `found-2.part` and so on if that belongs to
+            other inputs.
+        threads: number of threads for the simulation.
+        channel: the channel to compare; by default the first that the model and recordings have.
     """
 
     def __init__(
@@ -116,29 +117,31 @@ class Study:
             self.n_given = len(self.world.effects)
 
     def show(self) -> None:
-        """Tells where the search stands."""
+        """Send the state of the search."""
         self.tell("standing", self.standing())
 
     def screen(self) -> None:
-        """Scores every candidate and tells the best."""
+        """Score every candidate and send the best."""
         search, state = self._searching()
         self.tell("say", f"scoring candidates beside {state.world.label}")
         scores = [s for s in search.scored(state) if s.gain > 0]
         self.scores = {key_of(s): s for s in scores}
         total = float(state.residual @ state.residual)
         candidates = [(size(s), Candidate(key_of(s), words(s), min(s.gain / max(total, 1e-12), 1.0))) for s in scores]
-        candidates.sort(key=lambda at: (-round(at[1].share, 2), at[0]))  # of equals the simplest first
+        candidates.sort(
+            key=lambda at: (-round(at[1].share, 2), at[0])
+        )  # among equal shares, the fewest parameters first
         self.tell("candidates", [candidate for _, candidate in candidates[:SHOWN]])
 
     def fit(self, key: str, anyway: bool = False) -> None:
-        """Fits one candidate, or any `EFFECT:WHERE`; it is added where it passes, or `anyway`."""
+        """Fit one candidate, or any `EFFECT:WHERE`; add it if it passes, or if `anyway`."""
         search, state = self._searching()
         if not self.scores:
-            search.scored(state)  # a fit may depend on what the scores of its step say
+            search.scored(state)  # a fit may depend on the scores of its step
         score = self.scores.get(key) or self._typed(key)
         for member in score.members:
             if any((e.effect, e.where) == (member.effect, member.where) for e in state.world.effects):
-                raise UserError("is in the model already", key=key)
+                raise UserError("the model has this effect already", key=key)
         self.tell("say", f"fitting {words(score)}")
         before = self.subject.error(state.world)
         (trial,) = search.try_all(state, [score], self.n_fixed, search.tested(state))
@@ -152,7 +155,7 @@ class Study:
         self.show()
 
     def advance(self) -> bool:
-        """One step of the search by itself; False where nothing more earns its place."""
+        """Let the search take one step by itself; return False once no more steps follow."""
         search, state = self._searching()
         if not search.worth_it(state, self.n_fixed):
             self.tell("say", "the error is near the sensor noise: nothing more can be named")
@@ -176,15 +179,15 @@ class Study:
         return went_on
 
     def run(self) -> None:
-        """Give the search by itself, until nothing more earns its place."""
+        """Let the search take steps by itself until no more follow."""
         while self.advance():
             pass
 
     def picture(self, track: int, moment: float, camera: str) -> None:
-        """Tells "pictured": the camera's frame nearest to a moment, s, of a track, and as the model renders it.
+        """Send a camera's frame nearest to a moment (s) of a track, beside the model's rendering of it.
 
         Raises:
-            UserError: the camera took no picture, or its pose or the joint angles at that time are not known.
+            UserError: the camera took no picture, or its pose or the joint angles at that time are unknown.
         """
         rec, start = self.subject.recorded(track)
         if rec.frames is None or camera not in rec.frames.names:
@@ -197,7 +200,7 @@ class Study:
         self.tell("pictured", Pictured(camera, float(frames.times[k]) - start, side_by_side(comparison)))
 
     def undo(self) -> None:
-        """Take the last step back."""
+        """Undo the last step. Raises UserError: there is none."""
         if not self.before:
             raise UserError("there is nothing to take back")
         self.state, self.rungs = self.before.pop()
@@ -207,25 +210,27 @@ class Study:
         self.show()
 
     def report(self) -> str:
-        """Run what is left of `vispeg diagnose` and write its folder; return its path."""
+        """Run the rest of `vispeg diagnose` and write its folder of results; return the folder's path."""
         out = self.part.with_suffix("")
         result = diagnose(*self.asked, threads=self.threads, part=self.part, say=lambda text: self.tell("say", text))
-        return str(result.save(out, overwrite=True))  # nobody else's: its name was free at the start
+        return str(result.save(out, overwrite=True))  # safe to overwrite: the name was free at the start
 
     def save(self, file: Path, overwrite: bool) -> str:
-        """Write the model with what was added; return the path."""
+        """Write the model with the added effects; return the file's path."""
         world = self.world if self.state is None else self.state.world
-        partial = {e.label for e in self.world.effects if e.partial}  # still so: what they leave was not judged
+        partial = {
+            e.label for e in self.world.effects if e.partial
+        }  # these stay partial: what remains beside them was not judged
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
         text = model_text(self._whole(replace(world, effects=effects)))
         return str(write_text_atomic(file, text, overwrite=overwrite))
 
     def _whole(self, world: World) -> World:
-        """Give a world of this channel with what the channel cannot show of the given model."""
+        """Return this channel's world, completed with the cell and effects of the given model that it left out."""
         return replace(world, cell=self.given.cell, effects=(*self.aside, *world.effects))
 
     def standing(self) -> Standing:
-        """Where the search stands, with what the page draws of it."""
+        """Return the state of the search as the page draws it."""
         state, subject = self.state, self.subject
         world = self.world if state is None else state.world
         return Standing(
@@ -276,7 +281,7 @@ class Study:
         self._write()
 
     def _claimed(self) -> list[list[str]]:
-        """Give what was done in this folder before; from now on it is this search's."""
+        """Return the steps saved in this folder, and claim the folder for this search if it had none."""
         done = read_steps(self.part)["steps"]
         if len(self.channels) > 1:
             self.others = [step for step in done if step[0] != self.channel]
@@ -290,7 +295,7 @@ class Study:
         write_steps(self.part, self.key, [*self.others, *done])
 
     def _again(self, step: list[str]) -> None:
-        """Repeats what an earlier process did; its progress has the answers. What readings show is there already."""
+        """Repeat a step of an earlier process, whose saved progress makes this fast; skip effects already in the model."""
         self.tell("say", f"going on: {' '.join(step)}")
         if step[0] != "fit":
             self.advance()
@@ -301,7 +306,11 @@ class Study:
 
 
 def _progress(inputs: Inputs, out: Path) -> Progress:
-    """Give the progress of these inputs, in the first folder that is theirs or nobody's."""
+    """Return the saved progress of these inputs, in the first folder that belongs to them or to no search.
+
+    Raises:
+        UserError: there are too many such folders.
+    """
     for name in ("found", *(f"found-{n}" for n in range(2, 1000))):
         part = out / f"{name}.part"
         progress = progress_of(inputs, SECONDS, 0, part)
@@ -312,14 +321,14 @@ def _progress(inputs: Inputs, out: Path) -> Progress:
 
 
 class Done(TypedDict):
-    """The key of the search that a folder belongs to, and its steps."""
+    """The key of the inputs that a folder of progress belongs to, and the steps so far."""
 
     key: str
     steps: list[list[str]]
 
 
 def read_steps(part: Path) -> Done:
-    """Give what a folder says of its search; empty where it is nobody's."""
+    """Return the key and steps saved in a folder; an empty key if the folder does not exist."""
     try:
         data = json.loads((part / STEPS).read_text(encoding="utf-8"))
         return {"key": str(data["key"]), "steps": [[str(word) for word in step] for step in data["steps"]]}
@@ -328,5 +337,5 @@ def read_steps(part: Path) -> Done:
 
 
 def write_steps(part: Path, key: str, steps: list[list[str]]) -> None:
-    """Write it down, over what was there."""
+    """Write the key and steps, replacing the saved ones."""
     write_text_atomic(part / STEPS, json.dumps(Done(key=key, steps=steps)) + "\n", overwrite=True)

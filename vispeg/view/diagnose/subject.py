@@ -1,6 +1,6 @@
-"""What a diagnosis compares, as the page needs it: the search that adds effects, and what is drawn of where it stands.
+"""What the diagnosis page needs of a channel: a search that adds effects, and data to draw its state.
 
-One class each for joints, contact and pictures; the page itself knows only this face.
+Joints, contact and pictures have a class each, and `Plain` serves other channels; the page uses only this interface.
 """
 
 from __future__ import annotations
@@ -23,50 +23,50 @@ from vispeg.sim.compiled import compiled
 from vispeg.view.diagnose.standing import Field, Track
 from vispeg.worlds.world import World
 
-BINS = 12  # of a map over time
+BINS = 12  # number of cells of a map over time
 Say = Callable[[str], None]
 
 
 class Steps(Protocol):
-    """What every search of a diagnosis offers to one who goes step by step."""
+    """The interface of a search that is driven step by step."""
 
     def start(self, world: World, n_fixed: int) -> State:
-        """Where a search for what a world lacks begins; its effects after the first `n_fixed` are fitted anew."""
+        """Return the state at the start of a search; the world's effects after the first `n_fixed` are fitted again."""
         ...
 
     def worth_it(self, state: State, n_fixed: int) -> bool:
-        """Whether another step may be taken."""
+        """Return whether another step may be taken."""
         ...
 
     def advance(self, state: State, n_fixed: int) -> bool:
-        """Add the effect that earns its place best; False where none does."""
+        """Add the best effect that passes; return False if none does."""
         ...
 
     def scored(self, state: State) -> list[Score]:
-        """Give the candidates, best first by what each promises."""
+        """Return the candidates, the one with the largest expected gain first."""
         ...
 
     def tested(self, state: State) -> int:
-        """How many candidates share the level of a test."""
+        """Return the number of candidates that share the significance level of a test."""
         ...
 
     def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
-        """Fits candidates and judges them."""
+        """Fit candidates and judge each on the held-out recordings."""
         ...
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
-        """Add what a trial tried."""
+        """Add the effects of a trial to the state."""
         ...
 
 
 class Subject(ABC):
-    """Recordings beside a model, by one kind of evidence.
+    """The comparison of a model with recordings in one channel.
 
     Attributes:
-        search: adds effects; None where there is no recording to judge on.
-        columns, units: what is compared side by side: joints, axes of the wrist, cameras; the unit of each.
-        unit, floor: of the error in a word; RMS of the noise in it.
-        shows: what a cell of the maps says.
+        search: the search that adds effects; None without recordings to judge on.
+        columns, units: names of the compared quantities (joints, axes of the wrist, cameras), and the unit of each.
+        unit: unit of `error` and `floor`.
+        shows: what the numbers in the maps mean.
     """
 
     search: Steps | None
@@ -78,50 +78,50 @@ class Subject(ABC):
     @property
     @abstractmethod
     def floor(self) -> float:
-        """RMS of the noise."""
+        """RMS noise, in `unit`."""
 
     @property
     @abstractmethod
     def body(self) -> RobotModel | Scene:
-        """The arm or cell that effects have places in."""
+        """The arm, or the arm in its cell, whose joints, links and parts effects act on."""
 
     def begin(self, world: World) -> Beginning:
-        """Give the model before its search."""
+        """Return the model before its search: here, with all its effects fixed."""
         return Beginning(world, len(world.effects))
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The same, to be drawn."""
+        """The compiled model of `body`, to be drawn."""
         return compiled(self.body)
 
     @abstractmethod
     def error(self, world: World) -> float:
-        """RMS error on the recordings that judge."""
+        """Return the RMS error on the judged recordings, in `unit`."""
 
     @abstractmethod
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Give what was measured, and what two worlds predict."""
+        """Return the measured signals, and the predictions of the given world and of the present one."""
 
     @abstractmethod
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Where two worlds fail."""
+        """Return maps of the errors of the given world and of the present one, axis -> map."""
 
     @abstractmethod
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Give the recording of a track, and when the track begins in it, s."""
+        """Return a track's recording, and the recording's time (s) at the track's zero."""
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Whose angles a track's posture holds."""
+        """Names of the joints in a track's posture."""
         return tuple(self.body.joints)
 
     @property
     def cell(self) -> bool:
-        """Whether effects have places in a cell."""
+        """Return whether the body includes a cell."""
         return isinstance(self.body, Scene)
 
     def parse(self, text: str) -> list[EffectInstance]:
-        """Effects from `NAME:WHERE[:param=number,...]`."""
+        """Parse effects from `NAME:WHERE[:param=number,...]`."""
         from vispeg.worlds.words import parse
 
         return parse(text, self.body)
@@ -135,14 +135,14 @@ def field(
     moment: np.ndarray,
     labels: tuple[str, ...] = (),
 ) -> Field:
-    """Give a map of readings.
+    """Return a map of errors over one axis.
 
     Args:
-        edges: (k+1,) of its cells.
-        cell: (n,) cell of each row of readings; below 0 for none.
-        before, after: (n, columns) in units of the noise; NaN where there is no reading.
-        moment: (n, 2) track and time, s, of each row.
-        labels: (k,) of the cells, where they are no range.
+        edges: (k+1,) edges of the cells.
+        cell: (n,) cell number of each row; negative for none.
+        before, after: (n, columns) errors as multiples of the noise; NaN without a reading.
+        moment: (n, 2) track and time (s) of each row.
+        labels: (k,) names of the cells, if they are not ranges of a number.
     """
     k, columns = len(edges) - 1, before.shape[1]
     first, now, at = np.full((columns, k), np.nan), np.full((columns, k), np.nan), np.full((columns, k, 2), np.nan)
@@ -156,7 +156,7 @@ def field(
 
 
 def over_time(before: np.ndarray, after: np.ndarray, moment: np.ndarray) -> Field:
-    """Give the same readings over time."""
+    """Return a map of errors over time, in `BINS` equal cells; arguments as for `field`."""
     time = moment[:, 1]
     edges = np.linspace(float(time.min()), float(time.max()) + 1e-9, BINS + 1)
     return field(edges, np.clip(np.digitize(time, edges) - 1, 0, BINS - 1), before, after, moment)

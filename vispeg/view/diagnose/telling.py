@@ -1,4 +1,4 @@
-"""A search in the words and numbers that the page shows."""
+"""Turn the state of a search into the words and numbers that the page shows."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from vispeg.report.text import effect_words
 from vispeg.view.diagnose.standing import Field, Named, Track
 from vispeg.worlds.model_file import placed_dict
 
-MOST = 3000  # samples of a track that the page draws
+MOST = 3000  # most samples of a track that the page draws
 
 
 def key(score: Score) -> str:
-    """Give the members as `EFFECT:WHERE`, joined by ` + `."""
+    """Return a candidate's members as `EFFECT:WHERE`, joined by ` + `."""
     return " + ".join(f"{e.effect}:{e.where}" for e in score.members)
 
 
 def spelt(score: Score) -> str:
-    """Give the members with the values that the fit started from, as `parse` reads them."""
+    """Return a candidate's members with the values that the fit started from, in the form that `parse` reads."""
     starts = [",".join(f"{name}={v.value!r}" for name, v in e.params.items()) for e in score.members]
     return " + ".join(f"{e.effect}:{e.where}:{s}" for e, s in zip(score.members, starts, strict=True))
 
 
 def size(score: Score) -> int:
-    """Give the number of parameters."""
+    """Return a candidate's number of parameters."""
     return sum(len(e.params) for e in score.members)
 
 
 def words(score: Score) -> str:
-    """Give the members in words."""
+    """Return a candidate's name in words."""
     name, where = score.key
     if not score.beside:
         return effect_words.named({"effect": name, "where": where})
@@ -44,13 +44,13 @@ def words(score: Score) -> str:
 
 
 def named(placed: EffectInstance) -> Named:
-    """Give an effect as the page names it."""
+    """Return an effect with its name and size in words."""
     row = placed_dict(placed)
     return Named(effect_words.named(row), effect_words.size(row), f"{placed.effect}:{placed.where}")
 
 
 def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
-    """One item, thinned to what a screen can show."""
+    """Return the track of one item, with at most about `MOST` samples."""
     every = slice(None, None, max(1, -(-len(item.segment.time) // MOST)))
     nj, valid = item.nj, item.valid[every, : item.nj]
 
@@ -66,7 +66,7 @@ def track(item: Any, first: np.ndarray, now: np.ndarray) -> Track:
 
 
 def maps(judged: Evidence, first: list[np.ndarray], now: list[np.ndarray]) -> dict[str, Field]:
-    """Give the maps of what is missing first and now, by axis."""
+    """Return maps of the missing torque of the given model and of the present one, axis -> map."""
 
     def missing(predicted: list[np.ndarray]) -> list:
         return [missing_torque(i, y[0]) for i, y in zip(judged.items, predicted, strict=True)]

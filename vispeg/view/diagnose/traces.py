@@ -1,4 +1,4 @@
-"""The moment on the page: traces of a joint, a slider over time, and the arm in 3D with the model's error enlarged."""
+"""One moment of a recording: curves of a joint, a time slider, and the arm in 3D with the model's error enlarged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.view.place import ARM, CELL, Place
 
 MEASURED, FIRST, NOW, GHOST = "#868e96", "#d9541e", "#0a7a75", (224, 108, 48)
 AXES = ("#d9541e", "#2a9d60", "#1f6fb4")
-FRAMES = 25.0  # a second, while it plays
+FRAMES = 25.0  # frames per second during playback
 
 
 class Traces:
@@ -32,7 +32,7 @@ class Traces:
         self.visible, self.view, self.standing_there = True, ARM, True
         self.arm: Drawing | None = None
         self.ghost: Drawing | None = None
-        self.lock = threading.Lock()  # a chosen model and the worker's may come at once
+        self.lock = threading.Lock()  # the user's model and the worker's may arrive at once
         self.ground = place.server.scene.add_grid("/floor", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
         self.column = gui.add_dropdown("Of", ("joint",))
         self.track = gui.add_dropdown("Recording", ("none",))
@@ -50,7 +50,7 @@ class Traces:
         self.play.on_click(lambda _: self._toggle())
 
     def take(self, standing: Standing) -> None:
-        """Show the state of a diagnosis (`Standing`), at the same joint and moment where it has them."""
+        """Show the state of a diagnosis; keep the chosen joint and moment if they still exist."""
         self.standing = standing
         self.times.visible = _enlarged(standing)
         if self.ghost is None and self.arm is not None and _enlarged(standing):
@@ -66,7 +66,7 @@ class Traces:
         self.draw()
 
     def go(self, column: str, track: int, moment: float) -> None:
-        """Show a column of a track (0, 1, ..) at a moment, s."""
+        """Show a column of a track (counted from 0) at a moment (s)."""
         if self.standing is None or column not in self.standing.columns or track >= len(self.standing.tracks):
             return
         self.track.value = self.track.options[track]
@@ -76,7 +76,7 @@ class Traces:
         self.pose()
 
     def show(self, visible: bool) -> None:
-        """Whether its page is seen, and with it what was compared."""
+        """Show or hide the enlarged error, and move the viewer to the arm when the page appears."""
         if visible and not self.visible:
             self.place.look(self.view)
         self.visible, self.playing = visible, self.playing and visible
@@ -84,14 +84,14 @@ class Traces:
             self.ghost.show(visible and self.standing is not None and _enlarged(self.standing))
 
     def stand(self, visible: bool) -> None:
-        """Show or hide the arm in the middle of the window: pages that draw nothing of their own show it, too."""
+        """Show or hide the arm in the 3D view; pages that draw nothing of their own show it too."""
         self.ground.visible = visible
         if self.arm is not None:
             self.arm.show(visible)
         self.standing_there = visible
 
     def forget(self) -> None:
-        """Nothing is compared any more; the arm stays."""
+        """Drop the comparison; the arm stays."""
         with self.lock:
             self.standing, self.playing = None, False
             if self.ghost is not None:
@@ -99,7 +99,7 @@ class Traces:
                 self.ghost = None
 
     def draw(self) -> None:
-        """Draws the traces anew."""
+        """Draw the curves of the chosen column and track."""
         standing = self.standing
         if standing is None or self.column.value not in standing.columns:
             return  # the choices are being changed
@@ -129,7 +129,7 @@ class Traces:
         self.pose()
 
     def pose(self) -> None:
-        """Poses the arm as measured at the slider's moment, and beside it with the model's error enlarged."""
+        """Pose the arm as measured at the slider's time, and a second arm with the model's error enlarged."""
         if self.standing is None or self.arm is None:
             return
         track = self._track()
@@ -149,7 +149,7 @@ class Traces:
         return qpos
 
     def draws(self, model: mujoco.MjModel, cell: bool) -> None:
-        """Draws another arm, or a cell."""
+        """Draw another arm, or an arm in its cell if `cell`."""
         with self.lock:
             self._drawn(model, cell)
 
@@ -167,7 +167,7 @@ class Traces:
 
     @property
     def number(self) -> int:
-        """Of the track that is shown."""
+        """Number of the shown track, counted from 0."""
         names = list(self.track.options)
         return names.index(self.track.value) if self.track.value in names else 0
 
@@ -176,7 +176,7 @@ class Traces:
         return self.standing.tracks[self.number]
 
     def _worst(self) -> tuple[str, int, float]:
-        """Give the column, track and moment, s, at which the model fails most."""
+        """Return the column, track and time (s) with the largest error; time 0 of the first track without maps."""
         assert self.standing is not None
         standing = self.standing
         if standing.maps:
@@ -188,7 +188,7 @@ class Traces:
         return standing.columns[int(np.argmax(square))], 0, 0.0
 
     def _enlargement(self) -> int:
-        """How many times the error must be shown to be seen: its greatest then turns a joint by 0.3 rad."""
+        """Return the factor by which to enlarge the error, so that its largest value turns a joint by 0.3 rad."""
         assert self.standing is not None
         most = max(_size(_error(t)) for t in self.standing.tracks)
         return int(np.clip(0.3 / max(most, 1e-9), self.times.min, self.times.max))
@@ -220,7 +220,7 @@ class Traces:
             )
 
     def _wrench(self, track: Track) -> None:
-        """Give the forces that were measured, where there are some."""
+        """Draw the measured force at the wrist; remove the plot if there is none."""
         if track.wrench is None:
             if self.forces is not None:
                 self.forces.remove()
@@ -247,12 +247,12 @@ class Traces:
 
 
 def _error(track: Track) -> np.ndarray:
-    """(n, columns) of the model as it was given."""
+    """Return the error (n, columns) of the given model."""
     return track.first if track.measured is None else track.measured - track.first
 
 
 def _enlarged(standing: Standing) -> bool:
-    """Whether a second arm shows the model's error: only where errors are angles."""
+    """Return whether a second arm shows the model's error: only if errors are angles."""
     return standing.unit == "rad"
 
 
