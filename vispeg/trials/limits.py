@@ -75,7 +75,7 @@ class Limits:
         return {name: max(0.0, float(share)) for name, share in out.items()}
 
     def broken(self, interface: Interface, seen: Observer, force: float | None) -> str | None:
-        """Return the first limit that the current state exceeds, `WATCHDOG` for readings that are not finite, or None."""
+        """Return the first limit that the state exceeds, `WATCHDOG` for readings that are not finite, or None."""
         if not all(np.isfinite(x).all() for x in (*seen.measured, force or 0.0)):
             return WATCHDOG
         return next((name for name, share in self.shares(interface, seen, force).items() if share > 1), None)

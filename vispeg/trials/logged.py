@@ -147,7 +147,7 @@ class LoggedRobot(Clock):
             self._apart.append(float(np.linalg.norm(asked[at] - pose[:3])))
 
     def stop(self) -> Mapping[str, Any] | None:
-        """Return the outcome in the log, if it has one; note a difference between the log's commands and the policy's."""
+        """Return the log's outcome, if any; print a note if the log's commands differ from the policy's."""
         apart = float(np.nanmedian(self._apart)) if np.isfinite(self._apart).any() else 0.0
         self._apart = []
         if apart > OTHER:
@@ -227,7 +227,7 @@ def _of_dataset(place: Path) -> list[Callable[[Interface], Episode]]:
 
 
 def _shown(folder: Path, number: int, ended: Sequence[bool] | None, interface: Interface) -> Episode:
-    """Return an episode of a folder in LeRobot's layout, with values found by name. Raises UserError: missing joints."""
+    """Return an episode of a folder in LeRobot's layout. Raises UserError: joints are missing."""
     from vispeg.datasets.layout import colour_of, depth_of
     from vispeg.datasets.read import Dataset
 

@@ -173,8 +173,8 @@ def run_episode(
         watch: whether a watchdog thread stops the robot if the loop hangs; only possible in the main thread.
 
     Raises:
-        UserError: a picture that the policy needs is missing or unfit, the joints are those of another arm, or the robot
-            lacks the sensor that the policy or a limit needs.
+        UserError: a picture that the policy needs is missing or unfit, the joints are those of another arm, or the
+            robot lacks the sensor that the policy or a limit needs.
     """
     how, clock = how or How(), clock or Clock()
     connected = robot.connect(interface, seed) or Connected()
@@ -298,7 +298,7 @@ class _Loop:
         self.target = np.concatenate([self.builder.observer.goal[0], self.builder.observer.rot[0]])
 
     def _wrench(self, reading: Reading) -> np.ndarray:
-        """Return the wrench (6,) of the tool on the flange, weight included, in flange axes about its origin; 0 if none."""
+        """Return the wrench (6,) of the tool on the flange, weight included, in flange axes; zeros without a sensor."""
         sensor = self.connected.wrench
         if sensor is None:
             return np.zeros(6)

@@ -22,7 +22,7 @@ def driver(text: str) -> Driver:
     `lerobot:TYPE:FILE.yaml`, `log:FOLDER`, or `python:MODULE:CALLABLE`.
 
     Raises:
-        UserError: unknown kind, module, file or world; ROS 2 or LeRobot is missing; or an object without the four methods.
+        UserError: unknown kind, module, file or world; no ROS 2 or LeRobot; or an object without the four methods.
     """
     kind, _, rest = text.partition(":")
     if kind == SIMULATED and rest:

@@ -59,7 +59,7 @@ class _Part(BaseModel):
 
 
 class WrenchTopic(WrenchSection):
-    """Topic and convention of the wrench: by default the wrench on the flange, in its axes, without the tool's weight."""
+    """Topic and convention of the wrench: by default on the flange, in its axes, without the tool's weight."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -167,7 +167,7 @@ class Link:
             self._executor.spin()
 
     def listen(self, kind: type, topic: str, wanted: Any = None) -> str:
-        """Subscribe to a topic and keep its newest message for which `wanted(message)` is true; return its full name."""
+        """Subscribe to a topic, keep its newest message that is `wanted(message)`, and return its full name."""
         name = self.node.resolve_topic_name(topic)
 
         def hear(message: Any) -> None:

@@ -161,7 +161,7 @@ def serve(robot: SimulatedRobot, link: socket.socket, latency: float) -> None:
 
 
 def main() -> int:
-    """Read the robot's settings as a line of JSON, print the port or an error as a line of JSON, and serve one client."""
+    """Read the robot's settings, a line of JSON; print the port or an error, likewise; serve one client."""
     asked = json.loads(sys.stdin.readline())
     try:
         robot = SimulatedRobot(asked["world"], asked["obs_mode"], asked["settings"])

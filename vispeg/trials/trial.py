@@ -55,7 +55,7 @@ class WorldPart(_Part):
 
 
 class StartPart(_Part):
-    """The start: joint angles (rad), measured goal if known, believed goal (m, in the base), and, if simulated, effects."""
+    """The start: joint angles (rad), measured and believed goal if known (m, in the base), and simulated effects."""
 
     q_rad: Annotated[list[Finite], Field(min_length=1, max_length=64)]
     goal_m: Vec3 | None = None
@@ -120,7 +120,7 @@ class Said(_Part):
     how: HowPart = HowPart()
 
     def begin(self) -> Start:
-        """Return the start for an environment's `reset(options={"start": ...})`. Raises UserError: an unknown effect."""
+        """Return the start for `reset(options={"start": ...})` of an environment. Raises UserError: unknown effect."""
         from vispeg.task.start import Start
         from vispeg.worlds.model_file import read_placed
 

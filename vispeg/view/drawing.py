@@ -72,7 +72,7 @@ class Drawing:
         self.scene.add_mesh_simple(way, *shape, color=colour, opacity=look.opacity, side="double", **at)
 
     def pose(self, qpos: np.ndarray, bodies: Mapping[str, np.ndarray] | None = None) -> None:
-        """Move the model to the configuration (nq,), and bodies to poses (7,) in their parents: m, quaternion w x y z."""
+        """Move the model to the configuration (nq,), and bodies to poses (7,) in their parents: m, then w x y z."""
         for name, place in (bodies or {}).items():
             body = self.model.body(name).id
             self.model.body_pos[body], self.model.body_quat[body] = place[:3], place[3:]

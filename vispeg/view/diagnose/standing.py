@@ -117,7 +117,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A candidate: its members as `EFFECT:WHERE` joined by `+`, its name in words, and its expected share of the error."""
+    """A candidate: its members as `EFFECT:WHERE` joined by `+`, its name, and its expected share of the error."""
 
     key: str
     words: str

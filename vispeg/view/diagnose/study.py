@@ -295,7 +295,7 @@ class Study:
         write_steps(self.part, self.key, [*self.others, *done])
 
     def _again(self, step: list[str]) -> None:
-        """Repeat a step of an earlier process, whose saved progress makes this fast; skip effects already in the model."""
+        """Repeat a step of an earlier process, using its saved progress; skip effects already in the model."""
         self.tell("say", f"going on: {' '.join(step)}")
         if step[0] != "fit":
             self.advance()
