@@ -1,1 +1,1 @@
-"""Scripted episodes of the task as a dataset holds them: played once, drawn in several looks. No torch."""
+"""Make datasets of a task's scripted expert: each episode is played once and rendered in several looks. No torch."""

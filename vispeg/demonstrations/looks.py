@@ -1,7 +1,7 @@
-"""Several looks of every state that an environment shows: its rows are seen by further cameras beside its own.
+"""Render every state of an environment in several looks.
 
-The further ones draw what is only seen (looks, cameras, sensors and their noise) from other seeds, as `vispeg render
---looks` does; physics, measurements and ground truth are the one simulation's.
+Each further look has its own camera rig, which draws what only cameras see (appearance, cameras, sensors and their
+noise) from another seed, as `vispeg render --looks` does. Physics, measurements and ground truth are shared.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def check(env: Any, looks: int) -> None:
-    """Raise UserError for more looks than one of an environment without images, or of a world that varies none."""
+    """Raise UserError for several looks where all would be equal: without images, or where nothing seen varies."""
     eyes = getattr(env, "eyes", None)
     if looks > 1 and not (eyes is not None and eyes.varied):
         raise UserError("all looks would be the same: nothing that is seen varies", key="looks", expected=1, got=looks)
@@ -29,9 +29,9 @@ def check(env: Any, looks: int) -> None:
 
 @contextmanager
 def looking(env: TaskVec, looks: int) -> Iterator[None]:
-    """Inside, the observations of an environment hold its images in this many looks; it has to be reset at first.
+    """Make an environment's observations hold its images in this many looks while the body runs.
 
-    The images of the k-th further look are called `KEY@k`.
+    Reset the environment first thing in the body. The key of an image in the k-th further look is `KEY@k`, k >= 1.
 
     Raises:
         UserError: as `check`.
@@ -50,6 +50,9 @@ def looking(env: TaskVec, looks: int) -> Iterator[None]:
 
 
 def side_by_side(obs: Mapping[str, np.ndarray], looks: int) -> dict[str, np.ndarray]:
-    """(n, ...) observations in several looks -> (looks n, ...), look after look; what is no image stands in each."""
+    """Return observations (n, ...) with images in several looks as (looks * n, ...), one look after the other.
+
+    Values that are not images are repeated for each look.
+    """
     keys = [key for key in obs if "@" not in key]
     return {key: np.concatenate([obs.get(f"{key}@{k}", obs[key]) for k in range(looks)]) for key in keys}

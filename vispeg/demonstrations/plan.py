@@ -1,4 +1,4 @@
-"""What a rendering of a task is to be: its plan, its cell, and what every frame holds."""
+"""Plan the rendering of a task: what to render, in which cell, and what every frame holds."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def plan_of(
     backend: str = "auto",
     modality: str = RGBD,
 ) -> tuple[Plan, Layout]:
-    """Give the plan of a rendering of a world's task, and what its frames hold; see Plan for the arguments.
+    """Return the plan for rendering a world's task, and the layout of its frames; see Plan for the arguments.
 
     Raises:
-        UserError: an unknown world or camera, or numbers that cannot be.
+        UserError: an unknown world or camera, an invalid number, or several looks where nothing seen varies.
     """
     file = load_world(world)
     task = task_of(file, cameras, size)
@@ -82,13 +82,19 @@ def plan_of(
 
 
 def task_of(file: WorldFile, cameras: Sequence[str], size: int) -> TaskConfig:
-    """Give the task of a world's file, seen through these cameras at this image size (0: their own)."""
+    """Return the task of a world's file with these cameras and this image size.
+
+    Args:
+        file: the world's file.
+        cameras: names of cameras; empty for the task's own.
+        size: shorter side of an image, px; 0 for the cameras' own size.
+    """
     chosen = {"cameras": tuple(cameras)} if cameras else {}
     return registry.config_of({**file.task, **chosen, "image_size": size}, str(file.path))
 
 
 def scene_of(task: TaskConfig) -> Scene:
-    """Give the task's cell with the cameras that the task looks through, and no others."""
+    """Return the task's cell with the cameras that the task uses, and no others."""
     return replace(registry.task_of(task).cell(task), cameras=task.cameras)
 
 

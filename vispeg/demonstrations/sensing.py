@@ -48,20 +48,20 @@ def sense(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return each clip's images as the camera delivers them, (T, H, W, 3) uint8 and (T, H, W) float32 m.
 
-    The third array, (T,) int, says which time step of the clip each image shows: an earlier one if the image is late.
+    The third array, (T,) int, is the time step of the clip that each image shows: an earlier one if the image is late.
 
     Args:
         camera: the camera with its believed intrinsics.
         clips: rendered clips, without sensor effects.
-        period: s between pictures.
-        rows: clips side by side.
+        period: time between images, s.
+        rows: number of clips side by side.
 
     Raises:
-        ValueError: an effect that leaves no picture.
+        ValueError: an effect returned no image.
     """
     n = min(rows, len(clips))
     out = [(np.empty_like(c.rgb), np.empty_like(c.depth), np.empty(len(c), int)) for c in clips]
-    clip_of, step, following = list(range(n)), [0] * n, n  # by row: clip, step in it; next clip
+    clip_of, step, following = list(range(n)), [0] * n, n  # clip and step of each row; the next clip
     pipeline = Pipeline([clips[i].world for i in clip_of], camera.name)
     intrinsics = np.repeat(camera.K[None], n, axis=0)
     busy = list(range(n))

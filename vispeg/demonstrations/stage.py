@@ -1,8 +1,8 @@
-"""Plays a task with its scripted expert and draws what its cameras see, several looks of every state.
+"""Play a task with its scripted expert and render what its cameras see, in several looks of every state.
 
-Physics runs once an episode; then each look is drawn from the recorded states, through the world's cameras and their
-sensor, exactly as the task's own observations are: the first look of an episode is the one that its seed has in play.
-The expert's executed action is disturbed, so that it shows how to come back; what it meant to do is kept as the label
+Physics runs once per episode. Each look is then rendered from the recorded states, through the world's cameras and
+their sensor effects, as the task's own observations are; the first look is the one that the episode's seed gives in
+play. Noise on the expert's executed actions makes it show how to recover; the label is the action without noise
 (Laskey et al., "DART: noise injection for robust imitation learning", CoRL 2017).
 """
 
@@ -38,13 +38,13 @@ from vispeg.task.world_file import load_world
 from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
 
-ROWS = 4  # episodes played side by side; part of what the bytes follow from
-TAKES = 2 * SENSOR_ROWS  # looks that are rendered before their sensors see them
+ROWS = 4  # episodes played side by side; a dataset's bytes depend on it
+TAKES = 2 * SENSOR_ROWS  # looks that are rendered before sensor effects are applied to all of them
 
 
 @dataclass
 class Moment:
-    """One moment of an episode: how the cell stands, and what a frame holds but for its pictures."""
+    """One moment of an episode: the state of the cell, and the values of a frame without its images."""
 
     cell: Snapshot
     values: dict[str, np.ndarray]
@@ -52,7 +52,7 @@ class Moment:
 
 @dataclass
 class Played:
-    """An episode as it was played: its seed, its moments, the drawn physics, and its record once it has ended."""
+    """An episode: its seed, the physics drawn, its action noise, its moments, and its record (None until it ends)."""
 
     seed: int
     physics: World
@@ -63,13 +63,13 @@ class Played:
 
 @dataclass(frozen=True)
 class Take:
-    """One look of an episode as rendered.
+    """One rendered look of an episode, before sensor effects.
 
     Attributes:
-        frames: what they hold but for pictures and what is labelled in these.
-        labels: by camera, of every moment; a picture that came late has those of the moment that it shows.
-        clips: pictures by camera.
-        about: what it is.
+        frames: values of every frame, without images and their labels.
+        labels: labels of every moment, by camera; a late image gets the labels of the moment that it shows.
+        clips: images by camera.
+        about: metadata of the episode.
     """
 
     frames: list[dict[str, np.ndarray]]
@@ -79,7 +79,7 @@ class Take:
 
 
 def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
-    """Yield the episodes of one shard, the last one cut where the shard is full.
+    """Yield the episodes of one shard; the last one is cut where the shard is full.
 
     Raises:
         UserError: the world's file has changed since the plan was made.
@@ -102,10 +102,14 @@ def shard(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
 
 
 class Stage:
-    """A simulation, a renderer and an expert that make episodes, each of which depends only on its seed.
+    """Make episodes with a simulation, an expert and a renderer; each episode depends only on its seed.
 
     Args:
-        plan, layout: of the dataset.
+        plan: plan of the dataset.
+        layout: layout of its frames.
+
+    Raises:
+        UserError: the world's file has changed since the plan was made.
     """
 
     def __init__(self, plan: Plan, layout: Layout):
@@ -126,10 +130,10 @@ class Stage:
     def play(
         self, seeds: Iterable[int], wanted: int | None = None
     ) -> list[tuple[int, list[Moment], EpisodeResult | None, World]]:
-        """Episodes of these seeds, ROWS at a time: moments, the task's record, the drawn physics.
+        """Play the episodes of these seeds, ROWS at a time; return (seed, moments, record, drawn physics) of each.
 
-        With `wanted`, nothing is played on once the episodes, one after the other, have that many moments; one that was
-        not played to its end has no record.
+        With `wanted`, playing stops as soon as the first episodes, up to the first unfinished one, have that many
+        moments in all. An episode that was not played to its end has the record None.
         """
         todo, every, rows = iter(seeds), list[Played](), list[Played | None]([None] * ROWS)
         self._begin(rows, todo, every)
@@ -154,7 +158,7 @@ class Stage:
         return [(e.seed, e.moments, e.record, e.physics) for e in every]
 
     def _begin(self, rows: list[Played | None], todo: Iterator[int], every: list[Played]) -> None:
-        """Note that the next episodes begin in rows that are free."""
+        """Begin the next episodes in the free rows; append them to `every`."""
         starting = list(zip([i for i, episode in enumerate(rows) if episode is None], todo, strict=False))
         if not starting:
             return
@@ -170,7 +174,8 @@ class Stage:
         seen = sim.seen
         terms = seen.stack.values[:, row].copy()
         unit = sim.observed.term("tip").scale
-        terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit  # as one who must look for it
+        # relative to the goal's nominal place: the policy must find the goal
+        terms[:, sim.observed["tip"]] += (seen.believed[row] - sim.nominal_goal) / unit
         values = {
             "observation.state": seen.readings()[row],
             "observation.policy": np.clip(terms.reshape(-1), -20, 20),
@@ -184,7 +189,7 @@ class Stage:
     def draw(
         self, seed: int, look: int, moments: Sequence[Moment], record: EpisodeResult | None, physics: World
     ) -> Episode:
-        """One look of an episode, as a file takes it; without a record it was cut before its end."""
+        """Return one look of an episode, ready to be written; record None marks one that was cut before its end."""
         return next(self.develop([self.take(seed, look, moments, record, physics)]))
 
     def take(
@@ -192,7 +197,7 @@ class Stage:
     ) -> Take:
         """Render a look without sensor effects, which are applied later."""
         view_seed = look_seed(seed, look)
-        cell = moments[0].cell  # the guard judges it as it stands, which is the same in every look
+        cell = moments[0].cell  # the state in which `redraw` judges each look
         where = {"qpos": cell.qpos, "bodies": cell.bodies}
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
         frames, shots, labels = [], [], []
@@ -242,7 +247,7 @@ class Stage:
         return labels
 
     def develop(self, takes: Sequence[Take]) -> Iterator[Episode]:
-        """Episodes as a file takes them: each take's pictures as its sensors deliver them."""
+        """Yield the takes as episodes ready to be written, with sensor effects applied to their images."""
         cameras = self.layout.cameras
         delivered = [sense(c, [take.clips[c.name] for take in takes], self.config.policy_period) for c in cameras]
         for k, take in enumerate(takes):
@@ -258,12 +263,12 @@ class Stage:
             yield recorder.finish(take.about)
 
     def close(self) -> None:
-        """Frees the renderer."""
+        """Close the renderer."""
         self.renderer.close()
 
 
 def _enough(episodes: Sequence[Played], wanted: int | None) -> bool:
-    """Whether these episodes, one after the other, have that many moments; none of them may go on before another."""
+    """Return whether the first episodes, up to the first unfinished one, have `wanted` moments in all."""
     total = 0
     for episode in episodes:
         total += len(episode.moments)
@@ -278,7 +283,7 @@ _STAGES: dict[str, Stage] = {}
 
 
 def _stage(plan: Plan, layout: Layout) -> Stage:
-    """Give the stage of a plan; a worker that makes several shards of it sets it up once."""
+    """Return the stage of a plan; a worker that makes several shards of one plan sets it up once."""
     key = json.dumps(plan.to_json(), sort_keys=True)
     if key not in _STAGES:
         while _STAGES:

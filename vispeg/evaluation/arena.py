@@ -1,4 +1,4 @@
-"""Plays a job's episodes: the policy from its folder, the task's vector environment, the controls between them."""
+"""Play a job's episodes: load the policy, make the task's vector environment, and put the controls between them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from vispeg.trials.trial import PolicyPart
 if TYPE_CHECKING:  # which needs torch
     from vispeg.learn.evaluation import Outcome
 
-_kept: dict[Any, Any] = {}  # the last environment of this worker: jobs that follow each other mostly want the same
+_kept: dict[Any, Any] = {}  # this worker's last environment: successive jobs mostly need the same one
 
 
 def play(job: Job) -> list[Episode]:
-    """Give the episodes of a job, in the order of its seeds.
+    """Play the episodes of a job; return them in the order of its seeds.
 
     Raises:
-        UserError: a policy made for another observation, a world that cannot be.
+        UserError: a policy made for another observation, or an invalid world.
     """
     from vispeg.learn.evaluation import run_episodes
 
@@ -49,7 +49,7 @@ def play(job: Job) -> list[Episode]:
 
 
 def environment(job: Job, render_mode: str | None = None) -> Any:
-    """Give the vector environment of a job, that of the last job where it is the same."""
+    """Return the vector environment of a job; the last job's is used again if it is the same."""
     from vispeg.learn.modalities import modality
     from vispeg.task.environments.vector import TaskVec
 
@@ -61,13 +61,13 @@ def environment(job: Job, render_mode: str | None = None) -> Any:
             old.close()
         _kept.clear()
         how: Any = {"obs_mode": obs_mode, "render_mode": render_mode, "autoreset_mode": "Disabled", "dump": job.dump}
-        how["privileged"] = True  # some policies are teachers; the user's own are not shown it, see `players`
+        how["privileged"] = True  # for policies that are teachers; `own.Own` hides it from a user's own
         _kept[key] = TaskVec(job.rows, world=job.world, measured=who.measured, **how, **who.task)
     return _kept[key]
 
 
 def episode(job: Job, outcome: Outcome) -> Episode:
-    """Give the record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
+    """Return the record of one finished episode (see `vispeg.learn.evaluation.Outcome`)."""
     info = outcome.info
     forces = np.asarray(info.get("force_profile", ()), float)
     steps = max(1, outcome.steps)
@@ -94,13 +94,13 @@ def episode(job: Job, outcome: Outcome) -> Episode:
 
 
 class Pushed:
-    """An environment in which every episode is pushed once."""
+    """An environment in which the arm is pushed once in every episode."""
 
     def __init__(self, env: Any, pushes: Pushes):
         self.env, self.pushes, self.num_envs = env, pushes, env.num_envs
 
     def reset(self, *, seed: Any = None, options: Mapping[str, np.ndarray] | None = None) -> Any:
-        """As the environment's; the rows that begin get the push of their seed."""
+        """Reset as the environment does; each row that begins an episode gets the push of its seed."""
         result = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
         for row in np.flatnonzero(mask):
@@ -114,14 +114,17 @@ class Pushed:
 
 
 class Disturbed:
-    """An environment whose arm is disturbed by what a model leaves unexplained, resampled by the episode's seed."""
+    """An environment whose arm is disturbed by the torque that a model leaves unexplained.
+
+    The torque is resampled with the episode's seed.
+    """
 
     def __init__(self, env: Any, remainder: Remainder):
         self.env, self.remainder, self.num_envs = env, remainder, env.num_envs
         self.ticks = env.config.steps * env.config.ticks
 
     def reset(self, *, seed: Any = None, options: Mapping[str, np.ndarray] | None = None) -> Any:
-        """As the environment's; the rows that begin get the torques of their seed."""
+        """Reset as the environment does; each row that begins an episode gets the torques of its seed."""
         result = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
         for row in np.flatnonzero(mask).tolist():

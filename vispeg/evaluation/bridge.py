@@ -1,6 +1,6 @@
-"""Whether a gap can be bridged here: what no cause explains, its price in success, and the conditions of a verdict.
+"""Decide whether a gap can be bridged here: the unexplained torque, its cost in success, the verdict's conditions.
 
-No interval here is in the page's family: each condition is asked by itself, at 95 %.
+Intervals here are not in the page's family of tests: each condition is tested by itself, at 95 %.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vispeg.evaluation.table import rows
 UNBRIDGEABLE = "unbridgeable here (for this policy, with this library)"
 HARMLESS = "not explained, and it does not matter for this task"
 NOT_SHOWN = "not shown to be unbridgeable"
-RECORDINGS = 2  # of a regime, at least
+RECORDINGS = 2  # fewest recordings of a regime (free air, contact)
 ASK = "not played: --remainder 200"
 
 
@@ -31,7 +31,7 @@ def cost(without: Sequence[Episode], with_it: Sequence[Episode]) -> Estimate:
 
 
 def matters(e: Estimate | Interval | None) -> bool | None:
-    """Whether a loss is above 5 points beyond doubt; False where it is under them beyond doubt, None between."""
+    """Return True if the whole interval of a loss lies above 5 points, False if it lies below, else None."""
     if e is None:
         return None
     low, high = (e.low, e.high) if isinstance(e, Estimate) else (e["low"], e["high"])
@@ -50,10 +50,11 @@ def replayed(
     """Return the loss of success due to the remainder.
 
     Args:
-        remainder: what was resampled.
-        without, with_it: episodes of the same seeds in the found world.
-        home: likewise where the policy was trained, without and with as much random torque; None: not played.
-        home_world: its name.
+        remainder: the torque that was resampled.
+        without, with_it: episodes without and with it, on the same seeds in the identified world.
+        home: episodes without and with as much random torque, on the same seeds in the policy's training world; None
+            if not played.
+        home_world: name of the training world.
     """
     lost = cost(without, with_it)
     sizes, regimes = remainder.sizes(), remainder.regimes()
@@ -86,12 +87,12 @@ def replayed(
 def bridge(
     remainder: RemainderRecord | None, diagnosis: Mapping[str, Any] | None, signs: Sequence[Sign] = ()
 ) -> Bridge:
-    """Give the verdict with its conditions.
+    """Return the verdict with its conditions.
 
     Args:
-        remainder: what is left; None: not played.
-        diagnosis: diagnosis.json of the model; None: there is none.
-        signs: the article's, with their numbers.
+        remainder: the cost of the unexplained torque; None if not played.
+        diagnosis: content of the model's diagnosis.json; None if there is none.
+        signs: the article's signs of a gap that cannot be bridged, with their numbers here.
     """
     conditions = [
         _recorded(remainder),
@@ -106,7 +107,7 @@ def bridge(
         said = f"{100 * (e['low'] or 0):.0f} to {100 * (e['high'] or 0):.0f} points"
         verdict = UNBRIDGEABLE
         share = f"{100 * worst[1]['share']:.0f} % of what remains is in {worst[0]}"
-        words = f"{share}, it costs {said}, and no known effect takes it"
+        words = f"{share}, it costs {said}, and no known effect explains it"
     elif remainder is not None and remainder["matters"] is False:
         verdict, words = HARMLESS, remainder["words"]
     else:
@@ -126,14 +127,14 @@ def _recorded(remainder: RemainderRecord | None) -> Condition:
 
 
 def _searched(diagnosis: Mapping[str, Any] | None) -> Condition:
-    condition = "no known effect passes the acceptance of a diagnosis any more"
+    condition = "no further known effect passes the test of a diagnosis"
     if diagnosis is None:
         return {"condition": condition, "here": "no diagnosis.json beside --model", "met": None}
     refused = [c for c in diagnosis.get("candidates") or () if isinstance(c.get("heldout_gain"), int | float)]
     best = max(refused, key=lambda c: c["heldout_gain"], default=None)
     here = f"{diagnosis.get('verdict')}, {len(refused)} effects refused"
     if best is not None:
-        here += f", the best would take {100 * best['heldout_gain']:.1f} % of the held-out error"
+        here += f", the best would remove {100 * best['heldout_gain']:.1f} % of the held-out error"
         here += f" ({best['effect']} at {best['where']})"
     return {"condition": condition, "here": here, "met": diagnosis.get("verdict") != "ambiguous"}
 
@@ -145,9 +146,9 @@ def _costly(remainder: RemainderRecord | None) -> Condition:
 
 
 def _not_randomized_away(remainder: RemainderRecord | None) -> Condition:
-    condition = "randomizing as much at home loses it more than 5 points"
+    condition = "as much random torque in its training world costs this policy more than 5 points"
     lost = None if remainder is None else remainder["home"]
-    here = ASK if remainder is None else "no world is known that it was trained in"
+    here = ASK if remainder is None else "its training world is not known"
     if lost is not None and remainder is not None:
         here = f"{_ends(lost)} in {remainder['home_world']}, as it is, not trained anew"
     return {"condition": condition, "here": here, "met": matters(lost)}

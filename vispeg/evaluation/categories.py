@@ -1,16 +1,20 @@
-"""Whether two sets of failures are failures of the same kinds, which kinds are more frequent, and where they part.
+"""Test whether the failures on two sides are of the same kinds, and which kinds are more frequent.
 
-Two questions. Of what kinds are the failures: Pearson's chi2 of the 2 x C table of failures, against all tables of the
-same margins (the Freeman-Halton extension of Fisher's test, with chi2 for the order of tables; A. Agresti, Statistical
-Science 7 (1992) 131). How often does each kind happen: the kind's share of all episodes, compared as success is. The
-second answers also where one side hardly fails, as a simulation often does: there kinds of failures cannot be compared,
-but a kind that appears elsewhere can be named. Both kinds of test belong to the family of all tests of a page
-(`vispeg.evaluation.statistics.decide`), which gives the verdicts.
+There are two questions.
 
-Of several networks the network is the unit of both, as of every comparison: episodes of one network are no independent
-samples. The first question is then whether each network's excess of a kind, its count less the kind's share of all
-failures times the network's failures, changes from one side to the other (t over networks, Bonferroni's correction over
-the kinds).
+1. Do the kinds of the failures differ? The test is Pearson's chi2 of the 2 x C table of failures, against all tables
+   with the same margins (the Freeman-Halton extension of Fisher's test, with tables ordered by chi2; A. Agresti,
+   Statistical Science 7 (1992) 131).
+2. How often does each kind happen? A kind's share of all episodes is compared as success is. This has an answer also
+   where one side hardly fails, as a simulation often does: its failures are then too few for question 1, but a kind
+   that is frequent on the other side is named.
+
+Both kinds of test belong to the family of all tests of a page (`vispeg.evaluation.statistics.decide`), which gives the
+verdicts.
+
+With several networks, the network is the unit, because episodes of one network are not independent samples of a recipe.
+Question 1 then compares each network's excess of a kind on the two sides: its count of the kind, minus the kind's share
+of all failures times the network's number of failures (t test over networks, Bonferroni's correction over the kinds).
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from scipy.stats import multivariate_hypergeom
 from vispeg.evaluation.schema.gap import KindRow, PartingRecord
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, Difference, Hypothesis, difference
 
-MOST_TABLES = 20_000  # up to here all tables of the margins are listed, beyond they are drawn
+MOST_TABLES = 20_000  # most tables with the given margins to enumerate; beyond, tables are drawn at random
 Ends = Mapping[int, Mapping[Hashable, str]]  # training seed -> episode -> `success` or a category of failure
 
 
@@ -36,9 +40,9 @@ class Kind:
     """How often one category of failure happened on two sides.
 
     Attributes:
-        category: of the failure.
-        first, second: share of the episodes, 0 to 1.
-        test: that the shares are equal, as of success.
+        category: the category of failure.
+        first, second: its share of the episodes on each side, 0 to 1.
+        test: test that both shares are equal.
     """
 
     category: str
@@ -52,14 +56,15 @@ class Parting:
     """Failures by category on two sides.
 
     Attributes:
-        first, second: counts by category, `success` left out.
-        p: p-value that both sides' failures are drawn from one distribution over categories; 1 where a side has none,
-            as then there is only one table; None where no test can be made.
+        first, second: counts of failures by category on each side.
+        p: p-value of the hypothesis that both sides' failures have one distribution over categories; 1 where a side
+            has no failure, as then there is only one table; None where no test can be made.
         where: the category whose share of the failures differs most (largest adjusted residual); "" where a side has
-            none.
-        residual: its adjusted residual, about standard normal if nothing differed; > 0: more frequent in `second`.
-        kinds: every category's share of the episodes, the surest difference first.
-        refused: why no test is made; "" where one is.
+            no failure.
+        residual: adjusted residual of that category, about standard normal if nothing differs; positive if it is more
+            frequent on the second side.
+        kinds: every category's share of the episodes, smallest p-value first.
+        refused: why no test is made; "" if one is.
     """
 
     first: dict[str, int]
@@ -72,15 +77,16 @@ class Parting:
 
     @property
     def tests(self) -> dict[str, Hypothesis | Difference]:
-        """The tests: "" of the kinds of failures, and one a category of its share of the episodes. They ask one thing,
-        how failures differ, and share its weight.
+        """The tests by name: "" for the kinds of failures, and each category for its share of the episodes.
+
+        Their weights add up to 1, because together they answer one question: how the failures differ.
         """
         weight = 1 / (1 + len(self.kinds))
         shares = {k.category: replace(k.test, weight=weight) for k in self.kinds}
         return {"": Hypothesis(self.p, weight), **shares}
 
     def decided(self, decisions: Mapping[str, Decision]) -> PartingRecord:
-        """Give plain lists and dictionaries, with what the page's family decides on `tests`."""
+        """Return the record, as JSON data, with the page's decisions on `tests`."""
         rows: list[KindRow] = []
         for k in self.kinds:
             d = decisions[k.category]
@@ -125,14 +131,14 @@ class Parting:
 
 
 def part(first: Ends, second: Ends, rng: np.random.Generator, draws: int = 4000) -> Parting:
-    """Compare how the same networks end on two sides.
+    """Compare how the episodes of the same networks end on two sides.
 
-    Failures of one hard seed on both sides are taken for independent by the test of kinds of one network.
+    With one network, the test of kinds treats failures of the same seed on both sides as independent.
 
     Args:
-        first, second: outcomes; the same training seeds in both.
-        rng: draws tables where there are too many to list.
-        draws: how many; p is then (1 + hits) / (1 + draws), so that it is never 0.
+        first, second: outcomes of each side; the same training seeds in both.
+        rng: draws tables where there are too many to enumerate.
+        draws: number of tables to draw; p is then (1 + hits) / (1 + draws), which is never 0.
     """
     ends = [[c for row in side.values() for c in row.values()] for side in (first, second)]
     sides = [Counter(c for c in side if c != "success") for side in ends]
@@ -169,25 +175,25 @@ def _shares(first: Ends, second: Ends, name: str, of_failures: float = 0.0) -> D
         for side in (first, second)
     ]
     found = difference(*sides, same_networks=True)
-    return replace(found, discordant=None)  # no number of pairs is asked for
+    return replace(found, discordant=None)  # without it, `decide` states no number of pairs
 
 
 def _over_networks(first: Ends, second: Ends, shares: Mapping[str, float]) -> tuple[float | None, str]:
-    """Return the p-value for equal categories of every network's failures on both sides, or why there is none."""
+    """Return the p-value of question 1 with several networks (see the module), or None and why there is none."""
     if len(shares) < 2:
         return 1.0, ""
     tests = [_shares(first, second, name, share) for name, share in shares.items()]
     found = [t.p for t in tests if t.p is not None]
     if not found:
         return None, tests[0].refused
-    asked = 1 if len(shares) == 2 else len(shares)  # of two kinds one's excess is the other's lack
+    asked = 1 if len(shares) == 2 else len(shares)  # with two kinds, the two tests are the same
     return min(1.0, asked * min(found)), ""
 
 
 def _p_value(
     first: np.ndarray, columns: np.ndarray, expected: np.ndarray, rng: np.random.Generator, draws: int
 ) -> float:
-    """Probability, among tables with these margins, of a chi2 as large as that of the row `first` (C,)."""
+    """Return the probability, among tables with these margins, of a chi2 at least that of the row `first` (C,)."""
     n, statistic = int(first.sum()), _chi2(first[None], columns, expected)[0] - 1e-9
     if math.prod(int(c) + 1 for c in columns) <= MOST_TABLES:
         rows = np.array([r for r in product(*(range(int(c) + 1) for c in columns)) if sum(r) == n])
@@ -198,6 +204,6 @@ def _p_value(
 
 
 def _chi2(first: np.ndarray, columns: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """Chi2 (m,) of tables given by their first row (m, C) and column sums (C,)."""
+    """Return chi2 (m,) of tables given by their first row (m, C) and column sums (C,)."""
     second = columns - first
     return np.sum((first - expected[0]) ** 2 / expected[0] + (second - expected[1]) ** 2 / expected[1], axis=1)

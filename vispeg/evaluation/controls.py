@@ -1,11 +1,11 @@
-"""Controls: the same policy with its sight taken away in a way that tells what its success rests on.
+"""Controls: play a policy with manipulated images or a fixed goal, to learn what its success depends on.
 
-* `shuffled`: every episode sees the images of another one that runs beside it. A policy that looks must fail.
-* `frozen`: the first image for the whole episode. What is left is what one look is worth.
-* `GOAL_fixed`, GOAL being the cell's name of the goal: the goal at its nominal place in every episode (a change of the
-  world). A policy that succeeds only here has learnt a place, not to look.
+* `shuffled`: every episode is shown the images of another episode. A policy that uses its images must fail.
+* `frozen`: the first image is shown for the whole episode. The success that remains needs only that image.
+* `GOAL_fixed`, where GOAL is the cell's name of the goal: the goal is at its nominal place in every episode (a change
+  of the world). A policy that succeeds only here has learnt the place and does not look.
 
-The fourth, a blind policy, is one of its own: modality `proprio`.
+A fourth control is a separate policy without images: modality `proprio`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from vispeg.render.image_kinds import kind_of
 from vispeg.robots.scene import Scene
 
 ON_IMAGES = ("shuffled", "frozen")
-FIXED = "_fixed"  # ends the name of the control that keeps the goal where it is
+FIXED = "_fixed"  # ending of the name of the control that keeps the goal at its nominal place
 
 
 def controls_of(scene: Scene) -> tuple[str, ...]:
-    """Give the controls of policies in a cell; that of the goal's place where an effect moves it."""
+    """Return the names of the controls in a cell; `GOAL_fixed` only where an effect can move the goal."""
     return *ON_IMAGES, *([scene.goal + FIXED] if effect(scene.offset).targets(scene) else [])
 
 
@@ -36,14 +36,14 @@ def at_nominal(scene: Scene) -> Change:
 
 
 class Controlled:
-    """A policy that sees other images than those of its episode.
+    """A policy that is shown other images than the present ones of its episode.
 
     Args:
-        policy: what is controlled; keeps its interface.
+        policy: the policy to control; this object has the same interface.
         control: `shuffled` or `frozen`.
 
     Raises:
-        UserError: another control, or, at the first look, a single row to shuffle.
+        UserError: another control; in `act`, a single row to shuffle.
     """
 
     def __init__(self, policy: Any, control: str):
@@ -55,7 +55,7 @@ class Controlled:
         self._fresh = np.ones(0, dtype=bool)
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """All rows, or those of the mask (n,), begin a new episode."""
+        """Begin new episodes in all n rows, or only in those where `rows` (n,) is True."""
         if rows is None or len(self._fresh) != n:
             self._fresh = np.ones(n, dtype=bool)
         else:
@@ -63,7 +63,7 @@ class Controlled:
         self.policy.reset(n, rows)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the policy's actions on the images of the control."""
+        """Return the policy's actions for the observation with the control's images."""
         inputs = dict(obs)
         for key in (k for k in obs if kind_of(k) is not None):
             inputs[key] = self._instead(key, obs[key])

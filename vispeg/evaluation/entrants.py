@@ -1,4 +1,4 @@
-"""Who is evaluated: a policy with the name, modality and training seed under which its episodes stand."""
+"""The policies that are evaluated, each with the name, modality and training seed of its episodes."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from vispeg.learn.record import read_record
 from vispeg.learn.shipped import policy_folder
 from vispeg.task.world_file import built_in, parts
 
-EXPERT = "expert"  # the scripted policy of a task takes part under this name
+EXPERT = "expert"  # name of a task's scripted policy
 # A text, a path, an object that acts, a mapping of names to these, or a sequence of these.
 Policies = str | Path | Sequence[str | Path] | Any
-TRAINING = "S"  # the frozen training world; what it is made of is held out from nobody
+TRAINING = "S"  # the frozen training world; policies may know its parts
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """A policy that takes part.
+    """A policy that takes part in an evaluation.
 
     Attributes:
-        name: in tables; replicas that differ in `train_seed` only share it.
-        path: of its folder; of a policy of the user's own the file that it is in, or its name.
-        modality: what it observes.
-        train_seed: of its training.
-        trained_on: hashes of the worlds it was trained or fine-tuned in.
-        task: the part of the task that it was made for (stack, dof, cameras, ...).
-        digest: SHA-256 of its folder or file; of an object, one that no other object has.
-        parts: what those worlds are put together from, see `vispeg.task.world_file.parts`.
-        tolerance: that it was made for, see `vispeg.task.config.Tolerance`; None where it does not say.
-        source: of a policy of the user's own (`vispeg.evaluation.own`), the text that names it, or the object.
+        name: its name in tables; replicas that differ only in `train_seed` share it.
+        path: its folder; for a user's own policy the file that defines it, or its name.
+        modality: name of what it observes.
+        train_seed: seed of its training.
+        trained_on: hashes of the worlds that it was trained or fine-tuned in.
+        task: the task's settings that it was made for (stack, dof, cameras, ...).
+        digest: SHA-256 of its folder or file; for an object, a text that no other object has.
+        parts: hash -> name of the parts of those worlds, see `vispeg.task.world_file.parts`.
+        tolerance: the tolerance that it was made for, see `vispeg.task.config.Tolerance`; None if it states none.
+        source: for a user's own policy (`vispeg.evaluation.own`) the text that names it, or the object; else None.
         alone: whether it plays one episode at a time.
         measured: whether it asks for readings in SI units.
     """
@@ -60,26 +60,27 @@ class Entrant:
 
     @property
     def stored(self) -> bool:
-        """Whether it can be read again from `path`."""
+        """Whether it is loaded by a path or a name; False for an object and for the scripted policy."""
         return not self.scripted and (self.source is None or isinstance(self.source, str))
 
     @property
     def scripted(self) -> bool:
-        """Whether it is the scripted policy, which nobody trained."""
+        """Whether it is the scripted policy, which was not trained."""
         return self.digest == EXPERT
 
 
 def entrant(text: str) -> Entrant:
-    """`FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy). A folder that is not there may be a shipped policy.
+    """Return the policy that a text names: `FOLDER`, `NAME=FOLDER`, or `expert` (the scripted policy).
 
-    In place of FOLDER may stand what `vispeg.evaluation.own` takes: `MODULE:NAME`, an .onnx, a .zip by
-    Stable-Baselines3, or `lerobot:FOLDER`, each with `?action=KIND` behind it where its actions are no offsets.
+    FOLDER may also be the name of a shipped policy, or what `vispeg.evaluation.own` accepts: `MODULE:NAME`, an .onnx
+    file, a .zip by Stable-Baselines3, or `lerobot:FOLDER`, each followed by `?action=KIND` if its actions are not
+    offsets.
 
-    Without NAME, the folder's name counts, less a training seed at its end (`depth_s2` -> `depth`); of a checkpoint in
-    a run's folder, the task's.
+    Without NAME, the name is the folder's without a training seed at its end (`depth_s2` -> `depth`); for a checkpoint
+    in a run's folder it is the task's.
 
     Raises:
-        UserError: no such policy, a folder without a readable policy.json, no torch to play it with.
+        UserError: no such policy, a folder without a readable policy.json, or torch is not installed.
     """
     stated, kind = split(text)
     name, _, place = stated.rpartition("=")
@@ -112,12 +113,12 @@ def entrant(text: str) -> Entrant:
 
 
 def _own(name: str, source: Any) -> Entrant:
-    """Give a policy of the user's own. Raises UserError: nothing that acts, or that observes what there is."""
+    """Return a user's own policy. Raises UserError where it is not a policy, or its observation does not exist."""
     target = own.made(source)
     mode, task = own.observes(target, name)
     path, action = own.origin(source), own.acts(source, target)
     digest_of = digest(path) if path is not None else f"object:{uuid.uuid4().hex}"
-    if path is not None and split(source)[1] is not None:  # acts otherwise, so it is another policy
+    if path is not None and split(source)[1] is not None:  # with another kind of actions it is another policy
         digest_of = hashlib.sha256(f"{digest_of} {action}".encode()).hexdigest()
     kept = source if isinstance(source, str) else target
     where, known = Path(name) if path is None else path, own.made_in(target)
@@ -128,7 +129,7 @@ def _own(name: str, source: Any) -> Entrant:
 
 
 def given(policies: Policies) -> list[tuple[str, Any]]:
-    """Name and policy of each that was given: a text or path, an object, a mapping of names, or a sequence of these."""
+    """Return (name, policy) of each policy in `policies`; the name is "" where none is given."""
     if isinstance(policies, Mapping):
         return [(str(name), policy) for name, policy in policies.items()]
     if isinstance(policies, Path):
@@ -139,10 +140,10 @@ def given(policies: Policies) -> list[tuple[str, Any]]:
 
 
 def entrants(policies: Policies) -> list[Entrant]:
-    """All of them.
+    """Return all the policies as entrants.
 
     Raises:
-        UserError: none given; no policy; two of one name and training seed.
+        UserError: none given, one is not a policy, or two have the same name and training seed.
     """
     pairs = given(policies)
     if not pairs:
@@ -173,19 +174,19 @@ def refuse_trained_on(
     source: str | Path | None = None,
     training: str | Path = TRAINING,
 ) -> None:
-    """Refuses policies that know the world whose unseen success shall be measured.
+    """Refuse policies whose training already saw the target world, so that their success there is no transfer.
 
-    They do if they were trained or fine-tuned in it, or in one that shares a part with it which training worlds do not
-    have: V and VNP share looks, P and VNP a plant.
+    A policy saw it if it was trained or fine-tuned in it, or in another world with one of its held-out parts. For
+    example, V and VNP share looks, and P and VNP share a plant.
 
     Args:
         who: the policies.
         world, world_hash: the target's name and hash.
-        source: the target's file; by default the built-in world of that name.
-        training: the comparison's training world, whose parts are held out from nobody, as those of S are.
+        source: the target's file; None for the built-in world of that name.
+        training: the comparison's training world; its parts and those of S are not held out.
 
     Raises:
-        UserError: one does; the part is named.
+        UserError: a policy saw the target; the error names the shared parts.
     """
     if source is None and world in built_in():
         source = world
@@ -209,9 +210,9 @@ def refuse_trained_on(
 
 
 def _stem(path: Path) -> str:
-    """Give the folder's name; of a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) the task's.
+    """Return the folder's name; for a run's checkpoint (runs/TASK/TIME_sSEED/checkpoints/best) that of the task.
 
-    Of one that was kept on the way (checkpoints/steps-8000), the task's and the steps: `LABEL-depth@8000`.
+    For an intermediate checkpoint (checkpoints/steps-8000) it is the task's name with the steps: `LABEL-depth@8000`.
     """
     place = path.resolve()
     if match := re.fullmatch(r"(?:steps|updates)-(\d+)", place.name):

@@ -1,4 +1,4 @@
-"""A handful of invented episodes, for examples of the files that are made of them."""
+"""Invented episodes, from which the example files of the formats are made."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from vispeg.evaluation.records import Episode
 
 
 def episodes(worlds: Sequence[str] = ("S", "V"), configurations: Sequence[str] = ("",), n: int = 4) -> list[Episode]:
-    """`n` episodes of a policy that sees and one that does not, in every world and configuration."""
+    """Return n episodes of a policy with images and of one without, in every world and configuration."""
     records = []
     for policy, modality in (("depth", "depth"), ("blind", "proprio")):
         for i, world in enumerate(worlds):

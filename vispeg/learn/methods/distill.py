@@ -118,7 +118,7 @@ def demonstrations(
         The transitions of the successful episodes, and the number of episodes played.
 
     Raises:
-        UserError: too few of the teacher's episodes succeed, about one in ten; or too little memory.
+        UserError: fewer than about one in ten of the teacher's episodes succeed, or too little memory.
     """
     limit = max(10 * episodes, 4 * env.num_envs)
     longest = 60  # assumed steps per episode: the ring holds every step, of failed episodes too
