@@ -12,13 +12,13 @@ from vispeg.core.effect import effect
 from vispeg.robots.model import RobotModel
 from vispeg.sim.nominal import Nominal, columns
 
-ARMS = 4096  # postures evaluated in one batch: MuJoCo's state of each takes kilobytes
+ARMS = 4096  # greatest number of postures in one batch: MuJoCo's state of each takes kilobytes
 
 
 def compiled(robot: RobotModel, parts: Iterable[str] = ()) -> mujoco.MjModel:
     """Return the robot's compiled model with the solver settings of rollouts, cached for recently used robots.
 
-    `parts` names effects; those that add elements to the model are built in.
+    `parts` are names of effects; the elements that some of them add are part of the model.
     """
     return _compiled(robot, tuple(sorted({name for name in parts if effect(name).overrides("build")})))
 
@@ -37,7 +37,10 @@ def _compiled(robot: RobotModel, built: tuple[str, ...]) -> mujoco.MjModel:
 
 
 def idle(model: mujoco.MjModel) -> int:
-    """Return the disable flags for features that cannot change this model's motion; saves a sixth of an arm's step."""
+    """Return the flags that disable features which cannot change this model's motion.
+
+    This saves a sixth of the time of an arm's step.
+    """
     flags, disable = 0, mujoco.mjtDisableBit
     if not np.any(model.geom_contype[:, None] & model.geom_conaffinity) and model.npair == 0:
         flags |= int(disable.mjDSBL_CONTACT)

@@ -12,10 +12,12 @@ from vispeg.sim.segments.rows import ByTick, Rows
 
 
 class Controller:
-    """Joint impedance, operational space control, recorded torques, or goals of servos, as RECORDING.md states them.
+    """The controller of a recording: joint impedance, operational space, recorded torques or goals of servos.
+
+    The laws are those of docs/formats.md.
 
     Args:
-        robot: the nominal robot: the controller knows no effects.
+        robot: the nominal robot, as the controller does not know the effects.
         rows: segments of the rollout.
         nominal: evaluator of the nominal quantities, one row per simulation.
         reference: measured angles by tick, (nsim, nj) rad.
@@ -54,7 +56,12 @@ class Controller:
             self.gravity1 = rows.by_tick(lambda s: once(s, robot, gravity_slope))
 
     def command(self, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return the commanded torque (nsim, nj) N m at tick k for measured q (rad), dq (rad/s); servos: goals, rad."""
+        """Return the command (nsim, nj) at tick k: torques, N m, or goals of servos, rad.
+
+        Args:
+            k: tick.
+            q, dq: (nsim, nj) encoder readings, rad and rad/s.
+        """
         if self.mode == "servo":
             return self.q_cmd[k]
         if self.mode == "position":

@@ -1,9 +1,10 @@
 """Export a world as an MJCF for plain MuJoCo: native effects become elements, the others are listed in a comment.
 
-It is an arm, or the scene around it. Friction, damping, rotor inertia, springs, inertials, contact, places and gravity
-are numbers of the model, so they are written as the plant of rollouts holds them. A motor's gain, bias and limit are
-its actuator's: the force is `clip(gain ctrl + bias, bias - limit, bias + limit)`, which is the drive chain's order.
-With `servo` the actuators take goals: k (K ctrl - q) - d dq, k = J w^2 and d = 2 J zeta w (`common.servo_loop`).
+The world is an arm, or a scene around it. Friction, damping, rotor inertia, springs, inertials, contact, positions and
+gravity are fields of the model and are written with the values that the plant of rollouts has. A motor's gain, bias and
+limit become those of its actuator: the force is `clip(gain ctrl + bias, bias - limit, bias + limit)`, in the order of
+the drive chain. With the effect `servo`, actuators take goals and the force is k (K ctrl - q) - d dq with k = J w^2 and
+d = 2 J zeta w (`common.servo_loop`).
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from vispeg.sim.plant import Plant
 from vispeg.sim.servo import reference_inertia, stable_step
 from vispeg.worlds.world import World
 
-HOOKS = ("drive", "torque", "friction", "observe", "wrench", "believe", "image", "start")  # no element of an MJCF
+HOOKS = ("drive", "torque", "friction", "observe", "wrench", "believe", "image", "start")  # not expressible in MJCF
 MOTOR = ("torque_gain", "joint_bias", "torque_limit", "servo")
-STEP = 1e-3  # s
+STEP = 1e-3  # s, default physics step
 NUMBERS = {  # mjModel field -> kind of element and attribute, for fields that map one to one
     "dof_frictionloss": ("joint", "frictionloss"),
     "dof_armature": ("joint", "armature"),
@@ -49,13 +50,13 @@ HELD = {*NUMBERS, *INERTIAL, *OPTIONS}
 
 @dataclass(frozen=True)
 class Exported:
-    """An MJCF.
+    """An exported MJCF.
 
     Attributes:
         xml: the text; mesh files are named relative to its folder.
-        native: effects that are expressed in it.
+        native: effects that the text expresses.
         left_out: effects for which MuJoCo has no element.
-        meshes: name in the text -> file to copy there.
+        meshes: by its name in the text, the mesh file to copy there.
     """
 
     xml: str
@@ -77,7 +78,7 @@ def to_mjcf(world: World, meshes: str = "meshes", robot: RobotModel | None = Non
     Args:
         world: robot, tool and effects with values.
         meshes: folder for the meshes, next to the MJCF file.
-        robot: the scene that the effects have their places in; by default the arm alone.
+        robot: the scene that has the effects' targets; by default the arm alone.
         step: physics step, s; smaller if servos need it.
     """
     robot = load(world.robot, tool=world.tool) if robot is None else robot
@@ -122,7 +123,7 @@ def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
         rows = plant.batch.expanded(field)
         return None if rows is None else np.array(rows[0])
 
-    spec.compile()  # elements get the ids that they have in the plant's model, which is made of the same parts
+    spec.compile()  # elements get the same ids as in the plant's model, which has the same parts
     elements = {"joint": spec.joints, "geom": spec.geoms, "body": spec.bodies}
     for field, (kind, attribute) in NUMBERS.items():
         if (now := value(field)) is None:
@@ -133,7 +134,8 @@ def _numbers(spec: mujoco.MjSpec, plant: Plant) -> None:
             if np.array_equal(now[row], before[row]):
                 continue
             number = now[row]
-            if attribute == "pos":  # the compiler moves a mesh to its centre: what an effect adds is the same
+            # the compiler moves a mesh to its centre, so add the effect's shift to the stated position
+            if attribute == "pos":
                 number = np.array(element.pos) + (now[row] - before[row])
             setattr(element, attribute, [float(number), 0.0, 0.0] if attribute in POLYNOMIAL else number)
     _inertials(spec, model, {field: value(field) for field in INERTIAL})

@@ -28,8 +28,11 @@ WRENCH_HZ = 20.0  # bandwidth of the wrench: above it, torque noise exceeds the 
 STILL, AIR = 0.45, 1.0  # s at an episode's start during which the arm is at rest, and in free air
 LINEAR = 0.01  # assumed nonlinearity of a torque sensor, as a share of the range of the joint's torque
 BLOCK = 0.04  # s over which noise is averaged, to reveal errors that do not average out
-MOSTLY, QUANTILE = 0.9, 2.71  # share of blocks that are off by no more, and what of chi squared noise alone reaches
-PRIOR = np.repeat([100.0, 10.0], 3)  # N, N m: no wrench is greater; what bounds a direction that torques do not see
+MOSTLY, QUANTILE = (
+    0.9,
+    2.71,
+)  # quantile of squared block means to use, and its value for chi squared (1 degree of freedom)
+PRIOR = np.repeat([100.0, 10.0], 3)  # N, N m: 1-sigma prior of the wrench, for directions that torques do not show
 BLIND = 0.2  # share of the prior: a direction with a larger posterior uncertainty counts as unobserved
 
 
@@ -62,8 +65,9 @@ class External:
 
     @property
     def sigma(self) -> np.ndarray:
-        """Standard deviation of the wrench averaged over a block, (n, 6) N, N m: noise that remains, and unobservable
-        parts.
+        """Standard deviation (n, 6), N and N m, of the wrench averaged over a block.
+
+        It combines the torque errors that do not average out with the uncertainty along unobserved directions.
         """
         steady = np.einsum("nij,j->ni", self.gain**2, self.steady**2)
         return np.sqrt(steady + np.sum(self.blind**2, axis=2))
@@ -73,7 +77,7 @@ def external(rec: Recording, arm: RobotModel) -> External:
     """Estimate the wrench on the tool of a recorded arm.
 
     Args:
-        rec: recording with `tau`, without contact in the first second of an episode.
+        rec: recording with `tau`; the first second of each episode must be free of contact.
         arm: nominal arm with its declared tool, which is excluded from the torques that the links need.
     """
     assert rec.tau is not None
@@ -152,7 +156,7 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
 
     It combines the sensor's nonlinearity and the torque residual of the first motion in free air (a high quantile, as
     friction appears only while a joint moves). Both are scaled up if the residual is larger in the null space of J',
-    the combination of torques that no wrench at the flange can cause.
+    the combinations of torques that no wrench at the flange can cause.
     """
     assert rec.tau is not None
     linear = LINEAR * (np.nanquantile(rec.tau, 0.99, axis=0) - np.nanquantile(rec.tau, 0.01, axis=0))
@@ -163,7 +167,7 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
         clock = rec.time[rows] - rec.time[rows[0]]
         zero = residual[rows[clock <= STILL]].mean(axis=0)
         air = rows[(clock > STILL) & (clock <= AIR)]
-        if len(air):  # an episode may end before
+        if len(air):  # short episodes have no such samples
             off.append(_blocks(residual[air] - zero, size))
         beside = np.einsum("njk,nj->nk", blind[rows], residual[rows] - zero)
         across.append(_blocks(beside, size))

@@ -14,11 +14,11 @@ from vispeg.sim.compiled import compiled, nominal_of
 from vispeg.sim.reach import reach
 
 TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # random starts, steps from each, pose error accepted (m and rad together)
-TURN = np.pi  # rad: joints with a wider range are searched within +-TURN of its middle, unlimited ones of 0
+TURN = np.pi  # rad: joints are searched within +-TURN of the middle of their range, if it is wider; unlimited ones of 0
 CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
-ENOUGH, ROOM = 0.15, 0.2  # smallest singular value, margin to a limit over half the range: caps of the score
-ASIDE = 0.05  # m
-ROUND = 1e-3  # rad
+ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of half a range left to a limit
+ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_worth`
+ROUND = 1e-3  # rad, to which the angles of the result are rounded
 POSE = 6  # degrees of freedom of a pose
 
 
@@ -76,7 +76,7 @@ def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -
     links = _links(robot, q)
     aside = np.abs(links[:, :, 0] * pos[1] - links[:, :, 1] * pos[0]).mean(axis=1) / np.hypot(*pos[:2])
     height = links[:, :, 2]
-    sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # not links that no posture moves
+    sunk = (height < CLEAR) & (np.ptp(height, axis=0) > 1e-9)  # ignore links that no posture moves
     height = np.where(sunk.any(axis=1), 0.0, height.mean(axis=1))
     return free * height * np.exp(-aside / ASIDE)
 

@@ -21,14 +21,14 @@ UNUSED = int(  # features that do not enter gravity, inertia or kinematics
 
 
 class Nominal:
-    """Nominal quantities at given joint angles, one row a simulation.
+    """Nominal quantities at given joint angles, one row per simulation.
 
     Args:
         model: compiled nominal model (declared tool included).
         joints: joint names, in the order of all joint arrays.
         flange: name of the flange site.
-        nsim: rows.
-        nthread: threads.
+        nsim: number of rows.
+        nthread: number of threads.
     """
 
     def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...], flange: str, nsim: int, nthread: int):
@@ -44,14 +44,19 @@ class Nominal:
         self.bias = self.batch.bind("qfrc_bias")
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
-        """Gravity torque (nsim, nj) in N m at q (nsim, nj)."""
+        """Return the gravity torque (nsim, nj) N m at joint angles q (nsim, nj) rad."""
         self.qpos[:, self.qadr] = q
         self.qvel[:] = 0.0
         self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         return self.bias[:, self.vadr]
 
     def operational(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Inertia (n, nj, nj), Jacobian (n, 6, nj), flange position (n, 3) and quaternion (n, 4), gravity (n, nj)."""
+        """Return the quantities of operational space control at joint angles q (n, nj) rad.
+
+        Returns:
+            Inertia (n, nj, nj), Jacobian (n, 6, nj), flange position (n, 3) m and quaternion (n, 4) wxyz in the base
+            frame, and gravity torque (n, nj) N m.
+        """
         if not hasattr(self, "read"):
             self._bind()
         self.gravity(q)
@@ -65,7 +70,7 @@ class Nominal:
 
         self.work_out, model, bind = operational, self.batch.model, self.batch.bind
         self.dofs = np.arange(self.nv)[self.vadr]
-        number = dense(model, 1.0 + np.arange(len(model.M_colind))[None])[0]  # of each element, from 1; 0 for none
+        number = dense(model, 1.0 + np.arange(len(model.M_colind))[None])[0]  # index of each element + 1, or 0
         place = number[np.ix_(self.dofs, self.dofs)].astype(int) - 1
         above, body = set(), self.body
         while body:
@@ -85,7 +90,7 @@ def columns(ids: Sequence[int] | np.ndarray) -> slice | np.ndarray:
 
 
 def dense(model: mujoco.MjModel, sparse: np.ndarray) -> np.ndarray:
-    """Full symmetric inertia (n, nv, nv) from MuJoCo's lower-triangular CSR rows (n, nM)."""
+    """Return full symmetric inertia (n, nv, nv) from MuJoCo's lower-triangular CSR values (n, nM)."""
     full = np.zeros((len(sparse), model.nv, model.nv))
     row = np.repeat(np.arange(model.nv), model.M_rownnz)
     col = model.M_colind[: len(row)]

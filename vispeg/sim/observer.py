@@ -8,7 +8,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.segments.along import inertia, once
 from vispeg.sim.segments.rows import ByTick, Rows
 
-OBSERVER = 8.0  # rad/s, natural frequency at which an open-loop rollout is held to the measured motion
+OBSERVER = 8.0  # rad/s, natural frequency of the observer that holds an open-loop rollout near the measured motion
 
 
 def observer_spring(robot: RobotModel, inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -23,7 +23,10 @@ def observer_spring(robot: RobotModel, inertia: np.ndarray) -> tuple[np.ndarray,
 
 
 class Observer:
-    """Observer torque `M (w^2 e + 2 w de) + K e + D de`: e is measured minus simulated angle, M the inertia on the way.
+    """Observer torque `M (w^2 e + 2 w de) + K e + D de`.
+
+    Here e is the measured minus the simulated angle, M the inertia along the measured motion, w the frequency OBSERVER,
+    and K and D are those of `observer_spring`.
 
     Args:
         robot: the nominal robot.

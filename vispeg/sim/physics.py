@@ -12,11 +12,12 @@ from vispeg.effects.common.delay import DelayLine
 from vispeg.sim.placement import Active
 from vispeg.sim.state import DriveState, Fields
 
-OVERLAP = 1e-8  # m
-# of the regularization of a held part's friction: 0.4 um/s under 25 N, 7 um in a press of 18 s. At a thousandth the
-# solver no longer finds the force where it comes near what the friction holds
+OVERLAP = 1e-8  # m, tolerance of the contact search, see `exact`
+# Factor on the regularization of the dry friction that holds a part, see `firm`. The part then creeps at 0.4 um/s under
+# 25 N, or 7 um while it is pressed for 18 s. With a factor of 0.001 the solver does not converge when the force comes
+# near the friction limit.
 FIRM = 0.02
-GEAR = 80  # drive stages from here on lie behind the motor, where its current no longer tells
+GEAR = 80  # drive stages of this order or higher act after the motor, so its current does not show them
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,9 @@ class Forces:
     Attributes:
         drive: torque at the output of the last drive stage.
         motor: torque before the gear, as computed from the motor's current.
-        geared: torque of effects inside the drive, which a sensor after the gear sees; None without any.
-        link: torque of effects that act on the link; None without any.
-        friction: level of the joints' dry friction; None where it is the model's own and constant.
+        geared: torque of effects inside the drive, which a sensor after the gear measures; None if there are none.
+        link: torque of effects that act on the link; None if there are none.
+        friction: level of the joints' dry friction; None if it stays at the model's own constant value.
     """
 
     drive: np.ndarray
@@ -58,7 +59,7 @@ class EffectLoop:
         self.frictions = [a for a in active if a.effect.overrides("friction")]
         self.torques = [a for a in active if a.effect.overrides("torque")]
         self.senses = [a for a in active if a.effect.overrides("observe")]
-        # a servo reads its own encoder without delay: the delay of logged readings is not in its loop
+        # effects inside a servo's loop: it reads its own encoder without the delay of logged readings
         self.inside = [a for a in self.senses if a.effect.family == "joint" or not a.effect.overrides("start")]
         self.wrists = [a for a in active if a.effect.overrides("wrench")]
         self.inverses = [a for a in active if a.effect.overrides("inverse")]
@@ -175,10 +176,11 @@ def exact(batch: Any) -> None:
 def firm(batch: Any, model: Any, joint: str) -> None:
     """Reduce the creep of a joint that dry friction holds, without changing the force at which it slips.
 
-    MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w, and d is at most 0.9999. Under
+    MuJoCo regularizes friction by `R = (1 - d) / d w` with the joint's inverse weight w; d is at most 0.9999. Under
     a force f a joint at rest therefore creeps at `f R / b`, 20 um/s for a held part under 25 N; real dry friction does
-    not creep. So w = `dof_invweight0` is scaled down, which for a joint without a limit affects nothing else. Call it
-    after `derive`, which sets that field. Source: MuJoCo 4.0 manual, Computation, Constraint model, Friction loss.
+    not creep. So w = `dof_invweight0` is scaled down by FIRM, which affects nothing else for a joint without a limit.
+    Call this after `derive`, which sets that field. Source: MuJoCo 4.0 manual, Computation, Constraint model, Friction
+    loss.
     """
     batch.expand("dof_invweight0")[:, model.joint(joint).dofadr[0]] *= FIRM
 
@@ -197,12 +199,12 @@ def derive(batch: Any, fields: Fields) -> None:
 
 
 def merged(old: Any, new: Any, rows: np.ndarray) -> Any:
-    """Return the effect state `old` with `rows` (indices) replaced from `new`, a state that `start` made for all rows.
+    """Return the effect state `old` with `rows` (indices) replaced from `new`, a new state from `Effect.start`.
 
     States are None, arrays whose leading axis is the simulation, delay lines, or dicts and tuples of these.
 
     Raises:
-        TypeError: a state of another type, whose rows cannot be reset one by one.
+        TypeError: a state of another type, whose rows cannot be reset separately.
     """
     if isinstance(old, dict):
         return {k: merged(v, new[k], rows) for k, v in old.items()}
@@ -217,4 +219,4 @@ def merged(old: Any, new: Any, rows: np.ndarray) -> Any:
         return old
     if old is None:
         return new
-    raise TypeError(f"an effect's state of type {type(old).__name__} cannot begin anew row by row")
+    raise TypeError(f"an effect's state of type {type(old).__name__} cannot be reset row by row")

@@ -1,7 +1,7 @@
 """Batched physics with effects: arms that differ from the nominal one respond to a controller's torques.
 
-Steps are interpreted as leapfrog: MuJoCo's semi-implicit Euler is second order in position if its velocity is taken as
-that at the half step. So a velocity that is read is corrected by half a step of acceleration.
+Steps are interpreted as leapfrog: MuJoCo's semi-implicit Euler is of second order in position if its velocity is taken
+as the velocity at the half step. Velocity readings are therefore corrected by half a step of acceleration.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class Plant:
 
     Args:
         robot: the nominal robot.
-        worlds: one per row.
+        worlds: one world per row.
         h: physics step, s.
         tick: control period, s.
         nthread: threads of the batch.
-        servo: whether commands are angles, so that command delays act on angles.
+        servo: whether commands are angles for position servos, so that command delays act on angles.
 
     Attributes:
         x: the state that effects read.
@@ -123,23 +123,28 @@ class Plant:
         return forces
 
     def step(self, command: np.ndarray, hold: np.ndarray | float) -> np.ndarray:
-        """Step the physics under `command` (nsim, nj) N m and a torque `hold` at the links; return the motor torque."""
+        """Step the physics; return the motor torque (nsim, nj) N m.
+
+        Args:
+            command: (nsim, nj) commanded torque, N m.
+            hold: (nsim, nj) external torque on the links, N m, or a number.
+        """
         forces = self.forces(command)
         tau = forces.drive
         beside = hold if forces.beside is None else forces.beside + hold
-        # the kick spans half of the last step and half of this one
+        # leapfrog: the velocity update spans half of the last step and half of this one
         self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
         self._apply(beside)
-        # velocity forces act at the whole step, the position moves with the half step's
+        # velocity-dependent forces use the velocity at the whole step, the position that at the half step
         half, before = self.half, self.x.dq
         self.qvel[:, self.vadr] = before
         self.batch.step()
-        # not qacc, which leaves out the implicit damping and so diverges past 2 J / h
+        # not qacc: it leaves out the implicit damping, so this would diverge if damping exceeds 2 J / h
         velocity, angle = self.qvel[:, self.vadr], self.qpos[:, self.qadr]
         self.acc = velocity - before
         self.acc /= self.h
-        if self.first:  # it began at a whole step's velocity: half of its own kick is what the half step has seen
+        if self.first:  # began with the velocity at a whole step, so only half of this update counts
             half, self.first = 0.5 * self.h * self.acc, False
         self.qvel[:, self.vadr] = velocity - half
         self.qpos[:, self.qadr] = angle - self.h * half

@@ -59,14 +59,14 @@ class ReadingNoise:
     sensed: bool = False
 
     def add(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Add this tick's readings of q and dq (nsegment * nworld, nj)."""
+        """Add one tick's noise to readings q, rad, and dq, rad/s, (nsegment * nworld, nj)."""
         copies = len(q) // len(self.q)
         first, second = self.rng.standard_normal((2, *q.shape))
         return q + np.tile(self.q, (copies, 1)) * first, dq + np.tile(self.dq, (copies, 1)) * second
 
 
 def rounds(world: World) -> bool:
-    """Test whether an encoder of the world quantizes, so that noise must be added before."""
+    """Return whether an encoder of the world quantizes, so that noise must be added before quantization."""
     return any(effect(e.effect).resolution({k: v.value for k, v in e.params.items()}) > 0 for e in world.effects)
 
 
@@ -90,7 +90,7 @@ def simulate(
         segments: all with the same control mode and tick.
         h_max: greatest physics step, s.
         nthread: threads of the batch.
-        observer: keep torque-driven rollouts near the measured motion by a soft observer (else they drift away).
+        observer: keep open-loop rollouts near the measured motion by a soft observer; otherwise they drift away.
         along: linearise the controller's nominal gravity about the segment's measured motion, which suffices for
             candidates near the measurement and costs a third less; exact otherwise.
         want_ee: also return flange poses.
@@ -103,7 +103,7 @@ def simulate(
 
 
 class _Run:
-    """One batch: plants, their controller, and the observer where the loop is open."""
+    """One batch: the plants, their controller, and an observer if the control is open-loop."""
 
     def __init__(
         self,
@@ -134,10 +134,10 @@ class _Run:
             self.observer = Observer(robot, self.rows, self.reference, self.inertia)
 
     def responses(self, want_ee: bool, noise: ReadingNoise | None) -> list[Response]:
-        """Run all ticks."""
+        """Run all ticks and return one response per segment."""
         plant, ticks = self.plant, self.rows.ticks
         q0, dq0 = self.reference[0][0], self.reference[1][0]
-        # a robot that starts in equilibrium carries its weight
+        # start in equilibrium: the drives carry the arm's weight
         plant.start(q0, dq0, self.nominal.gravity(q0).copy(), self.inertia)
         out = np.empty((4, ticks, *q0.shape))
         true_q = np.empty((ticks, *q0.shape)) if want_ee else None
@@ -166,7 +166,7 @@ class _Run:
                 motor = plant.step(command if self.servos is None else self.servos.torque(command), hold)
             for i in ends.get(k, ()):
                 self._end(i)
-        out[2:, 0] = out[2:, 1]  # nothing was measured before the first step
+        out[2:, 0] = out[2:, 1]  # there is no torque before the first step
         return [self._response(i, out, true_q) for i in range(len(self.rows.segments))]
 
     def _end(self, i: int) -> None:

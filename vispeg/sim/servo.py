@@ -12,7 +12,7 @@ from vispeg.robots.model import RobotModel
 from vispeg.sim.compiled import nominal_of
 from vispeg.sim.plant import Plant
 
-POSTURES = 64
+POSTURES = 64  # number of postures over which the inertia is evaluated
 RESOLVED = 0.5  # rad, largest phase of the fastest mode per physics step
 
 

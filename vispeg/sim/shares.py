@@ -1,7 +1,7 @@
-"""Share the simulation of many worlds among processes, as rows are independent and Python steps limit one process.
+"""Share the simulation of many worlds among processes: rows are independent, and Python slows a single process.
 
-A child process is forked for each share but the first, writes its arrays into shared memory, and ends. Nothing outlives
-a call. If a child fails, the parent computes its share again and so raises the real error.
+A child process is forked for each share but the first, writes its arrays into shared memory, and ends. No child lives
+longer than a call. If a child fails, the parent computes its share again, so that the caller sees the original error.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def shared(work: Work, worlds: Sequence[World], shapes: Sequence[tuple[int, ...]
 
     Args:
         work: returns float64 arrays whose first axis is the world, one for each of `shapes`.
-        worlds: shares are contiguous, as neighbouring worlds often have the same effects and so cost less together.
+        worlds: the worlds. Shares are contiguous, as neighbouring worlds often have the same effects and then cost less
+            together.
         shapes: shapes of one world's arrays.
         count: number of processes, including this one.
     """
@@ -52,14 +53,14 @@ def shared(work: Work, worlds: Sequence[World], shapes: Sequence[tuple[int, ...]
             if status != 0:
                 answers[i] = work(parts[i])
     finally:
-        for pid in children:  # only where this process failed or was interrupted
+        for pid in children:  # children are left only if this process failed or was interrupted
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
     return [np.concatenate(arrays) for arrays in zip(*answers, strict=True)]
 
 
 def _fork(work: Work, worlds: Sequence[World], out: list[np.ndarray]) -> int:
-    """Process id of a child that fills `out`."""
+    """Fork a child that fills `out` with the results; return its process id."""
     with warnings.catch_warnings():
         # the other threads are optimizers that wait for this result; the child never needs their locks
         warnings.simplefilter("ignore", DeprecationWarning)

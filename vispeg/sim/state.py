@@ -1,4 +1,4 @@
-"""What effects may read of a running batch, and the model fields they may write."""
+"""The state of a running batch that effects may read, and the model fields that they may write."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class DriveState:
     Attributes:
         h: physics substep, s.
         tick: control period, s.
-        q, dq, ddq: true link-side angle, velocity and (last substep's) acceleration.
-        tau: torque the drive handed to the link in the last substep, N m.
-        inertia: apparent inertia 1 / (M^-1)_jj, the least over the motion, kg m^2: what a stiff spring at the joint
-        feels.
+        q, dq, ddq: true link-side angle, velocity and acceleration, the latter of the last substep.
+        tau: torque from the drive on the link in the last substep, N m.
+        inertia: apparent inertia 1 / (M^-1)_jj, the least over the motion, kg m^2: the inertia that a stiff spring at
+            the joint acts on.
     """
 
     h: float
@@ -32,16 +32,16 @@ class DriveState:
 
 
 class Fields:
-    """Per-simulation model fields: `fields["body_mass"]` is (nsim, nbody), nominal until written.
+    """Model fields for each simulation: `fields["body_mass"]` is (nsim, nbody), with nominal values until written.
 
     Attributes:
         model: the nominal MjModel.
         robot: the RobotModel, Scene or ObjectModel that it was made from.
-        touched: names of the fields asked for.
-        joints, dofs, qposes: ids of the robot's joints, in its order.
-        links: ids of its moving bodies.
-        flange: id of the body that carries the flange, and the flange's position (3,) and rotation (3, 3) in it; of a
-            free object its world.
+        touched: names of the fields that were accessed.
+        joints, dofs, qposes: joint ids, dof addresses and qpos addresses of the robot's joints, in its order.
+        links: ids of the robot's moving bodies.
+        flange: id of the flange's body, and the flange's position (3,) m and rotation (3, 3) in it; the world frame for
+            a robot without a flange, such as a free object.
     """
 
     def __init__(self, batch: Any, robot: Any):

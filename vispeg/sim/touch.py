@@ -1,9 +1,9 @@
-"""Detect contact of a recorded tool, its force and the motion of the tip, from wrist wrench and joint angles.
+"""Estimate contact of a recorded tool, its force and the motion of the tip, from wrist wrench and joint angles.
 
-The wrench between flange and tool carries the tool's weight and inertia too. Newton's and Euler's laws for the declared
-tool along the measured motion give what is left for the contact: `F_c = m (a - g) - F` and
-`T_c = I alpha + w x I w + r x m (a - g) - T`, about the flange's origin, with F, T what the flange exerts on the tool
-and r its centre of mass.
+The wrench between flange and tool also includes the tool's weight and inertial forces. Newton's and Euler's laws for
+the declared tool along the measured motion give the contact wrench: `F_c = m (a - g) - F` and `T_c = I alpha + w x I w
++ r x m (a - g) - T`, about the flange's origin. F and T are the force and torque of the flange on the tool, and r is
+the tool's centre of mass.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from vispeg.sim.compiled import compiled, nominal_of
 
 MOTION_HZ = 30.0  # bandwidth of the motion from which accelerations are computed
 STILL = 0.5  # s at the start of an episode without contact, from which the sensor's zero is estimated
-NOISES = 6.0  # least contact force that counts as a touch, in 1-sigma of a force component
+NOISES = 6.0  # least contact force that counts as a touch, in standard deviations of a force component
 ROWS = 4096  # samples per block of kinematics
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact along a recording; base axes unless named otherwise.
+    """Contact along a recording; in base axes unless stated otherwise.
 
     Attributes:
         wrench: (n, 6) N, N m: wrench of the flange on the tool, flange axes and origin; as measured, with the sensor's
-            zero.
+            zero offset.
         contact: (n, 6) N, N m: wrench of the surroundings on the tool, torque about the flange's origin.
-        flange: (n, 7) m and w x y z.
-        tip: (n, 3) m, the tip in the believed goal's frame (z out of it); in the base frame where there is no goal.
-        velocity: (n, 3) m/s of the tip, in the same axes.
+        flange: (n, 7) pose of the flange in the base frame, m and w x y z.
+        tip: (n, 3) m, position of the tip relative to the nominal goal (z out of it); relative to the base if there is
+            no goal.
+        velocity: (n, 3) velocity of the tip, m/s.
         regime: (n,) indices into `vispeg.recordings.regimes.REGIMES`.
         threshold: contact force that counts as a touch, N.
     """
@@ -53,25 +54,26 @@ class Touch:
 
     @property
     def touching(self) -> np.ndarray:
-        """(n,) bool."""
+        """Whether the tool touches something, (n,) bool."""
         return self.regime != FREE
 
     @property
     def force(self) -> np.ndarray:
-        """(n,) N, length of the contact force."""
+        """Magnitude of the contact force, (n,) N."""
         return np.linalg.norm(self.contact[:, :3], axis=1)
 
 
 def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = None) -> Touch | None:
-    """Compute the contact of the recorded tool; None without a recorded wrench.
+    """Compute the contact of the recorded tool; None without a recorded wrench (`ft`).
 
-    The sensor's zero, in its own axes, is the reading minus the tool's weight in the first half second of each episode,
-    which must be free of contact.
+    The sensor's zero offset, constant in flange axes, is estimated in the first half second of each episode, which must
+    be free of contact.
 
     Args:
-        rec: with `ft`.
-        robot: the believed cell (a Scene), or the arm with its declared tool, which has no goal and ends at the flange.
-        thresholds: of the regimes; the force is raised to what the noise allows.
+        rec: the recording.
+        robot: the nominal cell (a Scene), or the arm with its declared tool; then there is no goal, and the tip is the
+            flange.
+        thresholds: thresholds of the regimes; that of the force is raised if the noise requires it.
     """
     if rec.ft is None:
         return None
@@ -79,13 +81,13 @@ def touch(rec: Recording, robot: RobotModel, thresholds: Thresholds | None = Non
     arm = robot.nominal if isinstance(robot, Scene) else robot
     q, dq, ddq = smooth(rec.time, bridged(rec.time, rec.q), MOTION_HZ)
     pos, quat, twist, rate = _flange(arm, *(np.nan_to_num(v) for v in (q, dq, ddq)))
-    axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) to the base
+    axes = np.stack([rotated(quat, np.tile(e, (len(quat), 1))) for e in np.eye(3)], axis=2)  # (n, 3, 3) flange to base
     wrench = canonical(rec.ft, rec.wrench or WrenchSensor(), axes)
     weight = compiled(arm).opt.gravity
     weighed = rec.wrench is not None and rec.wrench.tared == "weight"
     needed = _needed(_tool(arm), axes, twist[:, 3:], rate, np.zeros(3) if weighed else weight)
     residual = needed - np.concatenate([rotated(quat, wrench[:, :3]), rotated(quat, wrench[:, 3:])], axis=1)
-    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # motion there is only interpolated
+    residual[np.isnan(rec.q).any(axis=1)] = np.nan  # the motion is only interpolated there
     contact = _zeroed(rec, bridged(rec.time, residual), axes)  # a missing reading does not end a touch
     lever = np.array([0.0, 0.0, scene.tip]) if scene else np.zeros(3)
     tip = pos + axes @ lever
@@ -130,7 +132,7 @@ def _flange(arm: RobotModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> 
 
 
 def _tool(arm: RobotModel) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the tool's mass, centre (3,) in the flange frame, inertia (3,) about it; zeros without a tool."""
+    """Return the tool's mass, kg, centre (3,), m, and inertia (3,), kg m^2, in flange axes; 0 without a tool."""
     model = compiled(arm)
     if not any(model.body(b).name == "tool" for b in range(model.nbody)):
         return 0.0, np.zeros(3), np.zeros(3)
@@ -151,7 +153,7 @@ def _needed(tool: tuple, axes: np.ndarray, omega: np.ndarray, rate: np.ndarray, 
 
 
 def _zeroed(rec: Recording, residual: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Subtract the sensor's zero, which is constant in flange axes, from `residual` (n, 6) in base axes."""
+    """Subtract the sensor's zero offset, constant in flange axes, from `residual` (n, 6) in base axes."""
     halves = [np.einsum("nji,nj->ni", axes, v) for v in (residual[:, :3], residual[:, 3:])]
     inner = np.concatenate(halves, axis=1)
     for rows in episodes(rec.time):

@@ -18,7 +18,10 @@ from vispeg.sim.nominal import UNUSED
 
 
 def needs_of(robot: RobotModel, rec: Recording) -> Needs | None:
-    """Return the model's inverse dynamics, (n, nj) rad, rad/s, rad/s^2 -> N m; None if the recording lacks joints."""
+    """Return a function for the model's inverse dynamics; None if the recording has other joints than the robot.
+
+    It takes q, dq and ddq (n, nj) in rad, rad/s and rad/s^2 and returns torques (n, nj) N m.
+    """
     if tuple(rec.joints) != robot.joints:
         return None
 
@@ -50,7 +53,7 @@ def check_units(rec: Recording) -> None:
     limits.range[:, 0] = -np.inf
     try:
         robot = load_for(rec.joints, rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
-    except UserError:  # is said where the robot is needed
+    except UserError:  # the error is raised again where the robot is needed
         robot = None
     if robot is not None and set(rec.joints) <= set(robot.joints):
         limits, needs = Limits.of(robot, rec.joints), needs_of(robot, rec)

@@ -28,7 +28,7 @@ def measured_gravity(s: Segment, robot: RobotModel) -> np.ndarray:
 
 
 def gravity(s: Segment, robot: RobotModel) -> np.ndarray:
-    """Nominal gravity torque (n, nj) N m along the motion."""
+    """Return the nominal gravity torque (n, nj) N m along the motion."""
     return of_postures(robot, s.q, _gravity)
 
 
@@ -44,12 +44,12 @@ def gravity_slope(s: Segment, robot: RobotModel, step: float = 1e-4) -> np.ndarr
 
 
 def inertia(s: Segment, robot: RobotModel) -> np.ndarray:
-    """Nominal joint-space inertia (n, nj, nj) kg m^2 along the motion."""
+    """Return the nominal joint-space inertia (n, nj, nj) kg m^2 along the motion."""
     return _inertia_at(s.q, robot)
 
 
 def apparent_inertia(s: Segment, robot: RobotModel) -> np.ndarray:
-    """Apparent inertia 1 / (M^-1)_jj (nj,) kg m^2, the least over the motion."""
+    """Return the apparent inertia 1 / (M^-1)_jj (nj,) kg m^2, the least over at most 31 samples of the motion."""
     some = s.q[:: max(1, s.ticks // 16)]
     return np.min(1.0 / np.diagonal(np.linalg.inv(_inertia_at(some, robot)), axis1=1, axis2=2), axis=0)
 

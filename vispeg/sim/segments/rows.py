@@ -12,9 +12,14 @@ CHUNK = 2**16  # numbers repeated per call: few calls, and still within the CPU 
 
 
 class ByTick:
-    """`rows[k]` is (nsim, ...) at tick k, from (ticks, nsegment, ...), repeated for every world in blocks of ticks.
+    """Values by tick: `rows[k]` is (nsim, ...) at tick k, the values of the segments repeated for every world.
 
-    Do not write to the result: it may be a view that later calls return too.
+    Values are repeated for a block of ticks at a time. Do not write to a result: it may be a view that later calls
+    return too.
+
+    Args:
+        values: (ticks, nsegment, ...).
+        nworld: number of worlds.
     """
 
     def __init__(self, values: np.ndarray, nworld: int):

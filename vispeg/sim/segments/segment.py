@@ -12,13 +12,13 @@ from vispeg.recordings.differentiate import bridged, smooth
 from vispeg.recordings.noise import noise_of
 from vispeg.recordings.recording import Control, Recording
 
-EXTERNAL = "external"  # in `Segment.cache`: (n, nj) N m that act on the links from outside, on the control grid
+EXTERNAL = "external"  # key in `Segment.cache`: (n, nj) N m, external torques on the links at the control ticks
 START_HZ = 20.0  # bandwidth of the motion that gives a closed loop its start state
-SERVO_TICK = 2.5e-3  # s, at most, between the instants at which a new goal may reach a servo
-HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough not to round its corners
+SERVO_TICK = 2.5e-3  # s, greatest spacing of the instants at which a new goal may reach a servo
+HELD_HZ = 40.0  # bandwidth of the observer's reference motion, high enough to keep its corners
 DEGREE = 3  # of the polynomial whose value at its left end is the start state
-WINDOWS = (0.6, 0.42, 0.3, 0.21, 0.15, 0.1, 0.07)  # s, longest first, as it has the least noise
-SUSPECT = 6.0  # drop of chi-squared by two more degrees that betrays a window too long (95 % of pure noise stay under)
+WINDOWS = (0.6, 0.42, 0.3, 0.21, 0.15, 0.1, 0.07)  # s, longest first, as a long window has the least noise
+SUSPECT = 6.0  # decrease of chi squared by two more degrees above which a window is too long; noise stays below in 95 %
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Segment:
     """One episode on the controller's clock.
 
     Attributes:
-        control: the controller that ran.
-        tick: control period, s; of a servo the grid on which its goals are held.
+        control: the recorded controller.
+        tick: control period, s; for a servo, the spacing of the grid on which its goals are held.
         command: name -> (n, ...) on the control grid: `q_cmd`, `dq_cmd`, `tau_cmd`, `ee_cmd` as the mode needs.
         q, dq: (n, nj) smoothed measured motion on the control grid: start state and observer reference.
         q_raw: (n, nj) measured angles as the controller read them.
@@ -72,7 +72,7 @@ def segments(rec: Recording) -> list[Segment]:
 def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     time = rec.time[rows] - rec.time[rows[0]]
     tick, servo = 1.0 / rec.control.rate_hz, rec.control.mode == "servo"
-    if servo:  # goals come when they come, and a servo's own loop is faster than any log
+    if servo:  # goals arrive at any time, and a servo's own loop is faster than any log
         tick /= np.ceil(tick / SERVO_TICK - 1e-9)
     grid = np.arange(int(np.floor(time[-1] / tick + 1e-6)) + 1) * tick
     same_clock = len(grid) == len(time) and bool(np.all(np.abs(grid - time) < 0.05 * tick))
@@ -95,7 +95,7 @@ def _segment(rec: Recording, rows: np.ndarray) -> Segment:
     raw = on_grid(rec.q)
     closed = rec.control.mode in ("position", "osc", "servo")
     q, dq, _ = smooth(grid, raw, START_HZ if closed else HELD_HZ)
-    if rec.control.mode in ("osc", "servo"):  # a redundant arm's null space, a soft servo forget their start slowly
+    if rec.control.mode in ("osc", "servo"):  # here errors of the start state decay slowly
         q[0], dq[0] = start_state(grid, raw, noise_of(rec)["q"])
     return Segment(rec.control, tick, command, q, dq, raw, time, rows)
 
@@ -126,7 +126,7 @@ def _one(time: np.ndarray, q: np.ndarray, sigma: float) -> tuple[float, float]:
         fits = [np.polynomial.Legendre.fit(t, y, degree, domain=[0.0, 1.0]) for degree in (DEGREE, DEGREE + 2)]
         misfit = [np.sum((y - fit(t)) ** 2) for fit in fits]
         enough = misfit[0] - misfit[1] < SUSPECT * sigma**2
-        fit = fits[0 if enough else 1]  # the shortest window, too, may be too long for a cubic
+        fit = fits[0 if enough else 1]  # even the shortest window may be too long for a cubic
         best = float(q[0] + fit(0.0)), float(fit.deriv()(0.0) / time[n - 1])
         if enough:
             break
