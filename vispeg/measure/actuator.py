@@ -1,8 +1,9 @@
-"""A joint's loop as a MuJoCo actuator, and the step that a simulated joint makes with it.
+"""A joint's position loop as a MuJoCo actuator, and the simulated step response of a joint with it.
 
 torque = k (K u - q) - d dq: `gainprm` = (K k, 0, 0), `biasprm` = (0, -k, -d), no activation (`dyntype` none), and the
-delay as MuJoCo's own history of commands. At a joint that turns the inertia J alone the closed loop is H(s) of
-`vispeg.measure.steps` with k = J wn^2, d = 2 J z wn (MuJoCo 4.0 manual, actuator/general). Friction is the joint's.
+delay as MuJoCo's own history of commands. For a joint that turns the inertia J alone the closed loop is H(s) of
+`vispeg.measure.steps` with k = J wn^2, d = 2 J z wn (MuJoCo 4.0 manual, actuator/general). Friction is a property of
+the joint, not of the actuator.
 """
 
 from __future__ import annotations
@@ -17,15 +18,20 @@ from vispeg.measure.arm import LEAST, Loop
 from vispeg.measure.steps import Servo, Step
 from vispeg.measure.trace import Trace
 
-TIMESTEP = 1e-3  # s, that the history is written for
-WINDOW = 1.5  # s of a held-out step that are compared
+TIMESTEP = 1e-3  # s, smallest timestep for which the actuator's command history is long enough
+WINDOW = 1.5  # s of a step that are compared with the simulation
 
 
 def alone(servo: Servo, inertia_kgm2: float, viscous: float = 0.0) -> tuple[Loop, np.ndarray]:
-    """Give the loop of a joint that turns this inertia alone, with viscous friction (N m s/rad) of its own.
+    """Return the loop with which a joint that turns only its own inertia answers like a servo.
+
+    Args:
+        servo: the second-order servo to match.
+        inertia_kgm2: inertia that the joint turns.
+        viscous: N m s/rad, viscous friction in the joint, which provides a part of the damping.
 
     Returns:
-        The loop, and (4, 4) the slopes of its `numbers` over those of the servo.
+        The loop, and the derivatives (4, 4) of `Loop.numbers` with respect to `arm.numbers(servo)`.
     """
     wn, whole = servo.natural_frequency, 2.0 * inertia_kgm2 * servo.damping_ratio * servo.natural_frequency
     damping = max(whole - viscous, LEAST * whole)
@@ -35,13 +41,13 @@ def alone(servo: Servo, inertia_kgm2: float, viscous: float = 0.0) -> tuple[Loop
 
 
 def parameters(loop: Loop) -> dict[str, list[float]]:
-    """gainprm, biasprm and dynprm (3,) each."""
+    """Return MuJoCo's gainprm, biasprm and dynprm (3,) of the loop, by name."""
     gain = [loop.gain * loop.stiffness, 0.0, 0.0]
     return {"gainprm": gain, "biasprm": [0.0, -loop.stiffness, -loop.damping], "dynprm": [1.0, 0.0, 0.0]}
 
 
 def element(loop: Loop, joint: str) -> str:
-    """Give the `<general>` element."""
+    """Return the loop as an MJCF `<general>` element."""
     words = {key: " ".join(f"{x:.8g}" for x in value) for key, value in parameters(loop).items()}
     late = ""
     if loop.delay >= TIMESTEP:
@@ -53,7 +59,7 @@ def element(loop: Loop, joint: str) -> str:
 
 
 def text(servo: Servo, loop: Loop, joint: str, about: Sequence[str]) -> str:
-    """Give an MJCF file with the actuator alone, to be included; sentences `about` it stand in a comment."""
+    """Return the text of an MJCF file with only the actuator, for `<include>`; sentences `about` become a comment."""
     said = "".join(f"\n       {line}" for line in about)
     comment = (
         f"  <!-- {joint} answers with K {servo.gain:.4g}, natural frequency {servo.natural_frequency:.4g} rad/s, "
@@ -64,14 +70,14 @@ def text(servo: Servo, loop: Loop, joint: str, about: Sequence[str]) -> str:
 
 
 def simulated(servo: Servo, command: np.ndarray, period: float, band: float = 0.0, wound: float = 0.0) -> np.ndarray:
-    """Angles (n,) rad of a joint of 1 kg m^2 with this servo, from rest; command (n,) rad, each held for `period` s.
+    """Simulate a joint of 1 kg m^2 with this servo, which starts at rest, and return its angles (n,) rad.
 
     Args:
         servo: of the joint.
-        command: from row to row.
+        command: (n,) rad, each held for `period`.
         period: s.
-        band: rad, dry friction over stiffness.
-        wound: rad within the band, by which the servo pulls at the start.
+        band: rad, dry friction divided by stiffness.
+        wound: rad, within +-band: torque divided by stiffness with which the servo already pulls at the start.
     """
     stiffness = servo.natural_frequency**2
     dry = f'frictionloss="{band * stiffness:.8g}" solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
@@ -94,7 +100,14 @@ def simulated(servo: Servo, command: np.ndarray, period: float, band: float = 0.
 
 
 def step_error(servo: Servo, band: float, traces: Sequence[Trace], steps: Sequence[Step]) -> list[float]:
-    """RMS between each step as measured and as simulated with `servo` and friction, as a share of the step's size."""
+    """Return the RMS error of each step simulated with `servo` and dry friction, as a share of the step's size.
+
+    Args:
+        servo: of the joint.
+        band: rad, dry friction divided by stiffness.
+        traces: the recordings with the steps.
+        steps: to compare.
+    """
     by_name = {t.name: t for t in traces}
     wound = steps_of.wound(servo, band, traces, steps)
     out = []

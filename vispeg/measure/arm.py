@@ -1,11 +1,11 @@
-"""A joint's loop inside the arm: from the second-order servo that its answers look like to stiffness and damping.
+"""Find the stiffness and damping of a joint's position loop inside the arm, from its second-order step response.
 
-A servo pulls with `tau = k (K u - q) - d dq`. What turns with it is the joint's row of the inertia M: while the other
-joints hold still that is M_jj, and they hold only as stiffly as their own loops do. So the loop is found the other way
-round (indirect inference: Gourieroux, Monfort and Renault, J. Applied Econometrics 8, 1993): it is the one with which
-the linear arm, `M x'' + D x' + (G + diag(k)) x = k_j K u`, answers like the servo that was fitted to the recordings, if
-it is fitted by the same estimator. G is the slope of gravity. From there least squares go on, with the arm and its dry
-friction moved through all steps as they were commanded.
+A servo pulls with `tau = k (K u - q) - d dq`. The inertia that it turns depends on the other joints: it would be M_jj
+if these stood still, but they hold only as stiffly as their own loops. So the loop is found by indirect inference
+(Gourieroux, Monfort and Renault, J. Applied Econometrics 8, 1993): choose the loop with which the linear arm,
+`M x'' + D x' + (G + diag(k)) x = k_j K u`, gives the same second-order servo as the recordings if both are fitted by
+the same estimator. G is the slope of gravity. `vispeg.measure.joint` then refines the loop by least squares, by
+simulating this arm with dry friction through all commanded steps.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from vispeg.robots.model import RobotModel, load_for
 from vispeg.sim.compiled import compiled
 from vispeg.sim.servo import reference_inertia
 
-TURN = 1e-4  # rad, by which gravity's slope is a difference
-STEP = 1e-2  # relative, by which the estimator's slopes are differences; a fit is good to 1e-5
-LEAST = 0.01  # of all damping, that is the loop's where viscous friction seems to be all of it
-ROUNDS = 4  # of Newton's method; from the held arm's inertia three reach 1e-6
+TURN = 1e-4  # rad, step of the finite difference for gravity's slope
+STEP = 1e-2  # relative step of the finite differences of the estimator, whose fits are accurate to 1e-5
+LEAST = 0.01  # least share of the total damping that is the loop's, even if viscous friction seems to explain all
+ROUNDS = 4  # rounds of Newton's method; started from M_jj, three reach 1e-6
 
 
 @dataclass(frozen=True)
@@ -41,28 +41,28 @@ class Loop:
 
     @property
     def numbers(self) -> np.ndarray:
-        """(4,): gain, logarithms of stiffness and damping, delay."""
+        """(4,): gain, logarithms of stiffness and damping, delay; inverse of `of`."""
         return np.array([self.gain, np.log(self.stiffness), np.log(self.damping), self.delay])
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> Loop:
-        """Give the loop of `numbers`."""
+        """Return the loop with these `numbers` (4,)."""
         gain, stiffness, damping, delay = (float(x) for x in numbers)
         return cls(gain, float(np.exp(stiffness)), float(np.exp(damping)), delay)
 
 
 @dataclass(frozen=True)
 class Arm:
-    """The arm about one posture, linear.
+    """The arm linearized about one posture.
 
     Attributes:
         joint: index of the joint that is measured.
         inertia: (nj, nj) kg m^2.
-        slope: (nj, nj) N m/rad, of gravity over the angles, where nothing compensates for it.
-        stiffness, damping: (nj,) N m/rad, N m s/rad, of the loops; those of `joint` are replaced.
-        passive: (nj,) N m s/rad of the joints' own damping.
-        reference: kg m^2, the inertia by which the effect `servo` states this joint's loop.
-        late: s by which the loops' torque is older than the angles: half a period of a controller that holds it.
+        slope: (nj, nj) N m/rad, derivative of the gravity torque with respect to the angles; 0 if it is compensated.
+        stiffness, damping: (nj,) N m/rad and N m s/rad of the joints' loops; the entry of `joint` is not used.
+        passive: (nj,) N m s/rad, the joints' own damping.
+        reference: kg m^2, the inertia to which the natural frequency and damping ratio of the effect `servo` refer.
+        late: s, mean delay of the loops' torques: half a period of a controller that holds its torque.
     """
 
     joint: int
@@ -76,7 +76,7 @@ class Arm:
 
     @property
     def held(self) -> float:
-        """The inertia (kg m^2) that the joint turns while the others are held."""
+        """The inertia (kg m^2) that the joint turns if the others stand still."""
         return float(self.inertia[self.joint, self.joint])
 
     def with_friction(self, viscous: float) -> Arm:
@@ -84,7 +84,7 @@ class Arm:
         return replace(self, passive=self.passive + viscous * np.eye(len(self.passive))[self.joint])
 
     def modes(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, float]:
-        """Poles (2 nj,) 1/s and their shares (2 nj,) of the joint's answer to a unit step; where that ends."""
+        """Return the modes of the joint's answer to a unit step: poles (2 nj,) 1/s, amplitudes (2 nj,), end value."""
         n, j = len(self.stiffness), self.joint
         inertia, spring, drag = self._matrices(loop)
         a = np.zeros((2 * n, 2 * n))
@@ -95,10 +95,10 @@ class Arm:
         return poles, vectors[j] * np.linalg.solve(vectors, np.concatenate([-ends, 0.0 * ends])), float(ends[j])
 
     def _matrices(self, loop: Loop) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Inertia, stiffness and damping (nj, nj) with all loops closed."""
+        """Return inertia, stiffness and damping (nj, nj) with all loops closed."""
         own = np.arange(len(self.stiffness)) == self.joint
         k, d = np.where(own, loop.stiffness, self.stiffness), np.where(own, loop.damping, self.damping)
-        # to first order in `late`, so that the poles stay 2 nj
+        # the delay `late` to first order, so that there are still 2 nj poles
         return (
             self.inertia - self.late * np.diag(d),
             self.slope + np.diag(k),
@@ -106,7 +106,7 @@ class Arm:
         )
 
     def answer(self, t: np.ndarray, loop: Loop) -> np.ndarray:
-        """Give the joint's answer (n,) at t s to a unit step of its goal at 0."""
+        """Return the joint's angle (n,) at times t (n,) s after a unit step of its goal at time 0."""
         poles, shares, end = self.modes(loop)
         late = t - loop.delay
         return np.where(late > 0, end + np.real(np.exp(np.outer(np.maximum(late, 0.0), poles)) @ shares), 0.0)
@@ -118,13 +118,13 @@ class Arm:
 
         Args:
             loop: of the joint.
-            friction: N m.
-            goals: (n, ngrid) rad, mean goal of each interval, over that at rest.
-            dt: s, of the grid; a reversal is placed to one interval.
-            wound: (n,) N m, by which the loop pulled before.
+            friction: dry friction, N m.
+            goals: (n, ngrid) rad, mean goal in each interval, relative to the goal at rest, for n motions.
+            dt: s, interval of the grid; the joint reverses at most once in an interval.
+            wound: (n,) N m, torque of the loop at the start, while friction holds the joint.
 
         Returns:
-            Angle rad and speed rad/s, (n, ngrid + 1).
+            Angle rad and speed rad/s, (n, ngrid + 1) each.
         """
         nj, j, n = len(self.stiffness), self.joint, len(goals)
         inertia, spring, drag = self._matrices(loop)
@@ -139,7 +139,7 @@ class Arm:
         held[nj:][others] = -np.linalg.solve(inertia[np.ix_(others, others)], np.hstack([spring, drag])[others])
         push = expm(np.block([[moving, pull], [np.zeros((1, 2 * nj + 1))]]) * dt)
         rest = expm(held * dt)
-        # what friction must give, that the joint stays: minus this, over the state, beside the torque that is asked for
+        # friction needed for the joint to stay at rest: the torque asked for minus `needed` times the state
         needed = np.hstack([spring, drag])[j] + inertia[j, others] @ held[nj:][others]
         x, way = np.zeros((n, 2 * nj)), np.zeros(n)
         q, v = np.zeros((2, goals.shape[1] + 1, n))
@@ -155,7 +155,7 @@ class Arm:
             part = np.where(before * way[turned] > 0.0, before / (before - then[turned, nj + j]), 0.0)
             stop = x[turned] + part[:, None] * (then[turned] - x[turned])
             back = np.abs(asked[turned] - stop @ needed) > friction
-            # from there friction pulls the other way, for the rest of the interval, or it holds
+            # for the rest of the interval friction acts in the other direction, or holds the joint
             left = np.repeat([(1.0 - part) ** 2, 1.0 - part], nj, axis=0).T
             flipped = then[turned] + 2.0 * (friction * way[turned])[:, None] * left * push[:-1, -1]
             held_at = then[turned].copy()
@@ -167,13 +167,13 @@ class Arm:
         return q.T, v.T
 
     def response(self, f: np.ndarray, loop: Loop) -> np.ndarray:
-        """Its frequency response (n,), complex, at f Hz."""
+        """Return the joint's frequency response (n,), complex, at f (n,) Hz."""
         poles, shares, end = self.modes(loop)
         s = 2j * np.pi * np.asarray(f)[:, None]
         return (end + (s / (s - poles)) @ shares) * np.exp(-s[:, 0] * loop.delay)
 
     def effect(self, loop: Loop) -> dict[str, float]:
-        """Give the parameters of the effect `servo` that are this loop."""
+        """Return this loop as parameters of the effect `servo`."""
         wn = float(np.sqrt(loop.stiffness / self.reference))
         return {
             "natural_frequency": wn,
@@ -183,7 +183,7 @@ class Arm:
 
 
 def arm_of(rec: Recording, joint: str) -> Arm:
-    """Give the arm of a recording about its median posture; the other joints have the loops that it states.
+    """Return the arm of a recording about its median posture; the other joints have the loops that it states.
 
     Raises:
         UserError: an unknown robot.
@@ -202,7 +202,11 @@ def arm_of(rec: Recording, joint: str) -> Arm:
 
 
 def about(robot: RobotModel, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Inertia (nj, nj) kg m^2, slope of gravity and springs (nj, nj) N m/rad, damping (nj,) at posture q (nj,) rad."""
+    """Linearize an arm at rest about the posture q (nj,) rad.
+
+    Returns:
+        Inertia (nj, nj) kg m^2, slope of gravity and springs (nj, nj) N m/rad, damping (nj,) N m s/rad.
+    """
     model = compiled(robot)
     data = mujoco.MjData(model)
     dof = [model.joint(name).dofadr[0] for name in robot.joints]
@@ -222,15 +226,15 @@ def about(robot: RobotModel, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def inferred(servo: Servo, arm: Arm, look: Callable[[Loop], Servo]) -> tuple[Loop, np.ndarray]:
-    """Give the loop with which the arm looks like `servo`, and how it moves with it.
+    """Return the loop with which the arm answers like `servo`.
 
     Args:
         servo: as fitted to the recordings.
-        arm: with the joint's viscous friction, if that is known.
-        look: the same fit, to what the arm does with a loop.
+        arm: the linear arm, with the joint's viscous friction if that is known.
+        look: returns the servo that the same estimator fits to the arm with a given loop.
 
     Returns:
-        The loop, and (4, 4): the slopes of `Loop.numbers` over `numbers` of the servo.
+        The loop, and the derivatives (4, 4) of `Loop.numbers` with respect to `numbers` of the servo.
     """
     goal = numbers(servo)
     whole = 2.0 * arm.held * servo.damping_ratio * servo.natural_frequency
@@ -249,5 +253,5 @@ def inferred(servo: Servo, arm: Arm, look: Callable[[Loop], Servo]) -> tuple[Loo
 
 
 def numbers(servo: Servo) -> np.ndarray:
-    """(4,): gain, logarithms of natural frequency and damping ratio, delay."""
+    """Return a servo as numbers (4,): gain, logarithms of natural frequency and damping ratio, delay."""
     return np.array([servo.gain, np.log(servo.natural_frequency), np.log(servo.damping_ratio), servo.delay])

@@ -10,7 +10,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.worlds.measurement_file import Quantity
 
-SCALES = {  # quantity -> the effect whose `scale` it is of a nominal value
+SCALES = {  # quantity -> effect whose parameter `scale` is the quantity divided by its nominal value
     "mass": "object_mass",
     "static_friction": "contact_friction",
     "kinetic_friction": "contact_friction",
@@ -19,7 +19,11 @@ SCALES = {  # quantity -> the effect whose `scale` it is of a nominal value
 
 
 def scaled(quantity: Quantity, where: str, nominal: float) -> EffectInstance:
-    """`quantity` as a multiple of what the model has."""
+    """Return the effect that scales the model's nominal value to the measured one.
+
+    Raises:
+        UserError: no nominal value above 0, or a scale beyond the effect's bounds.
+    """
     if not nominal > 0:
         raise UserError("no nominal value", key="--nominal", expected=f"above 0 {quantity.unit}", got=nominal)
     value = Value(quantity.value / nominal, quantity.low / nominal, quantity.high / nominal)
@@ -27,7 +31,9 @@ def scaled(quantity: Quantity, where: str, nominal: float) -> EffectInstance:
 
 
 def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantity) -> EffectInstance:
-    """Give the effect with these values and its other parameters as they usually are.
+    """Return the effect with these values, and typical values of its other parameters.
+
+    Intervals are cut at the effect's bounds.
 
     Raises:
         UserError: a value beyond the effect's bounds.
@@ -51,12 +57,15 @@ def placed(name: str, where: str, values: Mapping[str, Value], quantity: Quantit
 
 
 def payload(results: Sequence[Quantity], mass: Quantity | None, axes: Sequence[str] = "xyz") -> EffectInstance:
-    """Give a payload at the flange from a mass and, where there is one, its centre of mass.
+    """Return a payload at the flange from a measured mass and, if there is one, its centre of mass.
 
     Args:
-        results: of `mass` or `com`.
-        mass: from another measurement, where the results have none.
+        results: of `vispeg measure mass` or `vispeg measure com`.
+        mass: from another measurement, if the results have none.
         axes: the flange's axes along which com_x, com_y (and com_z) were measured.
+
+    Raises:
+        UserError: no mass, or a value beyond the effect's bounds.
     """
     by_name = {q.quantity: q for q in results}
     weight = by_name.get("mass", mass)

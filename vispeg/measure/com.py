@@ -1,9 +1,9 @@
 """Centre of mass: two or more suspensions, or the wrench at rest in four or more attitudes.
 
-Hung from a point, a thing has its centre of mass on the plumb line through that point: two such lines, drawn on a
-photograph, cross in it. At rest under gravity g (as a vector in the sensor's frame), a force and torque sensor reads
-f = b_f + m g and t = b_t + c x m g with a bias b; over attitudes both are linear in b_f, m, b_t and m c (Hollerbach,
-Khalil, Gautier, Springer Handbook of Robotics, 2nd ed., 6.3).
+The centre of mass of an object that hangs from a point is on the plumb line through that point: two such lines, drawn
+on a photograph, cross in it. At rest under gravity g (as a vector in the sensor's frame), a force and torque sensor
+reads f = b_f + m g and t = b_t + c x m g with a bias b. Both are linear in the unknowns b_f, m, b_t and m c, which are
+fitted to several attitudes (Hollerbach, Khalil, Gautier, Springer Handbook of Robotics, 2nd ed., 6.3).
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ FORMS = {
     "attitudes": (*WRENCH, *DOWN),
     "suspensions": ("x", "y", "angle"),
 }
-ATTITUDES, APART = 4, np.pi / 6
-EXACT = 1e-12  # of a sum of squares that rounding leaves
-GRAVITY, LOCAL = 9.81, 0.03  # m/s^2, and how far it is from that on the ground (9.780 to 9.832)
+ATTITUDES, APART = 4, np.pi / 6  # least number of attitudes, and least angle in rad between the outermost
+EXACT = 1e-12  # share of a sum of squares that may be rounding error
+GRAVITY, LOCAL = 9.81, 0.03  # m/s^2, and its greatest deviation on the ground (9.780 to 9.832)
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Where the centre of mass is: x and y on a drawing, or mass and x, y, z in the sensor's frame.
+    """Compute the centre of mass: x and y on a drawing, or mass and x, y, z in the sensor's frame.
 
     Args:
-        readings: a row a suspension: its point `x`, `y` (m) and the plumb line's `angle` to the x axis (rad); or a row
-            an attitude: `fx` ... `tz` (N, N m) and gravity's direction `gx`, `gy`, `gz` in the same frame.
+        readings: a row per suspension: its point `x`, `y` (m) and the plumb line's `angle` to the x axis (rad); or a
+            row per attitude: `fx` ... `tz` (N, N m) and gravity's direction `gx`, `gy`, `gz` in the same frame.
         rng: of the Monte Carlo propagation.
 
     Raises:
-        UserError: too few lines or attitudes, or too alike.
+        UserError: too few or too similar lines or attitudes, or as for `attitudes`.
     """
     if choose(readings, FORMS) == "suspensions":
         return _lines(readings, rng)
@@ -48,13 +48,14 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Mass and centre of mass from wrenches (N, N m) at rest and gravity's direction in their frame, a row each.
+    """Compute mass and centre of mass from wrenches at rest (N, N m) and gravity's direction in their frame.
 
-    A sensor that reads what the flange exerts on the tool, not the reverse, gives a negative mass: it is turned round.
+    A sensor that reads the wrench of the flange on the tool, not the reverse, would give a negative mass. Then all
+    signs are changed, and a note says so.
 
     Raises:
-        UserError: fewer than four attitudes, or less than 30 degrees between all of them; columns that are swapped or
-            turned round, or gravity turned round in one row.
+        UserError: fewer than four attitudes, no two of them 30 degrees apart, or all tilts about one axis; swapped
+            columns or wrong signs; gravity with the wrong sign in one row, or of length 0.
     """
     wrench, down = (np.column_stack([readings[c] for c in names]) for names in (WRENCH, DOWN))
     length = np.linalg.norm(down, axis=1)
@@ -88,7 +89,7 @@ def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
             "scatter of the torques", sign * float(torque.x[3 + axis]), torque.u(3 + axis), "A", torque.dof, "t"
         )
         both = {**of_forces, **of_torques}
-        shifts = [rectangular(key, 1.0) for key in both]  # of the limit of each, by which mass and moment move at once
+        shifts = [rectangular(key, 1.0) for key in both]  # each error in units of its limit moves mass and moment
         moves = [
             (sign * half if key in of_forces else 0.0, sign * moment[axis]) for key, (half, moment) in both.items()
         ]
@@ -105,7 +106,15 @@ def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Least squares of y (3 n,), row by row its three axes: x (k,), the residual's squares, an orthonormal base."""
+    """A least-squares fit `y = base @ upper @ x`.
+
+    Attributes:
+        x: (k,) solution.
+        rest: sum of the squared residuals.
+        base: (3 n, k) orthonormal base of the design matrix.
+        inverse: (k, k) inverse of `upper`.
+        y: (3 n,) data, the three axes of each row in turn.
+    """
 
     x: np.ndarray
     rest: float
@@ -118,15 +127,15 @@ class _Fit:
         return float(len(self.y) - len(self.x))
 
     def u(self, k: int) -> float:
-        """Give the standard uncertainty of x_k from the scatter."""
+        """Return the standard uncertainty of x_k, estimated from the scatter."""
         return float(np.sqrt(self.rest / self.dof) * np.linalg.norm(self.inverse[k]))
 
     def left(self, y: np.ndarray) -> float:
-        """Give the residual's squares of another y (3 n,)."""
+        """Return the sum of the squared residuals for other data y (3 n,)."""
         return float(y @ y - np.sum((self.base.T @ y) ** 2))
 
     def moved(self, by: np.ndarray) -> np.ndarray:
-        """How x (k,) moves with y by (3 n,)."""
+        """Return the change (k,) of x if y changes by `by` (3 n,)."""
         return self.inverse @ (self.base.T @ by)
 
 
@@ -138,12 +147,12 @@ def _fit(design: np.ndarray, values: np.ndarray) -> _Fit:
 
 
 def _weight(g: np.ndarray) -> np.ndarray:
-    """(3 n, 4): bias, then mass, of f = b + m g."""
+    """Return the design matrix (3 n, 4) of f = b + m g for g (n, 3) m/s^2; unknowns: bias (3,), mass."""
     return np.concatenate([np.tile(np.eye(3), (len(g), 1)), g.reshape(-1, 1)], axis=1)
 
 
 def _moment(g: np.ndarray) -> np.ndarray:
-    """(3 n, 6): bias, then the moment m c, of t = b + (m c) x g."""
+    """Return the design matrix (3 n, 6) of t = b + (m c) x g for g (n, 3) m/s^2; unknowns: bias (3,), m c (3,)."""
     cross = np.zeros((len(g), 3, 3))  # s x g = cross s
     for row, column, of, sign in (
         (0, 1, 2, 1),
@@ -162,12 +171,12 @@ def _instruments(
 ) -> tuple[dict[str, tuple[float, np.ndarray]], dict[str, tuple[float, np.ndarray]]]:
     """Return the half widths due to the instruments: source -> (mass, kg; moment (3,), kg m).
 
-    Half a digit is off in each row anew, so that its shares add in squares over the rows. A limit of error is taken as
-    one of scale, reached at the largest reading, for a constant one is the sensor's bias, which is fitted beside. An
-    error of gravity's direction is one of the wrench that the model expects.
+    Errors of resolution (half a digit) are independent in each row, so their effects add in squares. A limit of error
+    is taken as an error of scale that is reached at the largest reading, because the fit already includes a constant
+    bias. An error of gravity's direction changes the wrench that the model predicts.
 
     Returns:
-        (those that move the mass, those that move the moment alone).
+        (sources that affect the mass, sources that affect only the moment).
     """
     rows = np.arange(len(down))
     weighing, turning = {}, {}
@@ -175,7 +184,7 @@ def _instruments(
     for name, column in zip((*WRENCH, *DOWN), np.hstack([wrench, down]).T, strict=True):
         axis = (*WRENCH, *DOWN).index(name) % 3
         unit = np.eye(3)[axis]
-        if name in DOWN:  # the wrench of gravity off by one along this axis
+        if name in DOWN:  # change of the predicted wrench per unit of gravity's direction along this axis
             on = (GRAVITY * force.x[3] * unit, GRAVITY * np.cross(arm, unit))
         else:
             on = (unit, 0.0 * unit) if name in WRENCH[:3] else (0.0 * unit, unit)
@@ -202,11 +211,12 @@ def _instruments(
 
 
 def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
-    """Raise UserError where one row's gravity, turned round, make the forces (n, 3) those of a mass."""
+    """Raise UserError if the forces (n, 3) fit a mass much better with the sign of gravity changed in one row."""
     n = len(down)
     fixed = float(np.sum((force - force.mean(axis=0)) ** 2))
 
-    def left(total, along):  # of f = b + m g, b and m by least squares; total (.., 3) the sum of g, along that of g . f
+    # residual's squares of the least-squares fit f = b + m g, from the sums `total` (.., 3) of g and `along` of g . f
+    def left(total, along):
         shared = along - total @ force.sum(axis=0) / n
         return fixed - shared**2 / (n - np.sum(total**2, axis=-1) / n)
 
@@ -220,10 +230,10 @@ def _refuse_flipped(force: np.ndarray, down: np.ndarray, r: Readings) -> None:
 
 
 def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:
-    """Raise UserError where the columns in another order, or with other signs, are those of a mass."""
+    """Raise UserError if the columns fit a mass much better in another order or with other signs."""
     y, others = fit.y.reshape(-1, 3), {}
     for order in permutations(range(3)):
-        for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)):  # all of them turned is the reaction
+        for signs in ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)):  # all signs changed would be the reaction
             others[order, signs] = fit.left((y[:, order] * signs).reshape(-1))
     best = min(others, key=lambda key: others[key])
     if _surely(fit.rest, others[best] + EXACT * float(fit.y @ fit.y), fit.dof, len(others)):
@@ -234,15 +244,16 @@ def _refuse_swapped(fit: _Fit, names: Sequence[str], r: Readings) -> None:
 
 
 def _surely(left: float, other: float, dof: float, tried: int) -> bool:
-    """Whether the other of `tried` readings of a table is right: half the error or less, and an F test says so."""
+    """Return whether another interpretation of a table, the best of `tried`, is significantly better.
+
+    Its error must be less than half, and an F test must agree. `left` and `other` are sums of squared residuals.
+    """
     ratio = left / max(other, 1e-300)
     return bool(ratio > 4.0 and stats.f.sf(ratio, dof, dof) < 0.001 / tried)
 
 
 def _apart(down: np.ndarray) -> float:
-    """Give the greatest angle between unit vectors (n, 3), rad: from those that are outermost in thirteen
-    directions.
-    """
+    """Return the greatest angle between unit vectors (n, 3), rad, of which one is outermost in one of 13 directions."""
     ways = np.array([w for w in product((-1, 0, 1), repeat=3) if w > (0, 0, 0)], float)
     along = down @ ways.T
     outer = np.unique([along.argmin(axis=0), along.argmax(axis=0)])
@@ -288,7 +299,7 @@ def _lines(r: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _cross(line: dict[tuple[str, int], np.ndarray | float], count: int) -> tuple[Any, Any]:
-    """Give the point (x, y) nearest to all lines, of floats or arrays alike: 2x2 normal equations by Cramer's rule."""
+    """Return the point (x, y) nearest to all lines, for floats or arrays: 2x2 normal equations by Cramer's rule."""
     a = b = c = p = q = np.float64(0.0)
     for at in range(count):
         nx, ny = -np.sin(line["angle", at]), np.cos(line["angle", at])

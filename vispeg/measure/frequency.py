@@ -1,8 +1,9 @@
-"""Gain and phase by frequency with their coherence, from sines held for whole periods, or from a sweep.
+"""The frequency response of a joint with its coherence, from sines held for whole periods, or from a sweep.
 
-H1 = S_xy / S_xx of the command x and the angle y, by SciPy's `csd` and `coherence`. Of m averages with coherence g2 the
-gain's relative and the phase's standard uncertainty is sqrt((1 - g2) / (2 g2 m)) (Bendat and Piersol, Random Data,
-4th ed., 9.2.4). Below 0.9 a frequency is refused: more than a tenth of what was measured is not the command's.
+H1 = S_xy / S_xx of the command x and the angle y, by SciPy's `csd` and `coherence`. With m averages and the coherence
+g2, the standard uncertainty of the gain (relative) and of the phase (rad) is sqrt((1 - g2) / (2 g2 m)) (Bendat and
+Piersol, Random Data, 4th ed., 9.2.4). Frequencies with a coherence below 0.9 are not used: more than a tenth of the
+measured power is not caused by the command.
 """
 
 from __future__ import annotations
@@ -15,15 +16,23 @@ from scipy import optimize, signal
 from vispeg.measure.steps import Servo
 from vispeg.measure.trace import PERIODS, Trace, ramps, sines, steps
 
-COHERENT = 0.9
-PER_PERIOD = 64  # samples a period onto which a sine is put
-AVERAGES, POINTS = 15, 30  # of a sweep: segments, and frequencies that are kept
-POWERED = 1e-3  # of the greatest power of the command that a frequency must have
+COHERENT = 0.9  # least coherence of a frequency that is used
+PER_PERIOD = 64  # samples per period to which a sine is resampled
+AVERAGES, POINTS = 15, 30  # for a sweep: number of overlapping segments, and of frequencies that are kept
+POWERED = 1e-3  # least power of the command at a frequency, as a share of its greatest
 
 
 @dataclass(frozen=True)
 class Point:
-    """One frequency: Hz; amplitude of the command, rad (0 for a sweep); H; coherence; averages."""
+    """The response at one frequency.
+
+    Attributes:
+        hz: frequency.
+        amplitude: of the command, rad; 0 for a sweep.
+        response: H, complex.
+        coherence: 0 to 1.
+        averages: number of independent averages.
+    """
 
     hz: float
     amplitude: float
@@ -33,12 +42,12 @@ class Point:
 
     @property
     def used(self) -> bool:
-        """Whether it is coherent enough."""
+        """Whether the coherence is high enough."""
         return self.coherence >= COHERENT
 
     @property
     def u(self) -> float:
-        """Relative standard uncertainty of the gain; of the phase in rad."""
+        """Standard uncertainty of the gain (relative), and of the phase (rad)."""
         c = min(max(self.coherence, 1e-9), 1.0)
         return float(np.sqrt((1.0 - c) / (2.0 * c * self.averages)))
 
@@ -54,7 +63,7 @@ def points(trace: Trace) -> list[Point]:
 
 
 def _sine(trace: Trace, start: float, period: float, amplitude: float, count: int) -> Point:
-    if count > PERIODS:  # the first one lets what was before die away
+    if count > PERIODS:  # skip the first period, in which the transient dies away
         start, count = start + period, count - 1
     grid = start + np.arange(count * PER_PERIOD) * period / PER_PERIOD
     x, y = np.interp(grid, trace.time, trace.q_cmd), np.interp(grid, trace.time, trace.q)
@@ -75,19 +84,22 @@ def _sweep(trace: Trace) -> list[Point]:
     use = np.flatnonzero((sxx > POWERED * sxx.max()) & (f > 0))
     if not len(use):
         return []
-    # not every bin: neighbours share their data; evenly in the logarithm
+    # not every bin, as neighbours share their data; evenly spaced on a logarithmic scale
     goal = np.geomspace(f[use[0]], f[use[-1]], POINTS)
     pick = np.unique(use[np.abs(f[use][:, None] - goal).argmin(axis=0)])
     return [Point(float(f[k]), 0.0, complex(sxy[k] / sxx[k]), float(coherence[k]), AVERAGES // 2) for k in pick]
 
 
 def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
-    """Where the gain is 3 dB under that at rest: (Hz, its standard uncertainty, degrees of freedom); None if never.
+    """Return the frequency at which the gain is 3 dB below that at rest; None if it never is.
 
-    Of the second-order servo through the points, where there are enough of them. Else of a line between the two points
-    that have it between them, and it may be anywhere there.
+    It is the bandwidth of the second-order servo through the points, if there are enough. Else it is interpolated
+    between the two points on either side, and its uncertainty includes their distance.
+
+    Returns:
+        Frequency in Hz, its standard uncertainty in Hz, degrees of freedom.
     """
-    used: list[list[Point]] = []  # of one frequency each, within a fiftieth
+    used: list[list[Point]] = []  # groups of one frequency each, within 2 %
     for p in sorted((p for p in points if p.used), key=lambda p: p.hz):
         if used and p.hz < 1.02 * used[-1][0].hz:
             used[-1].append(p)
@@ -107,7 +119,7 @@ def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
     if fitted is not None:
         servo, covariance, dof = fitted
         nearby = Servo(servo.gain, servo.natural_frequency, servo.damping_ratio * (1 + 1e-4), servo.delay)
-        # over ln wn and ln zeta: it goes in proportion to wn
+        # derivatives with respect to ln wn and ln zeta; the bandwidth is proportional to wn
         way = servo.bandwidth_hz * np.array([1.0, np.log(nearby.bandwidth_hz / servo.bandwidth_hz) / 1e-4])
         return servo.bandwidth_hz, float(np.sqrt(way @ covariance[1:3, 1:3] @ way)), float(dof)
     slope = (gain[k] - gain[k - 1]) / (f[k] - f[k - 1])
@@ -118,10 +130,10 @@ def bandwidth(points: list[Point]) -> tuple[float, float, float] | None:
 
 
 def fit(points: list[Point]) -> tuple[Servo, np.ndarray, int] | None:
-    """Give a second-order servo through the coherent points; None below four of them.
+    """Fit a second-order servo to the coherent points; None if there are fewer than four.
 
     Returns:
-        The servo, the covariance (4, 4) of K, ln wn, ln zeta and the delay, its degrees of freedom.
+        The servo, the covariance (4, 4) of K, ln wn, ln zeta and the delay, and the degrees of freedom.
     """
     used = [p for p in points if p.used]
     if len(used) < 4:

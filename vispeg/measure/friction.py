@@ -1,6 +1,6 @@
-"""Friction of two surfaces: the incline that lets go, the time to slide down it, or the forces while sliding.
+"""Friction of two surfaces: from the incline at which one begins to slide, the time to slide down, or the forces.
 
-At the angle a at which rest ends, mu_s = tan a. Sliding a distance d from rest in the time t gives
+At the angle a at which sliding begins, mu_s = tan a. Sliding a distance d from rest in the time t gives
 mu_k = tan a - 2 d / (g t^2 cos a) (Newton's second law along the incline). While sliding under a normal force,
 mu_k = F_t / F_n.
 """
@@ -17,7 +17,7 @@ from vispeg.measure.readings import Readings, choose, instrument_law, refuse_dri
 from vispeg.measure.uncertainty import places, propagate
 
 GRAVITY = 9.81  # m/s^2
-REPEATS, PLACES = 10, 3
+REPEATS, PLACES = 10, 3  # numbers that the protocol asks for
 FORMS = {
     "kinetic, timed": ("angle", "distance", "time"),
     "kinetic, by forces": ("normal", "tangential"),
@@ -26,17 +26,19 @@ FORMS = {
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Give the coefficient of friction, static or kinetic as the columns say.
+    """Compute the coefficient of friction, static or kinetic depending on the columns.
 
     Args:
-        readings: `angle` (rad); or also `distance` (m) and `time` (s); or `normal` and `tangential` (N); and `place`.
+        readings: `angle` (rad) for static friction; `angle`, `distance` (m) and `time` (s), or `normal` and
+            `tangential` (N), for kinetic friction; optionally `place`.
         rng: of the Monte Carlo propagation.
 
     Raises:
-        UserError: an angle outside (0, 90) degrees, a time or force that cannot be, a drift, no resolution.
+        UserError: an angle outside (0, 90) degrees, a row that gives no coefficient above 0, a drift, or a resolution
+            that is not stated.
     """
     form = choose(readings, FORMS)
-    if form == "kinetic, by forces":  # there and back, the force changes its sign, and the coefficient does not
+    if form == "kinetic, by forces":  # the tangential force changes its sign with the direction of sliding
         sizes = {name: np.abs(readings[name]) for name in ("normal", "tangential")}
         readings = replace(readings, columns={**readings.columns, **sizes})
     values, read, function, name = _forms(form, readings)
@@ -56,7 +58,11 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _forms(form: str, r: Readings):
-    """(mu of each row, the columns that an instrument read, mu of such columns, the name)."""
+    """Return how a form of the table gives mu.
+
+    Returns:
+        mu of each row (n,); the columns that instruments read; the function from these to mu; the quantity's name.
+    """
     if form == "static":
         return _angles(r, np.tan), ("angle",), np.tan, "static_friction"
     if form == "kinetic, timed":

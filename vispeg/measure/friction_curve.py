@@ -1,7 +1,7 @@
-"""Friction over speed, from the heights of a joint's loops: tau_c + b v + J a, and Stribeck's term where it shows.
+"""Friction as a function of speed, from a joint's hysteresis loops: tau_c + b v + J a, and Stribeck's term if it shows.
 
-Heights are weighted by the rows behind them, of which two in a row share some: generalised least squares. The inertia J
-takes what is left of the acceleration; it is a third unknown, not a result.
+The loops' heights are fitted by generalised least squares, because consecutive loops share rows of the log. The term
+J a absorbs the remaining acceleration; the inertia J is not a result.
 Curve: Armstrong-Helouvry et al., Automatica 30(7), 1994, eq. (1), (2) and (5) with exponent 2.
 """
 
@@ -19,16 +19,23 @@ from vispeg.measure.trace import Trace
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
 from vispeg.worlds.measurement_file import Quantity
 
-LEAST, WITH_INERTIA = 3, 5  # strokes for a line over speed, and for the inertia beside it
-GIVES_WAY = 0.3  # of the correction by inertia: other joints yield, so that the inertia is not one number
+LEAST, WITH_INERTIA = 3, 5  # least number of strokes to fit Coulomb and viscous friction; to fit the inertia as well
+GIVES_WAY = 0.3  # share of the inertia's correction that is uncertain: other joints yield, so J is not constant
 BETWEEN = "servo's torque between two rows"
-SURE = 0.001  # probability, of a curve without it, of what is called Stribeck's term
-STRIBECK, STARTS = (0.005, 0.5), (0.01, 0.03, 0.1, 0.3)  # rad/s: bounds of the effect `stribeck_friction`, and between
+SURE = 0.001  # greatest probability of the F test at which Stribeck's term is accepted
+STRIBECK, STARTS = (0.005, 0.5), (0.01, 0.03, 0.1, 0.3)  # rad/s: bounds of the effect `stribeck_friction`, and starts
 
 
 @dataclass(frozen=True)
 class Line:
-    """A fit: values (k,), at speed 0, over speed, over acceleration; covariance (k, k); dof; weighted squares."""
+    """A linear fit of values over speed and acceleration.
+
+    Attributes:
+        values: (k,) value at speed 0, slope over speed and, for k = 3 or more, slope over acceleration.
+        covariance: (k, k) of these.
+        dof: degrees of freedom.
+        rest: weighted sum of the squared residuals.
+    """
 
     values: np.ndarray
     covariance: np.ndarray
@@ -36,18 +43,21 @@ class Line:
     rest: float
 
     def input(self, name: str, k: int) -> Input:
-        """Value k with the scatter about the line."""
+        """Return value k with its standard uncertainty from the scatter about the line."""
         return Input(name, float(self.values[k]), float(np.sqrt(self.covariance[k, k])), "A", float(self.dof), "t")
 
 
 def separable(strokes: Sequence[Stroke]) -> bool:
-    """Whether their speeds tell what grows with the speed from what does not."""
+    """Return whether there are enough strokes, and speeds, to separate a part that grows with speed from a constant."""
     speed = np.array([s.speed for s in strokes])
     return len(strokes) >= LEAST and bool(np.ptp(speed) > 0.5 * speed.min())
 
 
 def line(strokes: Sequence[Stroke], values: np.ndarray, *, inertia: bool = True) -> Line:
-    """Generalised least squares of values (n,), one a stroke, over speed and, from five strokes on, acceleration."""
+    """Fit values (n,), one per stroke, over speed and, with five strokes or more, acceleration.
+
+    The fit is by generalised least squares. Without `inertia`, the acceleration is left out.
+    """
     root = linalg.cholesky(_covariance(strokes), lower=True)
     design, y = (linalg.solve_triangular(root, a, lower=True) for a in (_columns(strokes, inertia), values))
     x, *_ = np.linalg.lstsq(design, y, rcond=None)
@@ -80,7 +90,7 @@ def friction(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
-    """Add Coulomb and viscous friction to `results`, or their sum where all strokes have one speed."""
+    """Add Coulomb and viscous friction to `results`, or only their sum if the strokes' speeds are too similar."""
     height = np.array([s.friction for s in strokes], float)
     if not separable(strokes):
         if len(strokes) >= 2:
@@ -112,7 +122,10 @@ def friction(
 
 
 def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> tuple[Line, float, float] | None:
-    """Give the curve with Stribeck's term, its height in N m and velocity in rad/s, where an F test prefers it."""
+    """Return the curve with Stribeck's term, and the term's height (N m) and velocity (rad/s).
+
+    None unless an F test prefers it.
+    """
     if straight.dof < 5 or np.ptp(height) == 0:
         return None
     columns, speed = _columns(strokes, True), np.array([s.speed for s in strokes])
@@ -126,7 +139,7 @@ def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> 
     fits: list[tuple[float, np.ndarray, np.ndarray]] = []
     for velocity in STARTS:
         start = [*straight.values, 0.1 * abs(straight.values[0]), np.log(velocity)]
-        with suppress(RuntimeError):  # a start from which nothing is found
+        with suppress(RuntimeError):  # no convergence from this start
             x, of_x = optimize.curve_fit(curve, speed, height, start, covariance, bounds=(low, high), x_scale="jac")
             residual = height - curve(speed, *x)
             fits.append((float(residual @ np.linalg.solve(covariance, residual)), x, of_x))
@@ -146,10 +159,10 @@ def _between_rows(strokes: Sequence[Stroke], traces: Sequence[Trace]) -> list[In
     logged torque differs from its mean by up to half a command step times the loop's stiffness.
     """
     period = max(t.period for t in traces)
-    slope = abs(max(strokes, key=lambda s: s.speed).slope)  # of the longest way, whose height tells the most
+    slope = abs(max(strokes, key=lambda s: s.speed).slope)  # of the fastest stroke, which affects the fit most
     inputs = [rectangular("time between angle and torque, one row", slope * period)]
     if any(t.servo for t in traces):
-        # noise and a dead band of the encoder lower it, each at other speeds
+        # a high quantile: noise and the encoder's dead band lower the estimate, each at other speeds
         stiffness = float(np.quantile([s.stiffness for s in strokes], 0.9))
         inputs.append(rectangular(BETWEEN, 0.5 * max(stiffness, 0.0) * period))
     return inputs

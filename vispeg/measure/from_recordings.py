@@ -26,7 +26,7 @@ SMOOTH = 0.05  # s, averaging window of the speed
 
 
 def at_rest(paths: Sequence[Path]) -> Readings:
-    """Return mean wrench (N, N m) and direction of gravity, both in the flange frame, of every stretch at rest.
+    """Return the mean wrench (N, N m) and the direction of gravity, both in the flange frame, of every stretch at rest.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or never rests.
@@ -46,8 +46,9 @@ def at_rest(paths: Sequence[Path]) -> Readings:
 
 
 def slides(paths: Sequence[Path]) -> Readings:
-    """Return normal force (along the flange's z) and tangential force, N, of every stroke; `place` numbers the
-    recording.
+    """Return the normal force (along the flange's z) and the tangential force of every stroke, N.
+
+    With several recordings, the column `place` holds the recording's number.
 
     Raises:
         UserError: a recording that cannot be read, has no `ft`, or in which nothing slides.
@@ -80,8 +81,12 @@ def slides(paths: Sequence[Path]) -> Readings:
 def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     """Return force (N) and depth (m) along the flange's z of every press; loading and unloading are separate ramps.
 
+    Args:
+        stop: recordings of presses on a rigid stop, one per arm pose.
+        fixture: recordings of presses on the fixture, in the same order of arm poses.
+
     Raises:
-        UserError: not as many recordings on each side; one that cannot be read, has no `ft` or never touches.
+        UserError: different numbers of recordings; one that cannot be read, has no `ft` or never touches.
     """
     if len(stop) != len(fixture) or not stop:
         expected = "as many of --stop as of --fixture, in the same order of arm poses"
@@ -117,7 +122,7 @@ def _opened(path: Path) -> tuple[Recording, np.ndarray]:
 
 
 def _unbiased(rec: Recording, path: Path) -> np.ndarray:
-    """Return the force (n, 3) N minus its mean in the first second, which is free air."""
+    """Return the force (n, 3) N minus its mean in the first second, which must be in free air."""
     free = rec.time - rec.time[0] < FREE
     force = rec.ft[:, :3]  # type: ignore[index]
     if np.nanstd(force[free], axis=0).max() > TOUCH:

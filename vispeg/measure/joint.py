@@ -1,4 +1,4 @@
-"""One joint from its recordings: servo, Bode table, backlash, friction, torque limit."""
+"""Measure one joint from its recordings: servo, Bode table, backlash, friction, torque limit."""
 
 from __future__ import annotations
 
@@ -23,21 +23,23 @@ from vispeg.measure.trace import Trace, refuse_no_servo
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated, stated
 from vispeg.worlds.measurement_file import Quantity
 
-LINEAR = 2e-3  # of a loop's numbers: what they are off at most when steps of a simulated arm are read as a linear one's
+LINEAR = 2e-3  # greatest relative error of a loop's numbers from treating the arm as linear, found in simulation
 NOTHING = "neither steps, nor sines of three periods, nor a sweep, nor ramps out and back"
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Results from the recordings of one joint; empty for what they do not show.
+    """Results from the recordings of one joint; empty or None for whatever the recordings do not show.
 
     Attributes:
-        servo: that the joint answers like: through the steps beside dry friction, or through the frequency response.
-        loop: the stiffness and damping at the joint that make it answer so; None where nothing is known of its inertia.
-        steps, points, strokes: as measured, one by one.
+        traces: the recordings.
+        servo: second-order servo that describes the joint, fitted to steps (with dry friction) or, without steps, to
+            the frequency response.
+        loop: stiffness and damping of the position loop that cause this; None if the inertia is not known.
+        steps, points, strokes: single steps, frequencies, and ramps out and back, as measured.
         results: the numbers.
-        notes: what to know about them.
-        details: tables for the file.
+        notes: remarks on them.
+        details: tables for the measurement file.
     """
 
     traces: Sequence[Trace]
@@ -54,16 +56,17 @@ class Joint:
 def measure(
     traces: Sequence[Trace], rng: np.random.Generator, arm: Arm | None = None, inertia: float | None = None
 ) -> Joint:
-    """Everything that the traces show of a joint.
+    """Measure everything about a joint that its traces show.
 
     Args:
         traces: of the joint.
         rng: of the propagation of distributions.
-        arm: in which it sits, for the loop that makes it answer so.
-        inertia: kg m^2 that it turns, where there is no arm.
+        arm: the arm with the joint, to compute the loop's stiffness and damping.
+        inertia: kg m^2 that the joint turns, if there is no arm.
 
     Raises:
-        UserError: they show nothing, the angle does not follow its command, or the same steps answer otherwise later.
+        UserError: the traces show nothing, the angle does not follow its command, or the response to the same steps has
+            drifted.
     """
     names = ", ".join(dict.fromkeys(t.name for t in traces))
     refuse_no_servo(traces, names)
@@ -132,7 +135,7 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
     if any(t.servo for t in measured.traces) and "servo_natural_frequency" in by_name:
         bounds = effect("servo").params
         loop = {name: by_name[f"servo_{name}"] for name in bounds}
-        # the gain is the sag under load as much as the servo's own: left out where it is no gain that a servo has
+        # sag under load looks like a gain too: numbers outside the bounds of the effect `servo` are left out
         inside = {name: q for name, q in loop.items() if bounds[name].low <= q.value <= bounds[name].high}
         if "natural_frequency" in inside:
             values = {name: Value(q.value, q.low, q.high) for name, q in inside.items()}
@@ -144,7 +147,7 @@ def effects(joint: str, measured: Joint) -> list[EffectInstance]:
 
 
 def _resolved(responses: list[Step], loop: Sequence[Quantity], notes: list[str]) -> list[Step]:
-    """Step beyond twice the lost motion: what is smaller shows friction and play, not the servo."""
+    """Return the steps of at least twice the lost motion; smaller ones show friction and play, not the servo."""
     lost = next((q.value for q in loop if q.quantity == "lost_motion"), 0.0)
     small = [s for s in responses if abs(s.size) < 2.0 * lost]
     if small:
@@ -161,7 +164,11 @@ def _limited(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> list[Step]:
-    """Add the drive's torque limit where the steps show it; those that do not reach it, if there are two."""
+    """Add the drive's torque limit to `results` if the steps show one.
+
+    Returns:
+        The steps that do not reach the limit if there are two or more of them, else all steps.
+    """
     given = [t for t in traces if not t.asked]
     table = saturation.by_speed(given)
     if not table:
@@ -198,8 +205,9 @@ def _of_steps(
     notes: list[str],
     rng: np.random.Generator,
 ) -> None:
-    """Give the servo that the joint answers like, the band in which it rests, and the bandwidth; groups as `through`
-    has.
+    """Add the servo that describes the joint, its bandwidth, and the band of rest due to friction to `results`.
+
+    `groups` holds the values of each size and direction of step, as `Shared.groups` does.
     """
     count = len(responses)
     for name, unit in steps.NAMES.items():
@@ -214,11 +222,13 @@ def _of_steps(
         notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
     worst = float(np.max(through.left))
     if worst > 0.1:
-        notes.append(f"a second-order answer leaves up to {100 * worst:.0f} % of a step: it is not of that kind")
+        notes.append(
+            f"the joint is not second order: the fit leaves an RMS error of up to {100 * worst:.0f} % of a step"
+        )
 
 
 def _early(results: Sequence[Quantity], notes: list[str]) -> None:
-    """Says that the commands were logged late, where the joint answers before they come."""
+    """Add a note that commands were logged late if the joint answers before its command."""
     by_name = {q.quantity: q for q in results}
     delay = by_name.get("servo_delay", by_name["delay"])
     if delay.high < 0.0:
@@ -227,17 +237,17 @@ def _early(results: Sequence[Quantity], notes: list[str]) -> None:
 
 
 def _half(traces: Sequence[Trace]) -> float:
-    """Half a row, s."""
+    """Return half the time between two rows, s."""
     return 0.5 * max(t.period for t in traces)
 
 
 def _noise(traces: Sequence[Trace]) -> float:
-    """Return the noise of an angle, rad."""
+    """Return the standard deviation of the angles' noise, rad."""
     return float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
 
 
 def _viscous(friction: Sequence[Quantity]) -> Quantity | None:
-    """Give the viscous friction where it is an effect of its own, and so none of the servo's damping."""
+    """Return the viscous friction if it is significantly above 0; it is then not part of the servo's damping."""
     return next((q for q in friction if q.quantity == "viscous_friction" and q.low > 0), None)
 
 
@@ -251,9 +261,12 @@ def _loop_of_steps(
     results: list[Quantity],
     rng: np.random.Generator,
 ) -> tuple[Loop, Mapping[str, np.ndarray]]:
-    """Stiffness and damping of the loop, and the numbers of the effect `servo` that are it; dry friction in N m.
+    """Add the loop's stiffness and damping, the numbers of the effect `servo`, and dry friction (N m).
 
-    Returns the loop, and the groups of `through` about the servo that an arm with it looks like without dry friction.
+    All but friction go to `results`; dry friction goes to `friction` if it lacks it and the loop is the robot's own.
+
+    Returns:
+        The loop, and `through.groups` shifted so that their mean is the servo of a linear arm with this loop.
     """
     groups, left = through.groups, 0.0
     viscous = _viscous(friction)
@@ -271,7 +284,7 @@ def _loop_of_steps(
 
         look = _look(responses, traces, dragged)
         start, _ = inferred(through.servo, dragged, look)
-        x, values, rest = through.nearest(moving, start.numbers)  # with the friction, and with all steps
+        x, values, rest = through.nearest(moving, start.numbers)  # now with dry friction, fitted to all steps
         loop, each, bands = Loop.of(x[:4]), values[:4], values[4]
         groups = steps.about(groups, look(loop))
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
@@ -279,7 +292,7 @@ def _loop_of_steps(
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
     misfit = rectangular("what the arm leaves of the steps", left)
     _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
-    # where the law is known, so is its torque: the loops of slow strokes tell friction better
+    # not if the control law is known: then slow strokes give friction better, as the torque is known too
     own = any(t.servo for t in traces) and "coulomb_friction" not in {q.quantity for q in friction}
     if np.mean(bands) > 0.0 and own:
         least = left * min(abs(s.size) for s in responses)
@@ -299,7 +312,7 @@ def _loop_of_steps(
                 repeats=len(responses),
             )
         )
-    return Loop.of(np.array([x.value for x in inputs[:4]])), groups  # as the numbers that are stated
+    return Loop.of(np.array([x.value for x in inputs[:4]])), groups  # the same numbers as in `results`
 
 
 def _loop_of_frequencies(
@@ -312,7 +325,7 @@ def _loop_of_frequencies(
     results: list[Quantity],
     rng: np.random.Generator,
 ) -> Loop:
-    """Return the servo loop from a frequency response and its fit."""
+    """Compute the loop from a fitted frequency response, and add its numbers to `results`."""
     servo, covariance, dof = fit
     viscous = _viscous(friction)
     drag = 0.0 if viscous is None else viscous.value
@@ -344,7 +357,7 @@ WORDS = ("gain", "logarithm of the stiffness", "logarithm of the damping", "dela
 
 
 def _five(x: np.ndarray) -> np.ndarray:
-    """Numbers of a loop (4, ...), and below them the logarithm of damping over the root of the stiffness."""
+    """Append a fifth row to the numbers of a loop (4, ...): the logarithm of damping over the root of the stiffness."""
     return np.concatenate([x, (x[2] - 0.5 * x[1])[None]])
 
 
@@ -358,10 +371,13 @@ def _of_loop(
     rng: np.random.Generator,
     repeats: int,
 ) -> None:
-    """Add stiffness and damping of a loop and, in an arm, the numbers of the effect `servo`. `inputs` as `WORDS`."""
+    """Add stiffness and damping of a loop and, in an arm, the numbers of the effect `servo` to `results`.
+
+    `inputs` holds the five numbers that `WORDS` names; `misfit` is a relative error of all of them but the delay.
+    """
     gain, stiff, damp, late, ratio = inputs
     errors = []
-    if viscous is not None:  # it is taken off the damping with its value, and is off by its error
+    if viscous is not None:  # its value was subtracted from the damping, so its error enters
         errors = [stated("viscous friction", viscous.u, 0.0, np.inf if viscous.dof is None else viscous.dof)]
 
     def add(name: str, unit: str, function: Callable[..., Any], *of: Input) -> None:
@@ -372,7 +388,7 @@ def _of_loop(
     if arm is None:
         return
     root = np.sqrt(arm.reference)
-    each = 0.5 * np.exp(-0.5 * stiff.value) / root  # of the damping ratio with the damping
+    each = 0.5 * np.exp(-0.5 * stiff.value) / root  # derivative of the damping ratio with respect to the damping
     add("servo_natural_frequency", "rad/s", lambda x, e: np.sqrt(np.exp(x) * (1 + e)) / root, stiff, misfit)
     add(
         "servo_damping_ratio",
@@ -387,7 +403,10 @@ def _of_loop(
 
 
 def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Callable[[Loop], Servo]:
-    """Give the servo that a linear arm looks like through the longest of these steps, for a loop of its joint."""
+    """Return a function from a loop to the servo that `steps.fit` finds for the linear arm with that loop.
+
+    The arm is simulated over the time and sampling of the longest of these steps.
+    """
     by_name = {t.name: t for t in traces}
     spans = [(by_name[s.trace], *steps.rows(by_name[s.trace], s)) for s in responses]
     longest, a, b = max(spans, key=lambda span: span[2] - span[1])
@@ -399,21 +418,25 @@ def _look(responses: Sequence[Step], traces: Sequence[Trace], arm: Arm) -> Calla
 
 
 def _moved(arm: Arm, loop: Loop, band: float) -> Moved:
-    stiffness = loop.gain * loop.stiffness / arm.modes(loop)[2]  # with gravity's
+    stiffness = loop.gain * loop.stiffness / arm.modes(loop)[2]  # static stiffness, that of gravity included
     return lambda goals, dt, pulls: arm.dry(loop, band * stiffness, goals, dt, np.clip(pulls, -band, band) * stiffness)
 
 
 def _of_frequencies(
     points: list[Point], results: list[Quantity], notes: list[str], rng: np.random.Generator
 ) -> tuple[Servo, np.ndarray, int] | None:
-    """Give the servo through the frequency response, where there are no steps, as `frequency.fit` gives it."""
+    """Fit the servo to the frequency response, for a joint without steps, and add its numbers to `results`.
+
+    Returns:
+        As `frequency.fit`; None if there are too few points or the servo is too uncertain.
+    """
     fit = frequency.fit(points)
     if fit is None:
         return None
     servo, covariance, dof = fit
     u = np.sqrt(np.diag(covariance)) * np.array([1.0, servo.natural_frequency, servo.damping_ratio, 1.0])
     if u[1] > servo.natural_frequency or u[2] > servo.damping_ratio:
-        notes.append("no steps, and the frequency response does not tell natural frequency and damping ratio")
+        notes.append("no steps, and the frequency response does not determine natural frequency and damping ratio")
         return None
     notes.append("no steps: the servo is fitted to the frequency response, with the dry friction in it")
     for (name, unit), spread in zip(steps.NAMES.items(), u, strict=True):
@@ -425,7 +448,7 @@ def _of_frequencies(
 def _over_sizes(
     name: str, unit: str, means: np.ndarray, half: float, rng: np.random.Generator, repeats: int
 ) -> Quantity:
-    """Give the mean over sizes and directions: of what is positive and spreads in proportion, that of its logarithm."""
+    """Return the mean over sizes and directions; for positive quantities (such as frequencies) the geometric mean."""
     if name in steps.POSITIVE or unit == "Hz":
         inputs = [repeated("logarithm over sizes and directions", np.log(means))]
         return propagate(name, unit, np.exp, inputs, rng, repeats=repeats)
@@ -435,7 +458,7 @@ def _over_sizes(
 
 
 def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:
-    """Give the error on the steps of the middle size, simulated with a servo from the others alone."""
+    """Add the error of simulated steps of the middle size, with a servo fitted to the other sizes, to `details`."""
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
         return
@@ -463,7 +486,7 @@ def _bode(
     details: dict[str, object],
     rng: np.random.Generator,
 ) -> None:
-    """Give the Bode table, and the bandwidth of the amplitude with the most frequencies."""
+    """Add the Bode table to `details` and the bandwidth to `results`."""
     if not points:
         return
     details["bode"] = [

@@ -1,9 +1,9 @@
-"""Ramps out and back: friction as the height of the loop of torque over angle, backlash as its width at no torque.
+"""Ramps out and back: friction is the height of the loop of torque over angle, backlash its width at zero torque.
 
-At one measured angle the torque out and back differ by twice the friction, whatever gravity does there, and by what the
-inertia takes. At equal commands they would differ by gravity too: the joint lags to both sides. Where the teeth of a
-gear leave each other the torque is zero, and the motor side turns by the gap until they meet again: the width of the
-loop there. A load greater than the friction keeps the teeth on one side, and no loop shows the gap.
+At one measured angle the torques on the way out and back differ by twice the friction, and by the inertia's torque;
+gravity cancels. (At one commanded angle gravity would not cancel, because the joint lags in both directions.) When the
+teeth of a gear separate, the torque is zero and the motor side turns by the gap until they meet again: this is the
+loop's width. A load greater than the friction keeps the teeth on one side, and then no loop shows the gap.
 """
 
 from __future__ import annotations
@@ -14,28 +14,30 @@ import numpy as np
 
 from vispeg.measure.trace import Trace, strokes
 
-SETTLING = 0.35  # of a stroke after its turn that is left out
-WITHIN = 0.5  # of the commanded speed, beyond which a joint still starts or sticks
-SMOOTH = 0.02  # s
-LOAD = 3  # degree of the polynomial in the angle that gravity is within a stroke
+SETTLING = 0.35  # share of each way, from its start, that is left out
+WITHIN = 0.5  # share of the commanded speed by which a moving joint's speed may differ; else it starts or sticks
+SMOOTH = 0.02  # s, over which the torque is averaged to find the gap
+LOAD = 3  # degree of the polynomial in the angle that models gravity within a stroke
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One way out and back. Of torque, speed, acceleration and lag the halves of what differs between the ways.
+    """One way out and back. Speed, acceleration, lag and friction are half the difference between the two ways.
 
     Attributes:
-        trace, start: where and when.
-        rows, shares: (k,) of the trace, and what each adds of its torque to the height; the next stroke may share some.
+        trace: the recording.
+        start: s, time at which the way out begins.
+        rows: (k,) rows of the trace that are used; the next stroke may share some.
+        shares: (k,) weight of each row's torque in `friction`.
         speed: measured, rad/s.
-        acceleration: measured, of the same rows with the same weights, rad/s^2: what is left of the start.
+        acceleration: measured with the same weights, rad/s^2; the remainder of the acceleration at the start.
         lag: q_cmd - q, rad.
-        moves: whether the joint turns at about the commanded speed; it starts or sticks otherwise.
-        friction: half the height of the torque loop, N m; None without a torque that has a sign, or where it sticks.
-        load: the torque in its middle, N m.
-        slope: of the torque over the angle, by gravity, N m/rad.
-        stiffness: of the torque over the lag in the turn, N m/rad, while the joint hardly moves.
-        gap: angle turned while the torque passes zero, rad; None where it does not or there is none.
+        moves: whether the joint turns at about the commanded speed; otherwise it still starts, or sticks.
+        friction: half the torque loop's height, N m; None without a torque that has a sign, or if `moves` is false.
+        load: torque in the loop's middle, N m; None as `friction`.
+        slope: derivative of the torque with respect to the angle, due to gravity, N m/rad.
+        stiffness: derivative of the torque with respect to the lag at the reversal, N m/rad.
+        gap: angle turned while the torque passes through zero, rad; None if it does not, or if noise hides it.
     """
 
     trace: Trace
@@ -54,7 +56,7 @@ class Stroke:
 
 
 def measured(trace: Trace) -> list[Stroke]:
-    """Every out-and-back of a trace."""
+    """Measure every stroke (out and back) of a trace; too short ones are left out."""
     return [s for out, back, speed in strokes(trace) if (s := _stroke(trace, out, back, speed)) is not None]
 
 
@@ -87,11 +89,11 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
 
 
 def _shares(trace: Trace, rows: list[np.ndarray], sign: float) -> np.ndarray:
-    """(3, nrow): each row's share in half the height of a loop, in its middle, in its slope over the angle.
+    """Return weights (3, nrow) of the rows: for half the loop's height, its middle, and its slope over the angle.
 
-    Least squares of `height * way + polynomial(q)`, weighted by a Hann window on each way. The window and its slope
-    vanish at its ends, so that the same shares of the angle's numerical derivatives are the speed and the acceleration
-    without their noise (modulating functions: Shinbrot, Trans. ASME 79, 1957).
+    They are those of a least-squares fit of `height * way + polynomial(q)`, weighted by a Hann window on each way. The
+    window and its slope vanish at the ends, so that the same weights also give speed and acceleration from noisy
+    numerical derivatives of the angle (modulating functions: Shinbrot, Trans. ASME 79, 1957).
     """
     q = np.concatenate([trace.q[r] for r in rows])
     half = max(0.5 * float(np.ptp(q)), 1e-12)
@@ -104,23 +106,24 @@ def _shares(trace: Trace, rows: list[np.ndarray], sign: float) -> np.ndarray:
 
 
 def _speeds(trace: Trace, rows: np.ndarray) -> tuple[float, float]:
-    """Give the joint's speed in the first and in the last third of these rows, rad/s."""
+    """Return the joint's speed in the first and in the last third of these rows, rad/s."""
     t, q, third = trace.time[rows], trace.q[rows], len(rows) // 3
     first, last = (float(np.polyfit(t[p] - t[p][0], q[p], 1)[0]) for p in (slice(0, third), slice(-third, None)))
     return first, last
 
 
 def _stiffness(trace: Trace, rows: np.ndarray, velocity: np.ndarray) -> float:
-    """Torque over q_cmd - q, N m/rad, beside what goes with the speed, by least squares."""
+    """Return the slope of the torque over q_cmd - q in these rows, N m/rad, by least squares with a term for speed."""
     lag = trace.q_cmd[rows] - trace.q[rows]
     design = np.column_stack([lag, velocity[rows], np.ones_like(lag)])
     return float(np.linalg.lstsq(design, trace.tau[rows], rcond=None)[0][0])  # type: ignore[index]
 
 
 def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | None:
-    """Give the width of the loop at no torque: from its widths between +-1/2 and +-1/4 of `top` N m, as a line to 0.
+    """Return the loop's width at zero torque, rad; None if it has none or noise hides it.
 
-    Between such levels the gear also winds up, in proportion to them.
+    It is extrapolated from the widths between +-1/2 and +-1/4 of `top` N m, because between such levels the gear also
+    winds up in proportion to them.
     """
     width = max(1, round(SMOOTH / trace.period))
     tau = sign * np.convolve(trace.tau[middle], np.ones(width) / width, "same")  # type: ignore[index]
@@ -132,8 +135,9 @@ def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | N
 
 
 def _between(q: np.ndarray, tau: np.ndarray, level: float, width: int) -> float | None:
-    """Give the angle turned between the last time that tau (n,) is above a level and the first that it is below
-    minus it.
+    """Return the angle turned, rad, from the last row with tau (n,) above `level` to the first row below `-level`.
+
+    None if there are no such rows. Angles are averaged over `width` rows.
     """
     above, below = np.flatnonzero(tau > level), np.flatnonzero(tau < -level)
     below = below[below > above[0]] if len(above) else below[:0]

@@ -13,7 +13,7 @@ from vispeg.measure.trace import Trace
 from vispeg.measure.uncertainty import propagate, rectangular, repeated
 from vispeg.worlds.measurement_file import Quantity
 
-SLOW = 0.015  # rad/s, up to which a reversal shows its backlash: faster, the loop is crossed in flight
+SLOW = 0.015  # rad/s, greatest speed at which a reversal shows backlash; if faster, inertia carries the joint across
 
 
 def summarise(
@@ -46,7 +46,7 @@ def summarise(
         mean = line(moving, width).input("loops at several speeds", 0)
     elif len(moving) >= 2:
         mean = repeated("loops", width)
-        notes.append("loops of one speed: the lost motion holds the servo's lag too")
+        notes.append("loops of one speed: the lost motion includes the servo's lag")
     else:
         return
     results.append(propagate("lost_motion", "rad", lambda x: x, [mean], rng, repeats=len(moving)))
@@ -79,7 +79,7 @@ def _backlash(
             )
         return
     noise = float(np.median([np.std(np.diff(t.q, 2)) for t in traces])) / np.sqrt(6.0)
-    # the torque is smoothed over a while in which the joint turns
+    # the joint turns while the torque is averaged over `loops.SMOOTH`
     turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in with_gap))
     inputs = [repeated("reversals", gaps), rectangular("angle while the torque is smoothed", turned + 2.0 * noise)]
     q = propagate("backlash", "rad", lambda *x: sum(x), inputs, rng, repeats=len(gaps))  # type: ignore[arg-type]

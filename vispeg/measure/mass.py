@@ -1,4 +1,4 @@
-"""Mass: weighings, each with the empty scale (tare) where there is such a column."""
+"""Mass: the mean of weighings, each minus the reading of the empty scale if there is a column `tare`."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from vispeg.measure.readings import Readings, choose, refuse_drift
 from vispeg.measure.uncertainty import propagate, repeated
 
 FORMS = {"weighing": ("mass",)}
-WEIGHINGS = 5
+WEIGHINGS = 5  # number that the protocol asks for
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Give the mass in kg.
+    """Compute the mass in kg.
 
     Args:
-        readings: `mass` (kg), and `tare` (kg) of the empty scale before each.
+        readings: `mass` (kg), and optionally `tare` (kg), the reading of the empty scale before each.
         rng: of the Monte Carlo propagation.
 
     Raises:
-        UserError: a mass that is not above 0, a drift, no resolution.
+        UserError: a mass that is not above 0, a drift, or a resolution that is not stated.
     """
     choose(readings, FORMS)
     tare = readings.columns.get("tare")

@@ -1,4 +1,4 @@
-"""Outcome of a measurement protocol: numbers, notes, tables."""
+"""The outcome of a measurement protocol: numbers, notes and tables."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Outcome:
 
     Attributes:
         results: the numbers, the main one first.
-        notes: what weakens them, in a sentence each.
-        details: tables for the file.
+        notes: limitations of the results, one per text.
+        details: tables for the measurement file.
     """
 
     results: tuple[Quantity, ...]
@@ -27,7 +27,7 @@ class Outcome:
 
 
 def by_place(values: np.ndarray, place: np.ndarray | None) -> Mapping[str, object]:
-    """Give the mean, spread and number of readings at each place, for the file's `details`."""
+    """Return the mean, spread and number of readings at each place, for the file's `details`."""
     if place is None:
         return {}
     rows = [
@@ -47,9 +47,9 @@ def short(count: int, wanted: int, thing: str, unsaid: str = "") -> list[str]:
     """Word a note if there are fewer of a thing (named in the singular) than the protocol requires.
 
     Args:
-        count, wanted: how many.
-        thing: what is counted.
-        unsaid: the column that would tell several apart, where the table has none.
+        count, wanted: the number of things, and the number that the protocol asks for.
+        thing: what is counted, in the singular.
+        unsaid: name of a column that the table lacks and that would distinguish several of the things; else "".
     """
     if count >= wanted:
         return []

@@ -1,4 +1,4 @@
-"""The motions that `measure joint` reads, ready to replay, and the order in which to run them."""
+"""Plan the motions for `vispeg measure joint`, as tables that a robot can replay, and their order."""
 
 from __future__ import annotations
 
@@ -12,14 +12,21 @@ from vispeg.robots.model import RobotModel
 
 FREQUENCIES = (0.1, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz
 TRIANGLES = (0.01, 0.02, 0.05)  # rad/s
-SLOWEST, SPEEDS = 0.004, 7  # rad/s, and how many up to a third of the limit
-SIZES = (0.2, 0.5, 1.0)  # of the greatest step
-HOLD, REST, STROKE = 1.5, 0.5, 1.5  # s: after a step, between two parts, shortest way of the ladder
+SLOWEST, SPEEDS = 0.004, 7  # rad/s, slowest speed of the ladder; number of speeds up to a third of the limit
+SIZES = (0.2, 0.5, 1.0)  # sizes of steps, as shares of the greatest
+HOLD, REST, STROKE = 1.5, 0.5, 1.5  # s: rest after a step, rest between two motions, time of one way in the ladder
 
 
 @dataclass(frozen=True)
 class Part:
-    """One motion: what it shows; time (n,) s and the joint's command (n,) rad about its middle."""
+    """One motion of the plan.
+
+    Attributes:
+        name: of the motion and its file.
+        shows: what it consists of or shows, in one line.
+        time: (n,) s.
+        offset: (n,) rad, the joint's command relative to its middle angle.
+    """
 
     name: str
     shows: str
@@ -30,16 +37,17 @@ class Part:
 def plan(
     robot: RobotModel, joint: str, middle: float, size: float, rate_hz: float, rng: np.random.Generator
 ) -> list[Part]:
-    """Give the motions in the order to run them: the greatest steps first and last, which shows a drift, the rest
-    mixed.
+    """Return the motions in the order in which to run them.
+
+    The greatest steps come first and again last, which shows a drift; the other motions are in random order.
 
     Args:
-        robot: gives the joint's range and speed.
-        joint: which moves.
+        robot: the arm, with the joint's range and greatest speed.
+        joint: name of the joint that moves.
         middle: the angle about which it moves, rad.
-        size: the greatest step and half the longest way, rad.
-        rate_hz: samples a second.
-        rng: of the order.
+        size: the greatest step, rad; the ladder may reach farther, within the joint's range.
+        rate_hz: samples per second.
+        rng: shuffles the order.
 
     Raises:
         UserError: no such joint, or no room for that size about its middle.
@@ -81,7 +89,7 @@ def _sines(name: str, size: float, limit: float, rate: float, rng: np.random.Gen
         amplitude = min(size, 0.4 * limit / (2.0 * np.pi * hz))
         count = max(3, round(3.0 * hz)) + 1  # one to settle
         count = min(range(count, count + 4), key=lambda n: round(abs(n / hz * rate - round(n / hz * rate)), 6))
-        # from and to rest at the middle: a sine's speed jumps there, which the first period lets die away
+        # starts and ends at rest in the middle, where a sine's speed jumps; the first period lets the transient decay
         t = np.arange(round(count / hz * rate)) / rate
         chunks += [amplitude * np.sin(2.0 * np.pi * hz * t), np.zeros(round(REST * rate))]
     offset = np.concatenate(chunks)
@@ -120,8 +128,13 @@ def _ladder(fast: float, reach: float, rate: float, rng: np.random.Generator) ->
 
 
 def table(part: Part, joints: Sequence[str], posture: np.ndarray, joint: str) -> str:
-    """Give the motion as CSV: time, q_cmd.* (rad) and dq_cmd.* of 0, so that the angle alone commands. posture (nj,)
-    rad.
+    """Return a motion as CSV text: time (s), q_cmd.* (rad), and dq_cmd.* of 0, so that only the angles command.
+
+    Args:
+        part: the motion.
+        joints: names of all joints.
+        posture: (nj,) rad, commands of the joints at rest; that of `joint` is the middle of the motion.
+        joint: name of the joint that moves.
     """
     j = list(joints).index(joint)
     head = ",".join(["time", *(f"q_cmd.{n}" for n in joints), *(f"dq_cmd.{n}" for n in joints)])

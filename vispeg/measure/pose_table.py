@@ -1,7 +1,8 @@
-"""A table of static poses, a row each: joint angles and a measured pose, in units and forms that the data may decide.
+"""Read a table of static poses, one per row: joint angles and a measured pose.
 
-What the header leaves open (degrees or radians, millimetres or metres, what three angles of a turn mean) are readings
-of the same table; the one that fits the arm is taken, or asked for where two do.
+The header may leave units (degrees or radians, millimetres or metres) and the meaning of three orientation angles open.
+Then each combination is one interpretation of the table (`Readings`). The one that fits the arm is taken; if two fit,
+an error asks the user to state it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from vispeg.render.calibration.rigid import inverse
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": FACTORS["deg"]}
-TURNS = {  # three angles of a turn: what they may mean
+TURNS = {  # possible meanings of three orientation angles
     "rotation_vector": lambda v: Rotation.from_rotvec(v),
     "fixed_xyz": lambda v: Rotation.from_euler("xyz", v),
     "moving_xyz": lambda v: Rotation.from_euler("XYZ", v),
@@ -38,20 +39,20 @@ MEANS = {"rx": (*TURNS,), "wx": ("rotation_vector",), "roll": ("fixed_xyz", "mov
 OF_TAG = {"tag", "marker", "board", "target", "april", "apriltag", "aruco", "cam", "camera", "optical", "object"}
 OF_TURN = {"quat", "quaternion", "rotation", "orientation", "ori", "rot", "rotvec", "rvec", "euler"}
 OF_POSE = {"pose", "position", "pos", "translation", "trans", "tvec"} | OF_TURN
-BEYOND = 2.2 * np.pi  # rad that an angle of a static pose does not pass, so that it is in degrees
-REACHED = 20.0  # m: beyond what any tracker of an arm measures
-BETTER = 1.5  # times by which another reading of the table must fit worse
+BEYOND = 2.2 * np.pi  # rad; angles of a static pose are smaller, so larger numbers are not in this unit
+REACHED = 20.0  # m; positions of an arm are nearer, so larger numbers are not in this unit
+BETTER = 1.5  # factor by which the misfit of every other interpretation must be larger
 
 
 @dataclass(frozen=True)
 class Readings:
-    """One way to read a table.
+    """One interpretation of a table.
 
     Attributes:
-        angles: joint angles (n, nj) rad; None where there are none.
+        angles: joint angles (n, nj) rad; None if none were asked for.
         position: (n, 3) m.
-        turn: (n, 3, 3); None where positions stand alone.
-        said: what was taken for what the header leaves open.
+        turn: rotation matrices (n, 3, 3); None if the table has only positions.
+        said: the choices that were made where the header is ambiguous, in words.
     """
 
     angles: np.ndarray | None
@@ -65,9 +66,9 @@ class PoseColumns:
     """The columns of one pose.
 
     Attributes:
-        position: x, y, z.
-        turn: w, x, y, z of a quaternion, or three angles; empty where there are none.
-        form: `quaternion`, or the key of MEANS that the angles' names are of; empty where there are none.
+        position: names of the columns x, y, z.
+        turn: names of the columns w, x, y, z of a quaternion, or of three angles; empty without orientation.
+        form: `quaternion`, or the key of MEANS to which the angles' names belong; empty without orientation.
     """
 
     position: tuple[str, ...]
@@ -79,7 +80,7 @@ def pose_columns(names: Sequence[str], file: Path) -> PoseColumns:
     """Return the columns of the only pose in a header.
 
     Raises:
-        UserError: no position, a part of one alone, or two columns of one name.
+        UserError: no complete position, an incomplete orientation or two of them, or two columns with one meaning.
     """
     found: dict[str, dict[str | int, str]] = {"position": {}, "quaternion": {}, "rx": {}, "roll": {}, "wx": {}}
     with_w = any(_words(name)[-1:] == ["w"] for name in names)
@@ -112,15 +113,15 @@ def pose_columns(names: Sequence[str], file: Path) -> PoseColumns:
 
 
 def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list[Readings]:
-    """Return all ways to read a table that its header leaves open.
+    """Return all interpretations of a table that its header allows.
 
     Args:
         file: a .csv, .csv.gz or .parquet table.
-        joints: the robot's; empty where angles are not wanted.
-        form: what the angles of a turn mean, one of FORMS.
+        joints: the robot's joints; empty to read no angles.
+        form: meaning of three orientation angles, a key of TURNS; None if not known.
 
     Raises:
-        UserError: no pose, joints without columns, an empty cell, or what no reading of a pose can be.
+        UserError: no pose, joints without columns, an empty cell, or values that are impossible in every unit.
     """
     table = read_table(file)
     columns = pose_columns(table.names, file)
@@ -136,7 +137,10 @@ def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list
 def poses_of(
     table: Table, columns: PoseColumns, form: str | None = None
 ) -> list[tuple[np.ndarray, np.ndarray | None, str]]:
-    """Return all ways to read a pose: positions (n, 3) m, turns (n, 3, 3) or None, and what was taken."""
+    """Return all interpretations of a pose: positions (n, 3) m, rotations (n, 3, 3) or None, and the choices in words.
+
+    Arguments and errors as for `readings`.
+    """
     file = table.file
     values = _block(table, columns.position)
     lengths = _units(columns.position, LENGTHS, file)
@@ -155,7 +159,7 @@ def two_poses(table: Table) -> tuple[PoseColumns, PoseColumns]:
     """Return the columns of the robot's pose and of the tag's, in a table that has both.
 
     Raises:
-        UserError: not two poses, or nothing in their names says which is which.
+        UserError: not two poses, names that do not say which one is the tag's, or a pose without orientation.
     """
     groups: dict[str, list[str]] = {}
     with_w = any(_words(name)[-1:] == ["w"] for name in table.names)
@@ -176,9 +180,10 @@ def two_poses(table: Table) -> tuple[PoseColumns, PoseColumns]:
 
 
 def motions(poses: np.ndarray) -> np.ndarray:
-    """Return angle (rad) and path along the axis (m) of the motions between poses (n, 4, 4), (m, 2).
+    """Return the angle (rad) and the path along the screw axis (m), (m, 2), of motions between poses (n, 4, 4).
 
-    Both are the same in whatever frame a motion is seen from: of a flange, and of a tag as the flange's camera has it.
+    Motions are those between rows that are one, two and three rows apart. Both numbers are the same in every frame, so
+    that motions of a flange can be compared with those of a tag in the view of the flange's camera.
     """
     out = []
     for step in range(1, min(4, len(poses))):
@@ -193,14 +198,17 @@ def motions(poses: np.ndarray) -> np.ndarray:
 def together(
     robots: Sequence[tuple[np.ndarray, str]], tags: Sequence[tuple[np.ndarray, str]], file: Path
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return the readings of robot poses and tag poses, (n, 4, 4) each, whose motions are the same.
+    """Choose the interpretations of robot poses and tag poses whose motions agree best.
 
     Args:
-        robots, tags: ways to read them, and what was taken in each.
-        file: that the error names.
+        robots, tags: interpretations: poses (n, 4, 4), and the choices in words.
+        file: the table, for the error.
+
+    Returns:
+        Robot poses and tag poses, (n, 4, 4) each, and the choices in words.
 
     Raises:
-        UserError: two readings fit about as well.
+        UserError: two interpretations fit about equally well.
     """
     pairs = list(product(robots, tags))
     off = []
@@ -219,19 +227,19 @@ def together(
 
 
 def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, float]], file: Path) -> Readings:
-    """Return the reading of least misfit.
+    """Return the interpretation with the least misfit.
 
     Args:
         ways: at least one.
-        misfit: RMS of what is left, m and rad, in a reading.
-        file: that the error names.
+        misfit: returns the RMS residual of an interpretation, m and rad.
+        file: the table, for the error.
 
     Raises:
-        UserError: another one fits about as well.
+        UserError: another interpretation fits about equally well.
     """
     if len(ways) == 1:
         return ways[0]
-    spread = [float(np.std(way.position)) for way in ways]  # in mm all is a thousand times as large
+    spread = [float(np.std(way.position)) for way in ways]  # misfits are compared relative to it, as units differ
     off = [
         float(np.hypot(m / max(s, 1e-12), r))
         for (m, r), s in ((misfit(way), s) for way, s in zip(ways, spread, strict=True))
@@ -246,7 +254,7 @@ def best(ways: Sequence[Readings], misfit: Callable[[Readings], tuple[float, flo
 
 
 def _words(name: str) -> list[str]:
-    """Give the words of a name without its unit: `tip_x [mm]` -> tip, x."""
+    """Return the words of a column's name without its unit: `tip_x [mm]` -> tip, x."""
     bare = re.sub(r"[\[(].*?[\])]", "", name).strip()
     return [word for word in split(bare) if word not in (*LENGTHS, *ANGLES, "degrees", "radians")]
 
@@ -266,7 +274,10 @@ def _family(word: str) -> str:
 
 
 def _angles(table: Table, joints: Sequence[str], taken: set[str]) -> tuple[np.ndarray, str, bool]:
-    """Joint angles as they stand, their unit where all names state one, and whether any does."""
+    """Return joint angles (n, nj) in the table's unit, that unit, and whether the names state one at all.
+
+    The unit is "" if the names state none, different ones, or one that is not an angle's.
+    """
     there = [name for name in table.names if name in table.columns and name not in taken]
     named = own_names([meaning(name, {}) for name in there], joints, table)
     out = Proposal(table.file, [], [], {}, Dialect())
@@ -320,7 +331,11 @@ def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> 
 
 
 def _units(names: Sequence[str], units: Mapping[str, float], file: Path) -> list[str]:
-    """Give the units that names state, or all of them."""
+    """Return the unit that the columns' names state, as a list of one, or all keys of `units` if they state none.
+
+    Raises:
+        UserError: columns in different units.
+    """
     patterns = {"rad": "rad(ians)?", "deg": "deg(rees)?|°"}
     found = set()
     for name in names:
@@ -339,7 +354,7 @@ def _open(lengths: Sequence[str], unit: str) -> str:
 
 
 def _block(table: Table, names: Sequence[str]) -> np.ndarray:
-    """Columns (n, k). Raises UserError: an empty cell."""
+    """Return columns as an array (n, k). Raises UserError: an empty cell."""
     out = np.stack([table.number(name) for name in names], axis=1)
     bad = np.argwhere(~np.isfinite(out))
     if len(bad):

@@ -1,4 +1,4 @@
-"""Readings of an instrument from a table, in SI units, with what the instrument itself leaves open."""
+"""Readings of instruments from a table, in SI units, with the instruments' resolution and accuracy."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Readings:
     """A table of readings.
 
     Attributes:
-        file: where they stand.
+        file: the table, or the first of several recordings.
         columns: name without its unit -> (n,) in SI units.
         resolution: name -> one digit of the instrument, SI.
-        accuracy: name -> limit of its error, SI.
+        accuracy: name -> limit of the instrument's error, SI.
     """
 
     file: Path
@@ -45,13 +45,15 @@ class Readings:
         return self.columns.get("place")
 
     def instrument(self, name: str, times: int = 1) -> list[Input]:
-        """Errors of value 0 that `name` may have: half a digit, `times` over, and the instrument's limit of error.
+        """Return the instrument's errors of a column: half a digit, `times` over, and the instrument's limit of error.
+
+        Each has the value 0 and is left out if its uncertainty is 0.
 
         Raises:
-            UserError: nobody has said how fine the instrument reads.
+            UserError: the resolution is not stated.
         """
         if name not in self.resolution:
-            expected = f"--resolution {name}=ONE DIGIT (0 if it counts for nothing)"
+            expected = f"--resolution {name}=ONE DIGIT (0 if it is negligible)"
             raise UserError(f"the resolution of '{name}' is not stated", file=self.file, expected=expected)
         out = [rectangular(f"resolution of {name}", 0.5 * self.resolution[name]) for _ in range(times)]
         if self.accuracy.get(name):
@@ -60,15 +62,16 @@ class Readings:
 
 
 def read(file: Path, resolution: Iterable[str], accuracy: Iterable[str]) -> Readings:
-    """Give the readings in a .csv, .csv.gz or .parquet table.
+    """Read the readings in a .csv, .csv.gz or .parquet table.
 
     Args:
-        file: columns named as the protocol says, SI, or with a unit at the end (`angle_deg`, `mass_g`, `h1_mm`).
-        resolution: `NAME=NUMBER` texts: one digit, in the column's unit or, under the bare name, in SI.
+        file: columns with the names of the protocol, in SI, or with a unit at the end (`angle_deg`, `mass_g`, `h1_mm`).
+        resolution: texts `NAME=NUMBER` with one digit of the instrument, in the unit that NAME ends with or, without
+            one, in SI.
         accuracy: the same for the limit of error.
 
     Raises:
-        UserError: a cell that is empty or no number, a column twice, an unknown name or a number below 0.
+        UserError: an empty cell or one that is not a number, a column twice, an unknown name or a number below 0.
     """
     table = read_table(file)
     columns: dict[str, np.ndarray] = {}
@@ -94,7 +97,7 @@ def of_instruments(readings: Readings, resolution: Iterable[str], accuracy: Iter
 
 
 def bare(name: str) -> tuple[str, float]:
-    """Give a column's name without its unit, and the factor to SI: `angle_deg` -> angle, 0.01745."""
+    """Split a column's name into the name without its unit and the factor to SI: `angle_deg` -> angle, 0.01745."""
     for suffix, factor in SUFFIXES.items():
         if name.endswith(suffix) and len(name) > len(suffix):
             return name[: -len(suffix)], factor
@@ -102,10 +105,10 @@ def bare(name: str) -> tuple[str, float]:
 
 
 def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
-    """Which of several forms of a table it is: the first whose columns are all there.
+    """Return the form of a table: the first of `forms` (name -> columns) whose columns all exist.
 
     Raises:
-        UserError: none of them; names the columns of each.
+        UserError: no form fits; it lists the columns of each.
     """
     for form, columns in forms.items():
         if all(column in readings.columns for column in columns):
@@ -119,7 +122,12 @@ def choose(readings: Readings, forms: Mapping[str, Sequence[str]]) -> str:
 def instrument_law(
     readings: Readings, names: Sequence[str], function: Callable[..., float]
 ) -> tuple[list[Input], Callable[..., float]]:
-    """Propagate the instruments' errors through a function of the mean readings.
+    """Write a function of mean readings as a function of the instruments' errors.
+
+    Args:
+        readings: the table.
+        names: columns that are the function's arguments, in order.
+        function: of the readings.
 
     Returns:
         (errors, law): inputs of value 0, and `law(*errors)` = function(mean readings + errors).
@@ -137,11 +145,16 @@ def instrument_law(
 
 
 def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) -> None:
-    """Raise UserError where the readings rise or fall in their order by more than chance allows.
+    """Raise UserError if readings (n,) of one quantity drift, that is rise or fall by more than chance allows.
 
-    They drift if the first and the last, two readings of one quantity, differ by more than the scatter of the others
-    explains, or if a line through all of them has a slope. Five readings are needed at least. The scatter is at least
-    that of the instrument's digit.
+    They drift if the first and the last differ by more than the scatter of the others explains, or if a line through
+    all has a significant slope. With fewer than five readings nothing is tested. The scatter is at least that of the
+    instrument's digit.
+
+    Args:
+        values: in the order in which they were taken.
+        resolution: one digit of the instrument, in the same unit.
+        file, named: the table and the quantity's name, for the error.
     """
     n = len(values)
     if n < 5:
@@ -150,7 +163,7 @@ def refuse_drift(values: np.ndarray, resolution: float, file: Path, named: str) 
     order = np.arange(n) - 0.5 * (n - 1)
     slope = float(order @ values / (order @ order))
     about = values - values.mean() - slope * order
-    # the spread of few readings is itself uncertain: Student's factor for what three sigma are for many
+    # the spread of few readings is uncertain: use Student's quantile with the probability of three sigma
     at_ends = (
         stats.t.isf(stats.norm.sf(REPEATS_AGREE), n - 3) * np.sqrt(2.0) * np.hypot(np.std(values[1:-1], ddof=1), digit)
     )

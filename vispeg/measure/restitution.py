@@ -1,7 +1,7 @@
-"""Restitution: heights of drop and bounce, or the times between bounces.
+"""Restitution: from the heights of drop and bounce, or from the times between bounces.
 
-e = sqrt(h_bounce / h_drop). Between two touches a thing flies for t = 2 v / g, so e is the ratio of two such times in a
-row: free of any scale, and of the height it was let go from.
+e = sqrt(h_bounce / h_drop). Between two touches an object flies for t = 2 v / g, so e is also the ratio of two
+consecutive flight times, which depends neither on the clock's scale nor on the height of the drop.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ FORMS = {
     "times of two flights": ("flight1", "flight2"),
     "heights": ("drop", "bounce"),
 }
-DROPS, HEIGHTS = 10, 2
-BY_HAND = 0.01  # m within which heights that are set by hand are one, where no accuracy of `drop` is stated
+DROPS, HEIGHTS = 10, 2  # numbers of drops and of different heights that the protocol asks for
+BY_HAND = 0.01  # m, distance up to which drops count as of one height, if no accuracy of `drop` is stated
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Give the coefficient of restitution.
+    """Compute the coefficient of restitution.
 
     Args:
-        readings: `t1`, `t2`, `t3` (s) of three touches, or `flight1`, `flight2` (s), or `drop` and `bounce` (m); with
-            times also `drop` where drops are from several heights.
+        readings: `t1`, `t2`, `t3` (s), times of three touches; or `flight1`, `flight2` (s); or `drop` and `bounce`
+            (m). With times, optionally `drop` (m) to distinguish several heights.
         rng: of the Monte Carlo propagation.
 
     Raises:
-        UserError: times or heights that no bounce has, no resolution.
+        UserError: a row whose coefficient is not within 0 to 1, or a resolution that is not stated.
     """
     form = choose(readings, FORMS)
     if form == "heights":
@@ -69,8 +69,9 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _heights(drop: np.ndarray, apart: float) -> np.ndarray:
-    """Give the mean (n,) m of the heights that each of drop (n,) m is one of: sorted, a new one begins beyond
-    `apart` m.
+    """Group drops (n,) m of about equal height, and return for each the mean height (n,) m of its group.
+
+    In sorted order, a new group begins after a difference of more than `apart` m.
     """
     order = np.argsort(drop)
     number = np.concatenate([[0], np.cumsum(np.diff(drop[order]) > apart)])

@@ -1,9 +1,10 @@
-"""The torque limit of a drive, where a log shows it: the motor gives less than its own law asks for.
+"""The torque limit of a drive, if a log shows that the motor gives less torque than its control law asks for.
 
-A servo's torque is `k u - k' q - d q' + a` of command, angle and speed, whatever friction and inertia do beside it. At
-its limit it is `stall (1 - v / no_load)` at the speed v in the torque's direction
-(`vispeg.effects.drive.torque_speed_limit`). Both are fitted to all steps at once. There is a limit where, in the rows
-at it, the law alone leaves twice the error or more; it falls with the speed where the steps that reach it agree.
+A servo's torque is `k u - k' q - d q' + a`, a function of command u, angle q and speed q', independent of friction and
+inertia. At its limit it is `stall (1 - v / no_load)` at the speed v in the torque's direction
+(`vispeg.effects.drive.torque_speed_limit`). Law and limit are fitted to all steps at once. A limit is found if, in the
+rows at the limit, the law without it leaves at least twice the error. It falls with speed if the steps that reach it
+agree on a slope significantly above 0.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from vispeg.measure.steps import BEFORE, LATE, Step, before, rows
 from vispeg.measure.trace import LIKELIER, Trace
 from vispeg.measure.uncertainty import Input, coverage, rectangular, repeated
 
-AFTER = 0.5  # s of a step, in which a servo asks for its torque
-BEYOND = 4.0  # standard deviations by which the law asks for more than the limit in a row that counts as at it
-REACHED = 3  # rows at it, from which on a step tells the limit: a row of delay at the jump makes one or two
-SURE = 0.998  # two-sided, one in a thousand flat limits would be said to fall
-SPEEDS = 6  # of the table
+AFTER = 0.5  # s after a step that are used
+BEYOND = 4.0  # standard deviations by which the law must exceed the limit for a row to count as at the limit
+REACHED = 3  # least number of such rows for a step to count; a delay of a row at the jump causes one or two
+SURE = 0.998  # two-sided confidence: one in a thousand constant limits would seem to fall with speed
+SPEEDS = 6  # number of speeds in the table of torques
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ class Limit:
     """A torque limit that steps show.
 
     Attributes:
-        stall: (nreached,) N m, the limit at rest; over the steps that reach it, or of the only one.
-        slope: (nreached,) s/rad, the inverse of the speed at which none is left; empty where it does not fall.
-        noise: N m, standard deviation of what law and limit leave.
-        row: (2,) by how much stall and slope move, if the torque is read a row before or after the angle.
-        reached: the steps that reach it.
+        stall: (nreached,) N m, values of the limit at rest, one per step that reaches it.
+        slope: (nreached,) s/rad, values of the inverse of the no-load speed; empty if the limit does not fall.
+        noise: N m, standard deviation of the residual torque.
+        row: (2,) changes of stall and slope if the torque is read one row before or after the angle.
+        reached: the steps that reach the limit.
     """
 
     stall: np.ndarray
@@ -44,34 +45,34 @@ class Limit:
     reached: list[Step]
 
     def inputs(self) -> list[Input]:
-        """Return the inputs whose uncertainties add up to that of the limit at rest."""
+        """Return the inputs (see `propagate`) whose sum is the limit at rest."""
         if len(self.stall) < 2:
             return [rectangular("noise of the torque", 2.0 * self.noise, float(self.stall[0]))]
         return [repeated("steps at the limit", self.stall), rectangular("time of a row", self.row[0])]
 
     def inputs_of_slope(self) -> list[Input]:
-        """Return the inputs whose uncertainties add up to that of the slope."""
+        """Return the inputs (see `propagate`) whose sum is the slope."""
         return [repeated("slope over the steps at the limit", self.slope), rectangular("time of a row", self.row[1])]
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows of all steps: `rest` (n,) + `law` (n, 3) times k, -k', -d is the torque asked for, N m; speed rad/s."""
+    """The rows of the log in all steps; the law (k, -k', -d) asks for the torque `rest + law @ (k, -k', -d)`."""
 
-    rest: np.ndarray
-    law: np.ndarray
-    tau: np.ndarray
-    speed: np.ndarray
-    earlier: np.ndarray  # (n,) rad/s, the speed a row before
-    step: np.ndarray  # (n,) whose
+    rest: np.ndarray  # (n,) N m, torque at rest before the step
+    law: np.ndarray  # (n, 3): changes of command and angle since before the step, rad; speed, rad/s
+    tau: np.ndarray  # (n,) N m, measured torque
+    speed: np.ndarray  # (n,) rad/s
+    earlier: np.ndarray  # (n,) rad/s, speed one row before
+    step: np.ndarray  # (n,) index of the step
 
     def asked(self, law: np.ndarray) -> np.ndarray:
-        """Give the torque (n,) that a law (3,) asks for."""
+        """Return the torque (n,) N m that a law (3,) asks for."""
         return self.rest + self.law @ law
 
 
 def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
-    """Give the limit at which the motor works in some of these steps; None where none shows."""
+    """Find the torque limit that the motor reaches in some of these steps; None if none shows."""
     by_name = {t.name: t for t in traces if t.tau is not None and t.signed() and not t.asked}
     steps = [s for s in responses if s.trace in by_name]
     if len(steps) < 2:
@@ -116,7 +117,7 @@ def limit(traces: Sequence[Trace], responses: Sequence[Step]) -> Limit | None:
 
 
 def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
-    """Give the rows of the steps, with the delay of the command that leaves the law the least error."""
+    """Return the rows of the steps, with commands shifted by the delay at which the law fits best."""
     spans = [(by_name[s.trace], rows(by_name[s.trace], s)[0]) for s in steps]
     rates = {name: np.gradient(t.q, t.time) for name, t in by_name.items()}
     period = max(t.period for t, _ in spans)
@@ -141,7 +142,7 @@ def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
 
     def misses(late: float) -> float:
         r = at(late)
-        # not of squares: some rows are at the limit
+        # absolute values, not squares, as some rows are at the limit
         laws = [_through(r, share * float(np.abs(r.tau).max())) for share in (0.8, 2.0)]
         return min(float(np.sum(np.abs(r.asked(law) - r.tau))) for law in laws)
 
@@ -150,19 +151,19 @@ def _rows(by_name: dict[str, Trace], steps: Sequence[Step]) -> _Rows:
 
 
 def _through(r: _Rows, top: float) -> np.ndarray:
-    """Give the law (3,) through the torques below `top`."""
+    """Fit the law (3,) to the rows with torques below `top` N m."""
     low = np.abs(r.tau) < top
     return np.linalg.lstsq(r.law[low], (r.tau - r.rest)[low], rcond=None)[0]
 
 
 def _most(x: np.ndarray, r: _Rows) -> np.ndarray:
-    """Give the limit (n,) N m, in the direction in which the law asks."""
+    """Return the limit (n,) N m at the rows' speeds in the direction of the law's torque; x as for `_given`."""
     forward = np.maximum(r.speed * np.sign(r.asked(x[2:])), 0.0)
     return x[0] * np.maximum(1.0 - x[1] * forward, 0.0)
 
 
 def _given(x: np.ndarray, r: _Rows) -> np.ndarray:
-    """Give the torque (n,) N m that law and limit give."""
+    """Return the torque (n,) N m of the law cut at the limit; x (5,) is stall torque, slope and the law (3,)."""
     most = _most(x, r)
     return np.clip(r.asked(x[2:]), -most, most)
 
@@ -177,13 +178,13 @@ def _slopes(x: np.ndarray, r: _Rows) -> np.ndarray:
 
 
 def _line(size: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Torque at rest, N m, and the inverse of the speed (rad/s) at which none is left, of the rows at the limit."""
+    """Fit torque sizes (n,) N m over speeds (n,) rad/s; return torque at rest, N m, and 1 / no-load speed, s/rad."""
     stall, fall = np.linalg.lstsq(np.column_stack([np.ones_like(forward), -forward]), size, rcond=None)[0]
     return np.array([stall, fall / stall])
 
 
 def by_speed(traces: Sequence[Trace]) -> list[dict[str, float]]:
-    """Give the greatest torque (N m) that the motor gave, by speed (rad/s) in the torque's direction."""
+    """Return a table of the greatest torque (N m) of the motor by speed (rad/s) in the torque's direction."""
     pairs = [(t.tau, np.gradient(t.q, t.time)) for t in traces if t.tau is not None and t.signed()]
     if not pairs:
         return []

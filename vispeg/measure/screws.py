@@ -1,6 +1,6 @@
-"""A serial arm as a product of exponentials: its joints' screws at zero, taken from the model's own flange poses.
+"""The kinematics of a serial arm as a product of exponentials, with joint screws computed from flange poses.
 
-The flange stands at `exp(S_1 q_1) .. exp(S_n q_n) F(0)` in the base, with S_j the screw of joint j at q = 0.
+The flange's pose in the base is `exp(S_1 q_1) .. exp(S_n q_n) F(0)`, with S_j the screw of joint j at q = 0.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from vispeg.render.calibration.rigid import from_quaternion, inverse
 
-TRIED = 1.0  # rad that a joint is turned to see its screw
+TRIED = 1.0  # rad by which a joint is turned to find its screw
 
 
 class Screws:
     """Forward kinematics of many postures at once.
 
     Args:
-        flange: from angles (n, nj) rad to poses (n, 7), m and quaternion w first, in the base.
-        joints: how many.
+        flange: function from angles (n, nj) rad to flange poses (n, 7) in the base, m and quaternion w x y z.
+        joints: number of joints.
     """
 
     def __init__(self, flange: Callable[[np.ndarray], np.ndarray], joints: int):
@@ -35,7 +35,7 @@ class Screws:
         self.cross = cross
 
     def poses(self, q: np.ndarray) -> np.ndarray:
-        """Return base_T_flange (n, 4, 4) of angles (n, nj) rad."""
+        """Return base_T_flange (n, 4, 4) at angles (n, nj) rad."""
         out = np.broadcast_to(np.eye(4), (len(q), 4, 4))
         for j in range(len(self.axis)):
             sine, cosine = np.sin(q[:, j])[:, None, None], np.cos(q[:, j])[:, None, None]
@@ -50,7 +50,7 @@ class Screws:
 
 
 def _cross(axis: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) of the cross product with axes (n, 3)."""
+    """Return the matrices (n, 3, 3) of the cross product with axes (n, 3)."""
     out = np.zeros((len(axis), 3, 3))
     x, y, z = axis.T
     out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x

@@ -1,4 +1,4 @@
-"""A second-order step response with delay, fitted to steps: K, natural frequency, damping ratio, delay, bandwidth.
+"""Fit a second-order step response with delay to steps: K, natural frequency, damping ratio, delay, bandwidth.
 
 H(s) = K wn^2 e^(-d s) / (s^2 + 2 z wn s + wn^2). Its step response, for the poles p = wn (-z +- sqrt(z^2 - 1)):
 1 + (p2 e^(p1 t) - p1 e^(p2 t)) / (p1 - p2), over- and underdamped alike.
@@ -18,8 +18,8 @@ from vispeg.measure.trace import Trace, steps
 BEFORE, LATE = (
     0.2,
     0.1,
-)  # s before a step: rest from there on, which ends that much before it, for a command may be logged late
-STARTS, TRIED = (5.0, 20.0, 80.0, 250.0), 3  # rad/s; and how many of the nearest starts are followed
+)  # s before a step: the joint rests from BEFORE to LATE, not up to the step, as a command may be logged late
+STARTS, TRIED = (5.0, 20.0, 80.0, 250.0), 3  # rad/s, starts of the fit; number of the best starts that are used
 POSITIVE = ("natural_frequency", "damping_ratio")
 NAMES = {"gain": "1", "natural_frequency": "rad/s", "damping_ratio": "1", "delay": "s"}
 
@@ -35,12 +35,12 @@ class Servo:
 
     @property
     def bandwidth_hz(self) -> float:
-        """Where |H| has fallen by 3 dB from its value at rest, Hz."""
+        """Frequency at which |H| is 3 dB below its value at rest, Hz."""
         a = 1.0 - 2.0 * self.damping_ratio**2
         return self.natural_frequency * float(np.sqrt(a + np.sqrt(a * a + 1.0))) / (2.0 * np.pi)
 
     def response(self, f: np.ndarray) -> np.ndarray:
-        """H (n,), complex, at f Hz."""
+        """Return H (n,), complex, at f (n,) Hz."""
         s = 2j * np.pi * np.asarray(f)
         wn, z = self.natural_frequency, self.damping_ratio
         return self.gain * wn**2 * np.exp(-s * self.delay) / (s**2 + 2 * z * wn * s + wn**2)
@@ -48,7 +48,15 @@ class Servo:
 
 @dataclass(frozen=True)
 class Step:
-    """One step and its fit: `size` rad, signed; `rest` the RMS residual as a share of the size."""
+    """One step and its fit.
+
+    Attributes:
+        trace: name of its recording.
+        start: s, time of the command's change.
+        size: rad, signed.
+        servo: fitted to it.
+        rest: RMS residual as a share of the size.
+    """
 
     trace: str
     start: float
@@ -58,7 +66,7 @@ class Step:
 
 
 def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
-    """Give the unit step response (n,) at t s; 0 before."""
+    """Return the unit step response (n,) at t (n,) s, 0 for t <= 0, of natural frequency wn rad/s and damping zeta."""
     root = np.sqrt(complex(zeta**2 - 1.0))
     root = root if abs(root) > 1e-6 else 1e-6 + 0j
     p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
@@ -68,25 +76,25 @@ def step_answer(t: np.ndarray, wn: float, zeta: float) -> np.ndarray:
 
 
 def fitted(trace: Trace) -> list[Step]:
-    """Every step of a trace, fitted in time."""
+    """Find the steps of a trace and fit each of them."""
     return [fit(trace, first, last) for first, last in steps(trace)]
 
 
 def before(trace: Trace, first: int) -> float:
-    """Give the angle at which the joint rested before the command changed in row `first`, rad."""
+    """Return the angle, rad, at which the joint rested before the command changed in row `first`."""
     ago = trace.time[first] - trace.time
     return float(trace.q[(ago <= BEFORE + 1e-9) & (ago > LATE - 0.5 * trace.period)].mean())
 
 
 def rows(trace: Trace, step: Step) -> tuple[int, int]:
-    """(first row, end) of a step that was fitted."""
+    """Return the rows (first, end) of a fitted step; `end` is exclusive."""
     return next((a, b) for a, b in steps(trace) if trace.time[a] == step.start)
 
 
 def wound(servo: Servo, band: float, traces: Sequence[Trace], responses: Sequence[Step]) -> np.ndarray:
-    """By how much (n,) rad, within +-band, the servo pulled at a joint that friction held before each step.
+    """Return how far friction held the joint from its goal before each step, (n,) rad, cut to +-band.
 
-    The sag under load is the median over the rests of a recording.
+    The sag under load, which is the median over the rests of a recording, is subtracted.
     """
     by_name = {t.name: t for t in traces}
     pull = np.empty(len(responses))
@@ -101,7 +109,7 @@ def wound(servo: Servo, band: float, traces: Sequence[Trace], responses: Sequenc
 
 
 def fit(trace: Trace, first: int, last: int) -> Step:
-    """Give the second-order servo without friction that rows `first` to `last` of a trace look like."""
+    """Fit a second-order servo without friction to the step in rows `first` to `last` (exclusive) of a trace."""
     t = trace.time[first:last] - trace.time[first]
     size = float(trace.q_cmd[last - 1] - trace.q_cmd[first - 1])
     change = np.diff(trace.q_cmd[first - 1 : last]) / size
@@ -128,13 +136,13 @@ def fit(trace: Trace, first: int, last: int) -> Step:
 
 
 def _onset(t: np.ndarray, y: np.ndarray, end: float) -> float:
-    """Time at which the response passes 5 % of its end value, s."""
+    """Return the time at which the response passes 5 % of its end value, s; 0 if it never does."""
     past = np.flatnonzero(y * np.sign(end or 1.0) > 0.05 * abs(end))
     return float(t[past[0]]) if len(past) else 0.0
 
 
 def groups(responses: Sequence[Step]) -> dict[float, list[Step]]:
-    """Step of one size and direction: signed size -> steps; sizes within 5 % are one."""
+    """Group steps by size and direction: signed size, rad -> steps; sizes within 5 % belong together."""
     out: dict[float, list[Step]] = {}
     for step in sorted(responses, key=lambda s: s.size):
         near = [size for size in out if abs(size - step.size) <= 0.05 * abs(step.size)]
@@ -143,9 +151,9 @@ def groups(responses: Sequence[Step]) -> dict[float, list[Step]]:
 
 
 def parameters(responses: Sequence[Step]) -> dict[str, np.ndarray]:
-    """Name -> the mean of each group (ngroup,): gain, natural_frequency, damping_ratio, delay.
+    """Return name -> means (ngroup,) over each group of steps: gain, natural_frequency, damping_ratio, delay.
 
-    Of frequency and damping the geometric mean: they are positive, and spread in proportion.
+    Means of natural frequency and damping ratio are geometric, as these are positive and spread in proportion.
     """
     means = [
         [_mean(name, [getattr(s.servo, name) for s in group]) for name in NAMES] for group in groups(responses).values()
@@ -154,12 +162,12 @@ def parameters(responses: Sequence[Step]) -> dict[str, np.ndarray]:
 
 
 def mean_servo(responses: Sequence[Step]) -> Servo:
-    """Give the mean over groups, as one servo."""
+    """Return the servo whose numbers are the means over groups of steps."""
     return Servo(**{name: _mean(name, values) for name, values in parameters(responses).items()})
 
 
 def about(groups: Mapping[str, np.ndarray], servo: Servo) -> dict[str, np.ndarray]:
-    """Move groups' numbers (ngroup,) by name, that this servo is their mean."""
+    """Shift or scale numbers (ngroup,) by name so that their mean is this servo."""
     means = {name: (getattr(servo, name), _mean(name, groups[name])) for name in NAMES}
     moved = {n: groups[n] * to / at if n in POSITIVE else groups[n] + to - at for n, (to, at) in means.items()}
     return {**groups, **moved}
@@ -170,7 +178,7 @@ def _mean(name: str, values: Sequence[float] | np.ndarray) -> float:
 
 
 def sizes(responses: Sequence[Step]) -> list[float]:
-    """Give the sizes that there are, both directions as one, rad, rising."""
+    """List the different sizes of steps, rad, regardless of direction, in ascending order."""
     out: list[float] = []
     for size in sorted(abs(s.size) for s in responses):
         if not out or size > 1.05 * out[-1]:
@@ -179,7 +187,10 @@ def sizes(responses: Sequence[Step]) -> list[float]:
 
 
 def refuse_drift(responses: Sequence[Step], file: str) -> None:
-    """Raise UserError where the same steps, taken again in a later recording, answer otherwise by three sigma."""
+    """Raise UserError if the gain or frequency of equal steps differs between the first and the last recording.
+
+    The difference must be more than 2 % and significant at three sigma.
+    """
     for size, group in groups(responses).items():
         names = list(dict.fromkeys(s.trace for s in group))
         if len(names) < 2:

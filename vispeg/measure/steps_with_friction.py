@@ -1,12 +1,12 @@
-"""One servo through all steps of a joint, beside dry friction: q'' = wn^2 (K u + b - q - h s) - 2 z wn q', s = sign q'.
+"""Fit one servo with dry friction to all steps of a joint: q'' = wn^2 (K u + b - q - h s) - 2 z wn q', s = sign q'.
 
-h = friction / stiffness, rad: half the width of the angles at which the joint may come to rest; b is the sag under load
-in each recording. A joint at rest stays there while |K u + b - q| <= h, so the angle at which it rested before a step
-tells how much friction holds it there. A fit of single steps mistakes that part for a different gain, and the drag
-during the motion for a different damping.
-Between two reversals the answer is that of the linear servo about a shifted goal (den Hartog, Trans. ASME 53, 1931).
-The uncertainty is that of the mean over sizes and directions: pseudo-values of the jackknife that leaves one of them
-out, one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9(3), 1981).
+h = friction / stiffness, rad, is half the width of the band of angles at which the joint may come to rest; b is the sag
+under load in each recording. A joint at rest stays there while |K u + b - q| <= h, so the angle at which it rested
+before a step shows the friction force that holds it. Fits of single steps would mistake this force for a different
+gain, and the friction during the motion for a different damping.
+Between two reversals the joint moves like the linear servo about a shifted goal (den Hartog, Trans. ASME 53, 1931).
+The uncertainty is that of the mean over sizes and directions of steps: pseudo-values of a jackknife that leaves out one
+of them, by one Gauss-Newton step from the common fit (Efron and Stein, Ann. Statist. 9(3), 1981).
 """
 
 from __future__ import annotations
@@ -22,26 +22,29 @@ from vispeg.measure.steps import Servo, Step
 from vispeg.measure.trace import Trace
 
 FINE = 0.1  # rad of the servo's phase per integration step; a reversal is then located to a hundredth of a step
-FINER = 2  # steps of the simulated arm in each of these
-SAMPLES = 300  # of a step that are compared
-NEAR = 30  # evaluations of the fit of a simulated joint, at most
+FINER = 2  # steps of the simulated arm in each integration step
+SAMPLES = 300  # greatest number of samples of a step that are compared
+NEAR = 30  # greatest number of evaluations in the fit of a simulated joint
 SLOPE = 1e-4  # relative step of finite differences; for the band, a share of the smallest goal step
 
-# goals (nstep, ngrid) rad over those at rest, the grid's interval s, and by how many rad (nstep,) the joint rested
-# short of where it would be without friction -> angles and speeds (nstep, ngrid + 1)
+# A function that simulates steps. Arguments: goals (nstep, ngrid) rad relative to those at rest, interval of the grid
+# in s, distance (nstep,) rad at which friction held the joint from its goal. Returns: angles and speeds
+# (nstep, ngrid + 1), rad and rad/s.
 Moved = Callable[[np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
 class Shared:
-    """One servo through all steps.
+    """One servo with friction, fitted to all steps.
 
     Attributes:
         servo: the servo.
-        band: rad, half the width of the angles at which the joint rests.
-        groups: name -> (ngroup,) pseudo-values, one a size and direction: gain, natural_frequency, damping_ratio,
+        band: rad, half the width of the band of angles at which the joint may rest; 0 without friction.
+        groups: name -> (ngroup,) pseudo-values, one per size and direction: gain, natural_frequency, damping_ratio,
             delay, rest_band.
-        left: (nstep,) RMS of what the servo leaves of each step, as a share of its size.
+        left: (nstep,) RMS residual of each step as a share of its size.
+        problem, x: data and solution of the fit.
+        responses: the steps.
     """
 
     servo: Servo
@@ -63,8 +66,8 @@ class Shared:
             start: the numbers to begin with.
 
         Returns:
-            (5,) the numbers and the band; (5, ngroup) pseudo-values about them, as in `groups`; (nstep,) the RMS of
-            what they leave of each step, as a share of its size.
+            (5,) the four parameters and the band; (5, ngroup) their pseudo-values, as in `groups`; (nstep,) RMS
+            residual of each step as a share of its size.
         """
         p, least = self.problem, float(np.min(np.abs(self.problem.size)))
         goals = np.repeat(p.goals, FINER, axis=1) * p.size[:, None]
@@ -101,7 +104,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What the fit compares: a row a step. All angles are shares of the step's size, from where the joint rested."""
+    """The data of the fit, a row per step; `goals` and `y` are shares of its size, from where the joint rested."""
 
     goals: np.ndarray  # (nstep, ngrid), mean command of each interval of the grid
     dt: float  # s, of the grid
@@ -111,12 +114,12 @@ class _Problem:
     size: np.ndarray  # (nstep,) rad
     command: np.ndarray  # (nstep,) rad, before the step
     rest: np.ndarray  # (nstep,) rad, the angle before it
-    trace: np.ndarray  # (nstep,), whose
-    sags: int
+    trace: np.ndarray  # (nstep,), index of the recording
+    sags: int  # number of recordings, each of which has a sag of its own
 
 
 def shared(traces: Sequence[Trace], responses: Sequence[Step]) -> Shared:
-    """Fit one servo and its friction to all steps, from the mean of their single fits."""
+    """Fit one servo with friction to all steps, starting from the mean of their single fits."""
     start = steps.mean_servo(responses)
     p = _problem(traces, responses, start)
     first = [start.gain, np.log(start.natural_frequency), np.log(start.damping_ratio), start.delay]
@@ -134,7 +137,7 @@ def _solve(p: _Problem, responses: Sequence[Step], starts: Sequence[np.ndarray])
     best = None
     for x0 in starts:
         inside = np.clip(x0, low, high)
-        inside[4] = max(inside[4], 1e-3 * least)  # at its bound a band has no slope
+        inside[4] = max(inside[4], 1e-3 * least)  # not 0, where the derivative with respect to the band vanishes
         found = optimize.least_squares(
             lambda x: _residual(x, p),
             inside,
@@ -147,7 +150,7 @@ def _solve(p: _Problem, responses: Sequence[Step], starts: Sequence[np.ndarray])
     assert best is not None
     servo = Servo(float(best.x[0]), float(np.exp(best.x[1])), float(np.exp(best.x[2])), float(best.x[3]))
     left = np.sqrt(np.sum(best.fun.reshape(p.y.shape) ** 2, axis=1))
-    sticks = bool(best.x[4] > 1e-6 * least)  # else the fit stopped at its bound: no friction, and nothing to move
+    sticks = bool(best.x[4] > 1e-6 * least)  # else the band is at its bound 0: no friction, and the band is fixed
     groups = _groups(best, p, responses, sticks)
     return Shared(servo, sticks * float(best.x[4]), groups, left, p, best.x, responses)
 
@@ -186,7 +189,10 @@ def _residual(x: np.ndarray, p: _Problem) -> np.ndarray:
 
 
 def _slopes(x: np.ndarray, p: _Problem, least: float) -> np.ndarray:
-    """Of the residual (nstep * nsample, 5 + ntrace), by differences; the sags of all traces are moved at once."""
+    """Return the derivatives of `_residual`, (nstep * nsample, 5 + ntrace), by finite differences.
+
+    The sags of all traces are moved in one evaluation, as each affects only its own steps.
+    """
     by = SLOPE * np.array([1.0, 1.0, 1.0, 0.1, 0.1 * least, 0.1 * least])
     moves = np.zeros((7, len(x)))
     moves[range(1, 6), range(5)] = by[:5]
@@ -201,7 +207,7 @@ def _slopes(x: np.ndarray, p: _Problem, least: float) -> np.ndarray:
 
 
 def _answers(x: np.ndarray, p: _Problem) -> np.ndarray:
-    """(nx, nstep, nsample) of the step: what servos x (nx, 5 + ntrace) do."""
+    """Simulate servos x (nx, 5 + ntrace); return angles (nx, nstep, nsample) as shares of the steps' sizes."""
     nx, nstep = len(x), len(p.size)
     gain, wn, zeta = (np.repeat(v, nstep) for v in (x[:, 0], np.exp(x[:, 1]), np.exp(x[:, 2])))
     share = np.sign(p.size)[None] / np.abs(p.size)[None]  # 1 / size
@@ -214,7 +220,7 @@ def _answers(x: np.ndarray, p: _Problem) -> np.ndarray:
 
 
 def _read(q: np.ndarray, v: np.ndarray, dt: float, t: np.ndarray) -> np.ndarray:
-    """Angles (n, nsample) at t s, of q and v (n, ngrid + 1) every dt s: the cubic through both angles and speeds."""
+    """Interpolate angles at t (n, nsample) s, by cubic splines, from q and v (n, ngrid + 1) on a grid of dt s."""
     at = np.clip(t / dt, 0.0, q.shape[1] - 1.001)
     k = at.astype(int)
     r, row = at - k, np.arange(len(q))[:, None]
@@ -231,9 +237,10 @@ def _integrated(
     band: np.ndarray,
     wound: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and speed (n, ngrid + 1) of n joints from rest: goals (n, ngrid), all others (n,).
+    """Simulate n joints from rest: goals (n, ngrid), other parameters (n,); return angle and speed (n, ngrid + 1).
 
-    Exact while a joint moves one way; where it turns within an interval, its speed there is taken as linear in time.
+    The solution is exact while a joint moves in one direction. If it reverses within an interval, its speed in that
+    interval is taken as linear in time.
     """
     n, count = goals.shape
     e11, e12, e21, e22 = _propagator(dt, wn, zeta)
@@ -260,7 +267,7 @@ def _integrated(
 
 
 def _propagator(dt: float, wn: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """exp(A dt) of x'' = -wn^2 x - 2 z wn x', its four entries (n,)."""
+    """Return the four entries (n,) of exp(A dt) for x'' = -wn^2 x - 2 z wn x'."""
     root = np.sqrt((zeta**2 - 1.0).astype(complex))
     root = np.where(np.abs(root) > 1e-6, root, 1e-6)
     p1, p2 = wn * (-zeta + root), wn * (-zeta - root)
@@ -273,7 +280,7 @@ def _propagator(dt: float, wn: np.ndarray, zeta: np.ndarray) -> tuple[np.ndarray
 def _groups(
     best: optimize.OptimizeResult, p: _Problem, responses: Sequence[Step], sticks: bool
 ) -> dict[str, np.ndarray]:
-    """Pseudo-values of the jackknife over sizes and directions; over the steps where there is one of these."""
+    """Return the jackknife's pseudo-values over sizes and directions, or over steps if there is only one of these."""
     free = np.arange(len(best.x)) != (-1 if sticks else 4)
     moves = _moves(best.jac.reshape(*p.y.shape, -1)[..., free], best.fun.reshape(p.y.shape), responses)
     x = np.repeat(best.x[:, None], len(moves), axis=1)
@@ -288,9 +295,10 @@ def _groups(
 
 
 def _moves(jac: np.ndarray, rest: np.ndarray, responses: Sequence[Step]) -> np.ndarray:
-    """By how much (ngroup, nx) a fit moves without each size and direction, or each step where there is one of these.
+    """Return how far (ngroup, nx) a fit moves if each size and direction is left out in turn.
 
-    One Gauss-Newton step, of jac (nstep, nsample, nx) and rest (nstep, nsample).
+    With only one size and direction, single steps are left out. The move is one Gauss-Newton step, from the Jacobian
+    jac (nstep, nsample, nx) and the residual rest (nstep, nsample).
     """
     groups = list(steps.groups(responses).values())
     groups = groups if len(groups) > 1 else [[s] for s in responses]

@@ -1,8 +1,8 @@
 """Stiffness of a fixture: presses on a rigid stop, then on the fixture, at two arm poses or more.
 
-What gives way in a press is the arm, its sensor and the fixture, in series: their compliances add, so the fixture's is
-c_fixture - c_stop in the same pose. Compliance of the arm turns with its pose and the fixture's does not, so that poses
-that disagree say that the subtraction does not hold.
+In a press the arm, its sensor and the fixture give way in series. Their compliances add, so the fixture's is
+c_fixture - c_stop in the same pose. The arm's compliance depends on its pose and the fixture's does not: if poses
+disagree, the subtraction is not valid.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from vispeg.measure.readings import REPEATS_AGREE, Readings, choose
 from vispeg.measure.uncertainty import Input, propagate, rectangular, repeated
 
 FORMS = {"presses on stop (0) and fixture (1)": ("force", "depth", "on")}
-POSES, LEAST, RAMP = 2, 5.0, 3  # poses; N, below which the contact itself still closes; readings of a ramp
+# number of poses that the protocol asks for; least force that is used, N (below it the contact itself still closes);
+# least number of readings in a ramp
+POSES, LEAST, RAMP = 2, 5.0, 3
 
 
 def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
-    """Give the stiffness in N/m, and the compliance in m/N that it is the inverse of.
+    """Compute the stiffness in N/m, and its inverse, the compliance in m/N.
 
     Args:
-        readings: `force` (N), `depth` (m), `on` (0 a rigid stop, 1 the fixture); `pose` and `ramp` (numbers) where
-            there are several. Loading and unloading count as two ramps.
+        readings: `force` (N), `depth` (m), `on` (0 for the rigid stop, 1 for the fixture); `pose` and `ramp` (numbers)
+            if there are several. Loading and unloading count as two ramps.
         rng: of the Monte Carlo propagation.
 
     Raises:
-        UserError: no press on the stop or on the fixture in some pose, a ramp of one force, poses that disagree, a
-            fixture no softer than the stop.
+        UserError: no press on the stop or on the fixture in some pose, a ramp with too few readings or too small a
+            range of forces, poses that disagree, or a fixture that is not significantly softer than the stop.
     """
     choose(readings, FORMS)
     slopes = _slopes(readings)
@@ -60,7 +62,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
 
 
 def _slopes(r: Readings) -> dict[tuple[float, int, float], float]:
-    """(pose, on, ramp) -> compliance in m/N of each press, by least squares above `LEAST` newtons."""
+    """Return (pose, on, ramp) -> compliance of each press, m/N, by least squares above `LEAST` N."""
     zero = np.zeros(len(r))
     pose, ramp, on = r.columns.get("pose", zero), r.columns.get("ramp", zero), r["on"]
     odd = np.flatnonzero((on != 0) & (on != 1))
@@ -80,18 +82,18 @@ def _slopes(r: Readings) -> dict[tuple[float, int, float], float]:
 
 
 def _spread(values: list[float]) -> np.ndarray:
-    """(sum of squares of the mean's standard uncertainty, degrees of freedom) of one group of ramps."""
+    """Return the squared standard uncertainty of the mean of one group of ramps, and its degrees of freedom, (2,)."""
     n = len(values)
     return np.array([np.var(values, ddof=1) / n if n > 1 else 0.0, n - 1.0])
 
 
 def _mean(means: np.ndarray, spreads: list[np.ndarray]) -> Input:
-    """Give the mean over poses; its spread from the poses, or from the ramps where there is one pose."""
+    """Return the mean over poses, with its uncertainty from the poses or, for a single pose, from the ramps."""
     if len(means) > 1:
         between = repeated(f"{len(means)} arm poses", means)
         within = float(np.sqrt(sum(s for s, _ in spreads))) / len(means)
         dof = float(sum(d for _, d in spreads))
-        # two poses alone say little of their own spread; where ramps say more, and poses agree with them, they are used
+        # two poses give a poor estimate of their spread: ramps are used if they have more degrees of freedom
         if dof > between.dof:
             return Input("repeats of the ramps", float(means.mean()), max(within, between.u), "A", dof, "t")
         return between
@@ -113,7 +115,7 @@ def _refuse_disagreement(means: np.ndarray, spreads: list[np.ndarray], r: Readin
 
 
 def _instrument(r: Readings, compliance: float) -> list[Input]:
-    """Relative errors of the compliance from what the instruments leave open over the range of a ramp."""
+    """Return the relative errors of the compliance due to the instruments' errors over the range of a ramp."""
     span = np.ptp(r["force"])
     out = [rectangular(error.name, error.u * np.sqrt(3.0) / span) for error in r.instrument("force")]
     return out + [

@@ -1,4 +1,4 @@
-"""One joint's commanded and measured motion, and the stretches of it that each protocol reads."""
+"""One joint's commanded and measured motion, and its division into steps, ramps, strokes and sines."""
 
 from __future__ import annotations
 
@@ -21,25 +21,31 @@ from vispeg.sim.units import check_units
 
 NEEDED = ("time", "q_cmd", "q")
 COLUMNS = (*NEEDED, "tau")
-HOLD = 0.25  # s that a command rests before and after a step
-SHORT = 0.3  # s within which a command that moves between two rests is a step
-STEP_WINDOW = 3.0  # s of the answer to a step that are looked at
-RAMP = 0.3  # s of constant commanded speed that count as a ramp
-PERIODS, LIKE = 3, 0.05  # of a sine, and by how much its half periods may differ
-PURE = 0.05  # of its RMS that a sine may leave; a triangle leaves 0.12
-SLOWEST = 0.1  # s between rows: a step's window (`steps.BEFORE`, `HOLD`) holds two of them
-SLOW = 0.5  # s over which command and angle are averaged to see whether the one follows the other
-FOLLOWS = 2.0  # factor about 1 of angle over command: a servo reaches its goal within 20 %, degrees are a factor of 57
-LEAD = 0.5  # s before its command within which an angle is looked for
-LIKELIER = 4.0  # residual's ratio of squares that says that the angle leads: half the error
+HOLD = 0.25  # s, least time for which the command rests before and after a step
+SHORT = 0.3  # s, greatest duration of a command's motion between two rests that counts as a step
+STEP_WINDOW = 3.0  # s of the response to a step that are used
+RAMP = 0.3  # s, least duration of constant commanded speed that counts as a ramp
+PERIODS, LIKE = 3, 0.05  # least number of periods of a sine; greatest relative difference of its half periods
+PURE = 0.05  # greatest residual of a sine relative to its RMS; a triangle leaves 0.12
+SLOWEST = 0.1  # s, greatest time between rows, so that a step's windows (`steps.BEFORE`, `HOLD`) contain two rows
+SLOW = 0.5  # s over which command and angle are averaged to test whether the angle follows
+FOLLOWS = 2.0  # greatest factor between angle and command: a servo is within 20 %, degrees make a factor of 57
+LEAD = 0.5  # s, greatest time by which an angle may be found to lead its command
+LIKELIER = 4.0  # ratio of squared residuals (half the error) at which the angle is said to lead
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Arrays (n,): time s, q_cmd and q rad, the motor's tau N m, or None and `why`; `name` is the file's.
+    """One joint's motion in one recording or episode.
 
-    `servo`: the loop is the robot's own, so that the second-order answer is an effect of its drive. `asked`: tau is
-    what the control law asks for, not what the motor gave.
+    Attributes:
+        name: of the file.
+        time: (n,) s.
+        q_cmd, q: (n,) commanded and measured angle, rad.
+        tau: (n,) motor torque, N m; or None.
+        why: reason if there is no torque.
+        servo: whether the position loop is the robot's own; its second-order response is then an effect of the drive.
+        asked: whether `tau` is what the control law asks for, not what the motor gave.
     """
 
     name: str
@@ -57,7 +63,7 @@ class Trace:
         return float(np.median(np.diff(self.time)))
 
     def signed(self) -> bool:
-        """Whether there is a torque with a sign: what touches zero and never goes below is a magnitude."""
+        """Return whether there is a torque with a sign; one that comes near 0 but is never negative is a magnitude."""
         if self.tau is None:
             return False
         least, most = self.tau.min(), np.abs(self.tau).max()
@@ -65,10 +71,15 @@ class Trace:
 
 
 def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str]:
-    """Return the traces of a recording, one per episode, the joint (by default the one that moves most), and the robot.
+    """Return the traces of a recording, one per episode, the joint's name, and the robot.
+
+    Args:
+        path: of the recording.
+        joint: its name; None for the joint whose command moves most.
 
     Raises:
-        UserError: unreadable, in units that cannot be true, without commanded angles, or without that joint.
+        UserError: a recording that cannot be read, with implausible units, without commanded angles, or without that
+            joint.
     """
     rec = load(path)
     check_units(rec)
@@ -95,8 +106,8 @@ def from_recording(path: Path, joint: str | None) -> tuple[list[Trace], str, str
 def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
     """Return the motor torque of joint j before gear friction, (n,) N m; or None and the reason.
 
-    The motor's own sensor; else the recorded control law, where it is known and its torque acts at once. A sensor
-    behind the gear sees what the friction has left.
+    It is that of the motor's sensor; else it is computed from the recorded control law, if that is known and commands
+    torques. A torque sensor behind the gear does not show friction.
     """
     if rec.tau is not None and rec.torque_sensor == "motor":
         return rec.tau[:, j], ""
@@ -111,7 +122,10 @@ def motor_torque(rec: Recording, j: int) -> tuple[np.ndarray | None, str]:
 
 
 def _weight(rec: Recording, j: int) -> np.ndarray:
-    """Nominal gravity torque (n,) N m of joint j, the others where they mostly are: on a grid of its angle."""
+    """Return the nominal gravity torque (n,) N m of joint j, interpolated over its angle.
+
+    The other joints are taken at the medians of their angles.
+    """
     robot = load_robot(rec.robot, tool=rec.tool, base_tilt=rec.base_tilt)
     angle = np.linspace(np.nanmin(rec.q[:, j]), np.nanmax(rec.q[:, j]), 33)
     posture = np.tile(np.nanmedian(rec.q, axis=0), (len(angle), 1))
@@ -120,14 +134,14 @@ def _weight(rec: Recording, j: int) -> np.ndarray:
 
 
 def from_table(path: Path, columns: Mapping[str, str]) -> Trace:
-    """Give the trace in a .csv, .csv.gz or .parquet table.
+    """Read a trace from a .csv, .csv.gz or .parquet table.
 
     Args:
         path: of the table.
-        columns: `time`, `q_cmd`, `q` and, where there is one, `tau` -> the column's name.
+        columns: signal -> the column's name, for `time`, `q_cmd`, `q` and optionally `tau`.
 
     Raises:
-        UserError: a column is missing, not named, or no number; angles that look like degrees.
+        UserError: a column that is missing, not named, or not numbers; angles that look like degrees.
     """
     for name in columns:
         if name not in COLUMNS:
@@ -162,12 +176,13 @@ def refuse_no_servo(traces: Sequence[Trace], file: str) -> None:
     """Refuse angles that do not follow their command: stuck, reversed, in another unit, or ahead of it.
 
     Raises:
-        UserError: slowly, the angle turns otherwise than its command by more than a factor of `FOLLOWS`; or it is
-            nearer to the command of a later time than to any of now or before.
+        UserError: averaged over `SLOW` s, the angle differs from its command by more than a factor of `FOLLOWS`; or the
+            angle fits the command of a later time much better than the present or an earlier command.
     """
     slow = [[_averaged(x, t.period) for x in (t.q_cmd, t.q)] for t in traces]
     power = sum(float(np.sum(u**2)) for u, _ in slow)
-    if power > 0.01 * sum(float(np.sum((t.q_cmd - t.q_cmd.mean()) ** 2)) for t in traces):  # not of fast sines alone
+    # skipped if the averages are nearly constant, as for traces with only fast sines
+    if power > 0.01 * sum(float(np.sum((t.q_cmd - t.q_cmd.mean()) ** 2)) for t in traces):
         gain = sum(float(u @ y) for u, y in slow) / power
         if not 1.0 / FOLLOWS < gain < FOLLOWS:
             inverse = 1.0 / gain if gain else np.inf
@@ -185,14 +200,14 @@ def refuse_no_servo(traces: Sequence[Trace], file: str) -> None:
 
 
 def _averaged(x: np.ndarray, period: float) -> np.ndarray:
-    """Average x (n,) over `SLOW` s and take off its mean."""
+    """Return the moving average of x (n,) over `SLOW` s, minus its mean."""
     width = max(1, min(round(SLOW / period), len(x)))
     slow = np.convolve(x, np.ones(width) / width, "valid")
     return slow - slow.mean()
 
 
 def _lead(traces: Sequence[Trace]) -> float:
-    """Time by which the angle leads its command, s; 0 where one as late as now, or later, does about as well."""
+    """Return the time by which the angle leads its command, s; 0 if no lead fits about as well."""
     lags = np.linspace(-LEAD, LEAD, 101)
     left = np.zeros(len(lags))
     for t in traces:
@@ -204,13 +219,13 @@ def _lead(traces: Sequence[Trace]) -> float:
             u = np.interp(t.time[inside] - lag, t.time, t.q_cmd)
             u = u - u.mean()
             left[k] += float(y @ y - (u @ y) ** 2 / max(u @ u, 1e-300))
-    later = lags >= -2.0 * max(t.period for t in traces)  # a row of jitter, and one of rounding
+    later = lags >= -2.0 * max(t.period for t in traces)  # no lead, with two rows of tolerance for jitter and rounding
     best = int(np.argmin(left))
     return 0.0 if later[best] or left[best] * LIKELIER >= left[later].min() else float(-lags[best])
 
 
 def steps(trace: Trace) -> list[tuple[int, int]]:
-    """(row of the first change, row of the end) of each step: a command that moves briefly between two rests."""
+    """Return the rows (first change, end) of each step, that is of a command that moves briefly between two rests."""
     changes = np.flatnonzero(np.abs(np.diff(trace.q_cmd)) > 1e-9) + 1
     if not len(changes):
         return []
@@ -227,7 +242,7 @@ def steps(trace: Trace) -> list[tuple[int, int]]:
 
 
 def ramps(trace: Trace) -> list[tuple[int, int, float]]:
-    """(first row, last row, speed in rad/s) of each stretch of constant commanded speed."""
+    """Return (first row, last row, speed in rad/s) of each stretch of constant commanded speed."""
     dt = np.diff(trace.time)
     speed = np.diff(trace.q_cmd) / dt
     digit = 2e-6 / trace.period  # rad/s, of commands written to six decimals
@@ -247,7 +262,10 @@ def ramps(trace: Trace) -> list[tuple[int, int, float]]:
 
 
 def strokes(trace: Trace) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
-    """(out, back, speed): ramps that turn round at once and come back as fast, each (first row, last row)."""
+    """Return (out, back, speed) of pairs of ramps that reverse at once and return at the same speed, rad/s.
+
+    `out` and `back` are (first row, last row).
+    """
     segments, out = ramps(trace), []
     for (a, b, v), (c, d, w) in zip(segments, segments[1:], strict=False):
         near = trace.time[c] - trace.time[b] < RAMP
@@ -257,7 +275,7 @@ def strokes(trace: Trace) -> list[tuple[tuple[int, int], tuple[int, int], float]
 
 
 def sines(trace: Trace) -> list[tuple[float, float, float, int]]:
-    """(start s, period s, amplitude rad, periods) of each stretch of `PERIODS` periods or more of one sine."""
+    """Return (start s, period s, amplitude rad, periods) of each stretch of at least `PERIODS` periods of one sine."""
     x, t = trace.q_cmd, trace.time
     span = np.ptp(x)
     if span < 1e-6:
@@ -285,7 +303,7 @@ def sines(trace: Trace) -> list[tuple[float, float, float, int]]:
 
 
 def _pure(trace: Trace, first: int, last: int, count: int) -> tuple[float, float, float, int] | None:
-    """Give the stretch if it is a sine, its period refined by least squares."""
+    """Return a stretch as `sines` does, with its period refined by least squares; None if it is not a sine."""
     from scipy.optimize import minimize_scalar
 
     t, x = trace.time[first : last + 1] - trace.time[first], trace.q_cmd[first : last + 1]

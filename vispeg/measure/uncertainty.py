@@ -1,8 +1,8 @@
-"""The uncertainty of a measured number: type A from repeats, type B from what is known of the instrument.
+"""The uncertainty of a measured number: type A from repeats, type B from knowledge of the instrument.
 
-Law of propagation, effective degrees of freedom and coverage factor: JCGM 100:2008 (GUM), 5.1.2, G.4.1 and G.3.2. Where
-the function is so bent that its linear form misses the interval, the interval is that of a propagation of
-distributions: JCGM 101:2008, clause 7, compared with the linear one as its clause 8 compares them.
+Law of propagation, effective degrees of freedom and coverage factor: JCGM 100:2008 (GUM), 5.1.2, G.4.1 and G.3.2. If
+the function is too nonlinear for this, the interval comes from a Monte Carlo propagation of distributions (JCGM
+101:2008, clause 7), which replaces the linear one if they differ as in its clause 8.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from scipy import stats
 from vispeg.core.errors import UserError
 from vispeg.worlds.measurement_file import LEVEL, BudgetRow, Quantity
 
-MANY = 1e6  # degrees of freedom from which on Student's t is the Gaussian
-DRAWS = 200_000  # of a propagation of distributions; the end of a 95 % interval is then good to 0.5 % of u
-AGREE = 0.05  # of u: ends of both intervals this near count as the same (JCGM 101, 8.1: delta for two digits of u)
+MANY = 1e6  # degrees of freedom above which Student's t counts as Gaussian
+DRAWS = 200_000  # draws of a Monte Carlo propagation; the ends of a 95 % interval are then accurate to 0.5 % of u
+AGREE = 0.05  # share of u within which the ends of two intervals agree (JCGM 101, 8.1: delta for two digits of u)
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Input:
         value: its estimate.
         u: its standard uncertainty, in its unit.
         kind: A (from repeats) or B (from knowledge of the instrument).
-        dof: degrees of freedom of `u`; infinite where it is known.
+        dof: degrees of freedom of `u`; infinite if `u` is known exactly.
         shape: the distribution: a Gaussian, Student's t with `dof`, or a rectangle of half width sqrt(3) u.
     """
 
@@ -43,7 +43,7 @@ class Input:
     shape: Literal["normal", "t", "rectangular"] = "normal"
 
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Values (count,) as JCGM 101, table 1, assigns them."""
+        """Draw values (count,) from the distribution that JCGM 101, table 1, assigns."""
         if self.shape == "rectangular":
             return self.value + np.sqrt(3.0) * self.u * rng.uniform(-1.0, 1.0, count)
         if self.shape == "t" and np.isfinite(self.dof):
@@ -52,7 +52,11 @@ class Input:
 
 
 def repeated(name: str, values: np.ndarray) -> Input:
-    """Give the mean of repeats (n,), n >= 2: u = s / sqrt(n) with n - 1 degrees of freedom (GUM 4.2.3)."""
+    """Return the mean of repeats (n,): u = s / sqrt(n) with n - 1 degrees of freedom (GUM 4.2.3).
+
+    Raises:
+        UserError: fewer than two values.
+    """
     x = np.asarray(values, float)
     if len(x) < 2:
         raise UserError("one value alone has no spread", key=name, expected="2 repeats or more", got=len(x))
@@ -60,12 +64,15 @@ def repeated(name: str, values: np.ndarray) -> Input:
 
 
 def rectangular(name: str, half: float, value: float = 0.0) -> Input:
-    """Give the uncertainty within +-half: u = half / sqrt(3) (GUM 4.3.7). Of a resolution, half a digit."""
+    """Return an input with a uniform distribution within value +-half: u = half / sqrt(3) (GUM 4.3.7).
+
+    For a resolution, `half` is half a digit.
+    """
     return Input(name, value, half / np.sqrt(3.0), "B", np.inf, "rectangular")
 
 
 def stated(name: str, u: float, value: float = 0.0, dof: float = np.inf) -> Input:
-    """Give a standard uncertainty from a certificate or another measurement."""
+    """Return an input whose standard uncertainty u is known from a certificate or another measurement."""
     return Input(name, value, u, "B", dof, "normal" if np.isinf(dof) else "t")
 
 
@@ -79,15 +86,15 @@ def propagate(
     repeats: int = 0,
     draws: int = DRAWS,
 ) -> Quantity:
-    """Give the number `function(*inputs)` with its budget and its 95 % interval.
+    """Return the quantity `function(*inputs)` with its uncertainty budget and its 95 % interval.
 
     Args:
-        name, unit: of the number.
-        function: of as many arguments as there are inputs, each a float or an array (count,).
+        name, unit: of the quantity.
+        function: takes an argument for each input, all floats or all arrays (count,).
         inputs: independent of each other.
-        rng: of the propagation of distributions.
-        repeats: how many readings stand behind it.
-        draws: of that propagation.
+        rng: of the Monte Carlo propagation.
+        repeats: number of readings behind the quantity, for the file.
+        draws: number of draws of the Monte Carlo propagation.
     """
     best = [i.value for i in inputs]
     value = float(function(*best))
@@ -104,7 +111,7 @@ def propagate(
     k = coverage(dof)
     low, high, method = value - k * u, value + k * u, "gum"
     if u > 0 and _bent(function, inputs, rows):
-        with np.errstate(all="ignore"):  # the far tail of few degrees of freedom
+        with np.errstate(all="ignore"):  # draws far in the tails of Student's t may overflow
             drawn = np.asarray(function(*(i.draw(rng, draws) for i in inputs)), float)
         drawn = drawn[np.isfinite(drawn)]
         ends = np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]) if len(drawn) > draws / 2 else (low, high)
@@ -114,7 +121,7 @@ def propagate(
 
 
 def _bent(function: Callable[..., np.ndarray | float], inputs: Sequence[Input], rows: Sequence[BudgetRow]) -> bool:
-    """Whether the second-order terms count: a hundredth of the linear ones at two standard uncertainties."""
+    """Return whether second-order terms matter: more than 2 % of u at two standard uncertainties of an input."""
     best = [i.value for i in inputs]
     middle, u = float(function(*best)), float(np.sqrt(sum(r.contribution**2 for r in rows)))
     for at, source in enumerate(inputs):
@@ -125,9 +132,9 @@ def _bent(function: Callable[..., np.ndarray | float], inputs: Sequence[Input], 
 
 
 def effective(rows: Sequence[BudgetRow]) -> float:
-    """Effective degrees of freedom by Welch and Satterthwaite (GUM G.2b); infinite where all of them are.
+    """Return the effective degrees of freedom by Welch and Satterthwaite (GUM G.2b); infinite if all inputs' are.
 
-    Not rounded down to a whole number: Student's t is defined in between.
+    They are not rounded down to a whole number, as Student's t is defined for any number.
     """
     total = sum(row.contribution**2 for row in rows)
     below = sum(row.contribution**4 / row.dof for row in rows if row.dof is not None)
@@ -136,15 +143,18 @@ def effective(rows: Sequence[BudgetRow]) -> float:
 
 
 def coverage(dof: float, level: float = LEVEL) -> float:
-    """Give the coverage factor k: Student's t for `dof`, 1.96 for very many at 95 % (GUM G.3.2)."""
+    """Return the coverage factor k of Student's t for `dof` degrees of freedom; 1.96 for infinitely many at 95 %.
+
+    Source: GUM G.3.2.
+    """
     return float(stats.t.ppf(0.5 + level / 2, dof) if np.isfinite(dof) else stats.norm.ppf(0.5 + level / 2))
 
 
 def places(name: str, values: np.ndarray, place: np.ndarray | None) -> Input:
-    """Give the mean over places of the means at each: what differs between places is the uncertainty of that mean.
+    """Return the mean over places of the mean at each place, with the uncertainty from the differences between places.
 
-    With one place (or none named) the repeats themselves. An analysis of variance as in GUM H.5, whose mean square
-    between groups holds the spread inside them too; never pooled, so that the interval holds either way.
+    With one place, or if `place` is None, it is the mean of all repeats. This is an analysis of variance as in GUM H.5.
+    The spread between places includes the spread within them, so the two are never pooled.
     """
     if place is None or len(np.unique(place)) < 2:
         return repeated(f"repeats of {name}", values)

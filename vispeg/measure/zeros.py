@@ -1,9 +1,9 @@
-"""Joint zeros and frames from static poses: `M_i = W F(q_i - o) T` for measured poses M_i of a tip.
+"""Fit joint zeros and frames to static poses: `M_i = W F(q_i - o) T` for measured poses M_i of a tip.
 
-W is the base in the tracker's frame, T the tip on the flange, o what each joint's encoder reads too much. Positions
-alone leave T's turn open. What the poses cannot tell (the first joint's zero and the base's turn about its axis, the
-last one's and the tool's) shows as a null direction of the Jacobian: such a zero is left at 0, is named, and the frame
-is given for that choice.
+W is the pose of the base in the tracker's frame, T that of the tip in the flange's frame, o the offsets by which the
+encoders read too much. Positions alone do not determine T's rotation. Some zeros cannot be identified, such as the
+first joint's if the base's rotation about its axis is unknown, or the last joint's if the tool's is. They show as null
+directions of the Jacobian. Such a zero stays 0 and is reported, and the frames are those for that choice.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from vispeg.core.errors import UserError
 from vispeg.measure.screws import Screws
 from vispeg.render.calibration.rigid import shifted
 
-ROUNDS = 3  # of weights of positions and turns, and solution
-ARM = 0.1  # m/rad: the first guess of what a turn's error is worth beside a position's
-STEP = 1e-5  # m, rad, of central differences
-NULL = 1e-6  # of the largest singular value, columns of length 1: no noise of a difference is as large
-OPEN = 1e-3  # part of a joint in a null direction from which its zero is one of several
-FIRST, TURNS = 8, 40  # rounds of the search for a start: of all, and of the best
-ODD = 4.0  # standard deviations from which a row is named
+ROUNDS = 3  # rounds of estimating the weights of positions and rotations, and solving
+ARM = 0.1  # m/rad, initial weight of an error of rotation relative to one of position
+STEP = 1e-5  # m and rad, step of central differences
+NULL = 1e-6  # share of the largest singular value (columns of length 1) below which a direction is null
+OPEN = 1e-3  # least component of a parameter in a null direction for it to be part of that
+FIRST, TURNS = 8, 40  # rounds of the search for a start: for all candidates, and for the best
+ODD = 4.0  # standard deviations beyond which a row is reported
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Poses:
     """Measured poses of a tip.
 
     Attributes:
-        q: joint angles as read, (n, nj) rad.
-        position: of the tip in the tracker's frame, (n, 3) m.
-        turn: its rotation matrices, (n, 3, 3); None where positions were measured alone.
+        q: (n, nj) rad, joint angles that the encoders read.
+        position: (n, 3) m, of the tip in the tracker's frame.
+        turn: (n, 3, 3) rotation matrices of the tip in the tracker's frame; None if only positions were measured.
     """
 
     q: np.ndarray
@@ -45,12 +45,12 @@ class Poses:
 
 @dataclass(frozen=True)
 class Confounded:
-    """A joint zero that these poses cannot tell, and what does as well.
+    """A joint zero that these poses do not identify, and the parameters that could explain the same data.
 
     Attributes:
-        joint: place of the joint.
-        base, tool: whether the base's or the tool's frame takes part.
-        others: further joints that do.
+        joint: index of the joint.
+        base, tool: whether the base's or the tool's frame is among these parameters.
+        others: indices of further joints whose zeros are.
     """
 
     joint: int
@@ -64,14 +64,16 @@ class Zeros:
     """A solution.
 
     Attributes:
-        offset: measured minus true angle, (nj,) rad; 0 where it cannot be told.
-        base: W, (4, 4) m; tool: T, (4, 4), turned as the flange where positions were measured alone.
-        u: standard uncertainties: of the offsets (nj,), of W (6,) and T (6,), m along the outer axes and rad about the
-            inner; 0 where nothing was fitted.
-        dof: degrees of freedom left.
-        confounded: the zeros that cannot be told.
-        error_m, error_rad: RMS of what is left an axis, degrees of freedom counted; rad is None of positions alone.
-        odd: rows whose error is beyond ODD standard deviations, with how many.
+        offset: (nj,) rad, measured minus true angle; 0 if it is not identified.
+        base: (4, 4) W, m.
+        tool: (4, 4) T, m; with the flange's rotation if only positions were measured.
+        u: standard uncertainties by name: `offset` (nj,) rad; `base` (6,) and `tool` (6,), m along the axes of the
+            frame in which the pose is stated, then rad about the pose's own axes. 0 for parameters that are not fitted.
+        dof: degrees of freedom.
+        confounded: the zeros that are not identified.
+        error_m, error_rad: RMS residual per axis, corrected for the degrees of freedom; `error_rad` is None if only
+            positions were measured.
+        odd: row -> its error in standard deviations, for rows beyond `ODD`.
     """
 
     offset: np.ndarray
@@ -87,7 +89,7 @@ class Zeros:
 
 @dataclass
 class _Fit:
-    """Parameters as numbers: which of W (6), T (6) and the offsets are free."""
+    """The least-squares problem; `free` (12 + nj,) says which parameters of W (6), T (6) and the offsets are fitted."""
 
     arm: Screws
     poses: Poses
@@ -97,13 +99,13 @@ class _Fit:
     offset: np.ndarray
 
     def moved(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return W, T and the offsets moved by the free parameters x."""
+        """Return W, T and the offsets, changed by the free parameters x."""
         full = np.zeros(12 + len(self.offset))
         full[self.free] = x
         return shifted(self.base, full[:6]), shifted(self.tool, full[6:12]), self.offset + full[12:]
 
     def residual(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position errors (n, 3) m and turn errors (n, 3) rad, the second empty of positions alone."""
+        """Return position errors (n, 3) m and rotation errors (n, 3) rad; the latter are empty without rotations."""
         base, tool, offset = self.moved(x)
         tip = base @ self.arm.poses(self.poses.q - offset) @ tool
         away = self.poses.position - tip[:, :3, 3]
@@ -113,27 +115,27 @@ class _Fit:
         return away, Rotation.from_matrix(turned).as_rotvec()
 
     def flat(self, x: np.ndarray, scale: tuple[float, float]) -> np.ndarray:
-        """Return all errors in units of `scale`."""
+        """Return all errors in one array, divided by `scale` (m, rad)."""
         away, turned = self.residual(x)
         return np.concatenate([away.ravel() / scale[0], turned.ravel() / scale[1]])
 
     def jacobian(self, x: np.ndarray, scale: tuple[float, float]) -> np.ndarray:
-        """Return its derivative by the free parameters, by central differences."""
+        """Return the derivatives of `flat` with respect to the free parameters, by central differences."""
         steps = STEP * np.eye(len(x))
         return np.stack([(self.flat(x + s, scale) - self.flat(x - s, scale)) / (2 * STEP) for s in steps], axis=1)
 
 
 def solve(poses: Poses, arm: Screws, *, base_known: bool = False, tool_known: bool = False) -> Zeros:
-    """Fit zeros and frames.
+    """Fit joint zeros and frames.
 
     Args:
         poses: angles and measured poses.
         arm: the nominal arm.
-        base_known: the poses are in the base's frame.
-        tool_known: the poses are the flange's.
+        base_known: whether the poses are in the base's frame, so that W is the identity.
+        tool_known: whether the poses are the flange's, so that T is the identity.
 
     Raises:
-        UserError: fewer readings than unknowns.
+        UserError: too few readings for the unknowns, or poses that do not determine the frames.
     """
     nj = poses.q.shape[1]
     frame = np.ones(12 + nj, bool)
@@ -182,7 +184,7 @@ def solve(poses: Poses, arm: Screws, *, base_known: bool = False, tool_known: bo
 
 
 def roughly(poses: Poses, arm: Screws, *, base_known: bool = False, tool_known: bool = False) -> tuple[float, float]:
-    """Return the RMS of what is left with frames and no zeros, m and rad: enough to tell a unit."""
+    """Return the RMS residuals, m and rad, of fitted frames without joint zeros: enough to recognize a wrong unit."""
     flange = arm.poses(poses.q)
     base, tool = _start(poses, flange, base_known, tool_known)
     fit = _Fit(arm, poses, np.zeros(12 + poses.q.shape[1], bool), base, tool, np.zeros(poses.q.shape[1]))
@@ -191,15 +193,16 @@ def roughly(poses: Poses, arm: Screws, *, base_known: bool = False, tool_known: 
 
 
 def half_width(u: np.ndarray, dof: int) -> np.ndarray:
-    """Return half widths of 95 % intervals."""
+    """Return the half widths of 95 % intervals for standard uncertainties u with `dof` degrees of freedom."""
     return stats.t.ppf(0.975, dof) * u
 
 
 def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
-    """Hold each joint's zero that a null direction holds, until none is left; free parameters of `fit` change.
+    """Fix joint zeros in null directions, one after the other, until no null direction is left; changes `fit.free`.
 
     Raises:
-        UserError: the frames alone cannot be told, as where no joint but one moves.
+        UserError: a null direction without joint zeros: the poses do not determine the frames, for example because only
+            one joint moves.
     """
     out: list[Confounded] = []
     while True:
@@ -210,7 +213,7 @@ def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
         unseen = places[~seen]
         if (unseen < 12).any():
             raise UserError("the poses do not tell the frames", expected="poses in which several joints turn")
-        for place in unseen:  # a joint that moves no tip
+        for place in unseen:  # a joint that does not move the tip
             out.append(Confounded(int(place) - 12, False, False))
         if len(unseen):
             fit.free[unseen] = False
@@ -223,7 +226,7 @@ def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
         held = [i for i, place in enumerate(places) if place >= 12 and part[i] > OPEN]
         if not held:
             raise UserError("the poses do not tell the frames", expected="poses in which several joints turn")
-        first = max(held, key=lambda i: part[i] + 1e-9 * (len(places) - i))  # the one that is most in it
+        first = max(held, key=lambda i: part[i] + 1e-9 * (len(places) - i))  # the one with the largest component
         coefficient = null.T @ null[:, first] / part[first]
         mixed = places[np.abs(coefficient) > OPEN]
         others = tuple(int(p) - 12 for p in mixed if p >= 12 and p != places[first])
@@ -236,12 +239,12 @@ def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
 
 
 def _start(poses: Poses, flange: np.ndarray, base_known: bool, tool_known: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return W and T without offsets: by turns in alternation, the best of several starts."""
+    """Return W and T for offsets of 0: the best pair of several starts, from each of which both are fitted in turn."""
     starts = [np.eye(4)]
     if not tool_known:
         starts = _points() if poses.turn is None else _turned()
     found = [(np.eye(4), tool) for tool in starts]
-    for turns, kept in ((FIRST, 2), (TURNS, 1)):  # the two best go on
+    for turns, kept in ((FIRST, 2), (TURNS, 1)):  # the two best are continued
         done = [_alternated(poses, flange, base, tool, turns, base_known, tool_known) for base, tool in found]
         found = sorted(done, key=lambda pair: _apart(poses, pair[0] @ flange @ pair[1]))[:kept]
     return found[0]
@@ -250,7 +253,7 @@ def _start(poses: Poses, flange: np.ndarray, base_known: bool, tool_known: bool)
 def _alternated(
     poses: Poses, flange: np.ndarray, base: np.ndarray, tool: np.ndarray, turns: int, base_known: bool, tool_known: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give the base that is best for the tool and the tool that is best for the base, in turn."""
+    """Fit the base for a given tool, and the tool for a given base, in alternation, `turns` times."""
     for _ in range(turns):
         base = base if base_known else _base(poses, flange, tool)
         tool = tool if tool_known else _tool(poses, flange, base)
@@ -258,13 +261,13 @@ def _alternated(
 
 
 def _apart(poses: Poses, tip: np.ndarray) -> float:
-    """Mean square of what is between measured and other poses, m^2."""
+    """Return the mean squared difference between the measured poses and `tip` (n, 4, 4), m^2; rotations times ARM^2."""
     out = float(np.mean((poses.position - tip[:, :3, 3]) ** 2))
     return out if poses.turn is None else out + ARM**2 * float(np.mean((poses.turn - tip[:, :3, :3]) ** 2))
 
 
 def _points() -> list[np.ndarray]:
-    """Tips about the flange."""
+    """Return candidates of T for measured positions: tips at the flange and 0.15 m from it along each axis."""
     out = []
     for at in np.concatenate([np.zeros((1, 3)), 0.15 * np.eye(3), -0.15 * np.eye(3)]):
         tool = np.eye(4)
@@ -274,7 +277,7 @@ def _points() -> list[np.ndarray]:
 
 
 def _turned() -> list[np.ndarray]:
-    """Give the 24 ways in which a cube's frame may lie on the flange."""
+    """Return candidates of T for measured rotations: the 24 rotations of a cube."""
     out = []
     for turn in Rotation.create_group("O").as_matrix():
         tool = np.eye(4)
@@ -284,7 +287,7 @@ def _turned() -> list[np.ndarray]:
 
 
 def _base(poses: Poses, flange: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    """Give the base that takes the tips nearest to where they were measured."""
+    """Return the base W that brings the tips closest to the measured poses, for a given tool T."""
     tip = flange @ tool
     here, there = tip[:, :3, 3], poses.position
     spread = (there - there.mean(axis=0)).T @ (here - here.mean(axis=0))
@@ -297,7 +300,7 @@ def _base(poses: Poses, flange: np.ndarray, tool: np.ndarray) -> np.ndarray:
 
 
 def _tool(poses: Poses, flange: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """Give the tip on the flange that does."""
+    """Return the tool T that brings the tips closest to the measured poses, for a given base W."""
     at = base @ flange
     out = np.eye(4)
     if poses.turn is not None:
@@ -307,6 +310,6 @@ def _tool(poses: Poses, flange: np.ndarray, base: np.ndarray) -> np.ndarray:
 
 
 def _nearest(matrix: np.ndarray) -> np.ndarray:
-    """Give the rotation nearest to a matrix (3, 3)."""
+    """Return the rotation nearest to a matrix (3, 3)."""
     left, _, right = np.linalg.svd(matrix)
     return left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
