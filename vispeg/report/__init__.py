@@ -1,1 +1,1 @@
-"""Reports: one self-contained HTML file per diagnosis or comparison, figures, and the short tables of the terminal."""
+"""Reports: one self-contained HTML file per result, figures, and short tables for the terminal."""

@@ -1,4 +1,4 @@
-"""Builds the one self-contained HTML file of a finished diagnosis, comparison or fit."""
+"""Build the self-contained HTML report of a finished diagnosis, comparison or fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vispeg.report.record import Record, load_record
 from vispeg.report.sections import CHANNELS, COMPARE, CONTACT, CONTACT_COMPARE, DIAGNOSIS, FIT, OBJECT, SHARED, VIEWS
 from vispeg.report.sections import channel as channel_section
 
-KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # of a record -> what it is
+KINDS = {"diagnosis": "diagnosis", "compare": "comparison", "fit": "fit"}  # kind of a record -> its name in words
 
 
 def write_report(out: Path, *, overwrite: bool = False) -> Path:
@@ -27,7 +27,7 @@ def write_report(out: Path, *, overwrite: bool = False) -> Path:
         overwrite: replace report.html if it exists.
 
     Raises:
-        UserError: no record in `out`, a file that cannot be read, or a report there already while `overwrite` is False.
+        UserError: no record in `out`, a file that cannot be read, or the report exists and `overwrite` is False.
     """
     return write_text_atomic(Path(out) / "report.html", read(Path(out)), overwrite=overwrite)
 
@@ -67,18 +67,16 @@ def _example(folder: Path) -> Path:
 
 @enrol("vispeg-diagnosis/1", _example, slow=True)
 def read(out: Path) -> str:
-    """Give the page of a folder that `vispeg diagnose` or `vispeg compare` wrote. Raises UserError as
-    `write_report`.
-    """
+    """Return the report of a folder as HTML. Raises UserError: as `write_report`."""
     record = load_record(out)
     with as_written(out / f"{record.kind}.json", f"vispeg {record.kind.replace('diagnosis', 'diagnose')}"):
         return render(record)
 
 
 def render(record: Record) -> str:
-    """Give the whole page as text: no link that leaves it, no request."""
+    """Return the report as HTML, without external links or requests."""
     channels = record.rows("by_channel")
-    several = channels and record.kind == "diagnosis"  # a comparison shows its lead, then the others
+    several = channels and record.kind == "diagnosis"  # a comparison shows its main record, then the other channels
     names = CHANNELS if several else _names(record)
     sections = _sections(record, [n for n in names if not channels or n != "provenance"])
     for said in channels:
@@ -90,7 +88,7 @@ def render(record: Record) -> str:
 
 
 def _names(record: Record) -> tuple[str, ...]:
-    """Give the sections that a record of one kind of evidence is shown in."""
+    """Return the names of the sections that show a record of one channel."""
     values, contact = record.values, record.values.get("evidence") == "contact"
     diagnosis = OBJECT if values.get("object") else VIEWS if values.get("views") else CONTACT if contact else DIAGNOSIS
     compare = CONTACT_COMPARE if contact else COMPARE
@@ -98,12 +96,12 @@ def _names(record: Record) -> tuple[str, ...]:
 
 
 def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[Section]:
-    """Those of the named sections that have something to show; those of a channel say whose they are."""
+    """Return the named sections that have content; with `channel`, their titles begin with it."""
     out = []
     for name in names:
         module = import_module(f"vispeg.report.sections.{name}")
         values = module.context(record)
-        if values is not None:  # else nothing to show
+        if values is not None:
             live = () if values.get("still") else ("SCRIPTS", "STYLES")
             scripts, styles = (getattr(module, n, ()) if n in live else () for n in ("SCRIPTS", "STYLES"))
             title = f"{channel.capitalize()}: {module.TITLE[0].lower()}{module.TITLE[1:]}" if channel else module.TITLE
@@ -113,7 +111,7 @@ def _sections(record: Record, names: Sequence[str], channel: str = "") -> list[S
 
 
 def _channel(record: Record, said: Mapping[str, Any]) -> list[Section]:
-    """Return the sections of a channel: its verdict, and those of its kind of evidence."""
+    """Return the sections of one channel: its verdict first, then those of its kind of evidence."""
     name = str(said.get("channel"))
     own = Record(record.kind, said.get("record") or {}, record.evidence.by_channel.get(name, Evidence()))
     values = channel_section.context(own, name)

@@ -1,4 +1,4 @@
-"""What was measured and what the models predicted: the arrays behind a report, read from `evidence.npz`."""
+"""The arrays behind a report, measured and predicted, read from `evidence.npz`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ AXES = ("speed", "load", "position", "phase", "time", "frequency")
 
 @dataclass(frozen=True)
 class ResidualMap:
-    """Whitened RMS of what the model misses (1 = the noise), of each joint in bins of one input.
+    """RMS residual of each joint in bins of one variable, as a multiple of the noise.
 
     Attributes:
-        axis: speed and load (each as a share of the joint's own peak), position (rad), phase, time (s), frequency (Hz).
+        axis: the variable: speed or load (as a share of the joint's peak), position (rad), phase, time (s) or
+            frequency (Hz).
         edges: (k+1,) bin edges.
-        before, after: (nj, k), NaN where a bin has no data; `after` may be None.
+        before, after: (nj, k) with the given and the found model; NaN in bins without data; `after` may be None.
     """
 
     axis: str
@@ -37,7 +38,7 @@ class ResidualMap:
 
 @dataclass(frozen=True)
 class NextMotion:
-    """The proposed experiment: time (n,) s, command (n, nj) rad, the rivals' predictions a, b (n, nj) or None."""
+    """The proposed experiment: time (n,), s; command (n, nj), rad; predictions a, b (n, nj) of two rivals, or None."""
 
     time: np.ndarray
     command: np.ndarray
@@ -47,14 +48,15 @@ class NextMotion:
 
 @dataclass(frozen=True)
 class Choices:
-    """What m choices of k added effects leave of the held-out residual; the last without a rival has all of them.
+    """Held-out residuals with m choices of k added effects; the last choice that is no rival has all effects.
 
     Attributes:
-        effects: (k,) name and place of each.
-        on: (m, k) which are on.
-        rivals: (m,) what a rival model is called; "" for a choice of the effects.
-        error: (m,) held-out RMS, in the evidence's unit; `joints` (m, nj) the same joint by joint.
-        residuals: of each recording its name, time (p,) s and measured minus predicted (m, p, nj).
+        effects: (k,) name and place of each effect.
+        on: (m, k) whether the choice includes the effect.
+        rivals: (m,) name of a rival model; "" for a choice of the effects.
+        error: (m,) held-out RMS error, in the evidence's unit.
+        joints: (m, nj) the same for each joint.
+        residuals: for each recording its name, time (p,), s, and measured minus predicted (m, p, nj).
     """
 
     effects: tuple[tuple[str, str], ...]
@@ -67,7 +69,7 @@ class Choices:
 
 @dataclass(frozen=True)
 class Evidence:
-    """All arrays of a report; empty where there was no evidence file.
+    """All arrays of a report; empty without an evidence file.
 
     `pictures` has `picture/k/NAME` (H, W, 3) uint8 and `camera/c/NAME`, as `vispeg.vision.show` makes them.
     """
@@ -80,16 +82,16 @@ class Evidence:
     next_motion: NextMotion | None = None
     choices: Choices | None = None
     pictures: Mapping[str, np.ndarray] = field(default_factory=dict)
-    views: Mapping[str, np.ndarray] = field(default_factory=dict)  # of a diagnosis of pictures: `sections.views`
-    phase_names: tuple[str, ...] = ()  # of contact: of a trace's regimes
-    worst: bytes | None = None  # a picture of the cell at the worst moment, PNG
+    views: Mapping[str, np.ndarray] = field(default_factory=dict)  # for a diagnosis of pictures, see `sections.views`
+    phase_names: tuple[str, ...] = ()  # for contact: names of the regimes in a trace
+    worst: bytes | None = None  # PNG of the cell at the moment of the largest error
     worst_moment: str = ""
-    arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # `vispeg.report.live.arm`
-    by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # of several channels, each one's own
+    arm: Mapping[str, np.ndarray] = field(default_factory=dict)  # see `vispeg.report.live.arm`
+    by_channel: Mapping[str, Evidence] = field(default_factory=dict)  # evidence of each of several channels
 
     @property
     def every(self) -> tuple[Trace, ...]:
-        """All traces, of all channels."""
+        """All traces of all channels."""
         mine = [t for pair in zip_longest(self.traces, self.torques) for t in pair if t is not None]
         return (*mine, *(t for other in self.by_channel.values() for t in other.every))
 
@@ -113,7 +115,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("evidence.npz", _example)
 def load_evidence(path: Path) -> Evidence:
-    """Read `evidence.npz`; an absent file is no evidence, a broken one or a wrong shape is a UserError."""
+    """Read `evidence.npz`; return empty evidence if it does not exist. Raises UserError: an invalid file or shape."""
     if not path.exists():
         return Evidence()
     arrays = read_arrays(path)
@@ -122,14 +124,14 @@ def load_evidence(path: Path) -> Evidence:
 
 
 def evidence_of(arrays: Mapping[str, np.ndarray]) -> Evidence:
-    """Return the evidence in arrays that are named as in `evidence.npz`."""
+    """Return the evidence in arrays with the names of `evidence.npz`."""
     return _read(Path("evidence.npz"), arrays)
 
 
 def _read(path: Path, arrays: Mapping[str, np.ndarray]) -> Evidence:
     channels: dict[str, dict[str, np.ndarray]] = {}
     for key, value in arrays.items():
-        if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # a room is what a channel was called
+        if key.startswith(("channel/", "room/")) and key.count("/") > 1:  # older files say room for channel
             _, name, rest = key.split("/", 2)
             channels.setdefault(name, {})[rest] = value
     each = {name: _Reader(path, inner).evidence() for name, inner in channels.items()}
@@ -137,7 +139,7 @@ def _read(path: Path, arrays: Mapping[str, np.ndarray]) -> Evidence:
 
 
 class _Reader:
-    """Checks shapes against each other while it picks the arrays apart."""
+    """Sort arrays into Evidence, and check their shapes."""
 
     def __init__(self, path: Path, arrays: dict[str, np.ndarray]):
         self.path, self.arrays = path, arrays
@@ -225,7 +227,7 @@ class _Reader:
 
 
 def _end_to_end(time: np.ndarray) -> np.ndarray:
-    """Time that restarts with each episode, made to run on, (n,) s."""
+    """Return times (n,), s, that continue where the given times restart with an episode."""
     step = np.diff(time, prepend=time[:1])
     if step.size and np.any(step < 0):
         step = np.where(step < 0, np.median(step[step > 0]) if np.any(step > 0) else 0.0, step)

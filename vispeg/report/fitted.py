@@ -1,4 +1,4 @@
-"""The record of a fit and its tables on the command line."""
+"""The record of a fit, and its tables for the terminal."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from vispeg.report.text.terminal import effects_table, ladder_table
 from vispeg.worlds.model_file import PlacedRecord, without_origin
 from vispeg.worlds.world import World
 
-HOPELESS = 5e5  # noise variances: where most readings are counted at the cap of a diverged rollout
+HOPELESS = 5e5  # chi2, in noise variances: above it most residuals are at the cap for diverged rollouts
 
 
 class FitRecord(TypedDict):
-    """fit.json; see docs/formats.md."""
+    """Content of fit.json; see docs/formats.md."""
 
     format: str
     method: str
@@ -49,11 +49,11 @@ def fit_record(
     """Return the content of fit.json, and the fitted world with the origin of its values.
 
     Args:
-        nominal: the user's model.
+        nominal: the given model.
         calibration: the fit.
-        free: the fitted effects in the fitted world.
-        evidence: of the fitted recordings.
-        judged: of the held-out ones, or None.
+        free: numbers of the fitted effects in the fitted world.
+        evidence: evidence of the fitted recordings.
+        judged: evidence of the held-out recordings, or None.
     """
     fit = calibration.fit
     worlds, judge = [nominal, fit.world], evidence if judged is None else judged
@@ -92,24 +92,24 @@ def fit_record(
 
 
 def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[EffectInstance]:
-    """Give the effects, fitted intervals widened by the share of the error that the fit leaves (see `widened`)."""
+    """Return the effects, with intervals widened according to the error that the fit leaves (see `widened`)."""
     fixed = [i for i in range(len(world.effects)) if i not in free]
     order = [*fixed, *free]
-    if after <= 1.0 or before <= max(1.0, after):  # nothing is left, or the fit had nothing to explain
+    if after <= 1.0 or before <= max(1.0, after):  # no error is left, or none was explained
         return list(world.effects)
     wide = widened(replace(world, effects=tuple(world.effects[i] for i in order)), len(fixed), before, after)
     return [wide.effects[order.index(i)] for i in range(len(order))]
 
 
 def fit_summary(record: Mapping[str, Any]) -> list[Block]:
-    """Errors before and after, values with intervals, and every doubt there is about them."""
+    """Return blocks with errors before and after, values with intervals, and reasons to doubt them."""
     held = record["ladder"][-1]["heldout_error"] is not None
     said = words.fall(record) if held else "Errors are on the fitted recordings; --validate gives honest ones."
     return [ladder_table(record), Line(said), effects_table(record), *map(Line, doubts(record))]
 
 
 def doubts(record: Mapping[str, Any]) -> list[str]:
-    """One line for each reason not to trust a value."""
+    """Return one line per reason to doubt the values, and the notes."""
     lines = []
     if record["chi2"] >= HOPELESS:
         lines.append(

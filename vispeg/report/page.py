@@ -1,7 +1,4 @@
-"""One self-contained HTML page from sections, for every report: no link that leaves it, no request, one style sheet.
-
-A section that answers the mouse names its scripts; a page without such a section has none.
-"""
+"""Make a self-contained HTML page from sections, for every report, without external links or requests."""
 
 from __future__ import annotations
 
@@ -20,9 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: `template` (templates/TEMPLATE.html.j2) shows `values`; `name` is its anchor.
+    """A part of a page.
 
-    `scripts` are files of templates/ that it runs, `styles` those of their style; each comes once into a page.
+    Attributes:
+        name: anchor of the section.
+        title: heading.
+        template: the file templates/TEMPLATE.html.j2.
+        values: values for the template.
+        scripts, styles: files of templates/ that the section needs; a page includes each once.
     """
 
     name: str
@@ -34,12 +36,12 @@ class Section:
 
 
 def page(title: str, kind: str, sections: Sequence[Section]) -> str:
-    """Give the whole page as text.
+    """Return the page as HTML.
 
     Args:
-        title: of the document.
-        kind: stands beside the brand.
-        sections: in order; the first has no heading.
+        title: title of the document.
+        kind: kind of page, shown beside the program's name.
+        sections: the sections, in order; the first has no heading.
     """
     from markupsafe import Markup
 
@@ -56,15 +58,13 @@ def page(title: str, kind: str, sections: Sequence[Section]) -> str:
 
 @cache
 def source(name: str) -> str:
-    """Give the text of a file of templates/."""
+    """Return the text of a file of templates/."""
     return (files("vispeg.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache
 def templates(room: str = "vispeg.report") -> Environment:
-    """Give a room's templates: what they are given is text unless it says that it is markup; what is missing is an
-    error.
-    """
+    """Return the templates of a package; values are escaped unless they are Markup, and a missing value is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup, escape
 

@@ -1,4 +1,4 @@
-"""What a report is made of: the diagnosis (or comparison) record and its evidence."""
+"""The input of a report: the record of a diagnosis, comparison or fit, and its evidence."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ SHEET, ROBOT = "contact-sheet.png", "robot.png"
 
 @dataclass(frozen=True)
 class Record:
-    """A finished run, ready to be shown.
+    """The record of a finished run, with its evidence.
 
     Attributes:
         kind: "diagnosis", "compare" or "fit".
-        values: the JSON record; keys may be absent or null, and every reader here copes with that.
+        values: the JSON record; keys may be absent or null.
         evidence: the arrays.
-        sheet, robot: PNG of a contact sheet and of the robot beside the record; None where there is none.
+        sheet, robot: PNG of a contact sheet and of the robot, from the record's folder; None if absent.
     """
 
     kind: Literal["diagnosis", "compare", "fit"]
@@ -36,11 +36,11 @@ class Record:
     robot: bytes | None = None
 
     def rows(self, key: str) -> list[Mapping[str, Any]]:
-        """Give the list of mappings under `key`; empty where it is absent or null."""
+        """Return the list of mappings under `key`; empty if absent or null."""
         return rows(self.values, key)
 
     def mapping(self, key: str) -> Mapping[str, Any]:
-        """Give the mapping under `key`; empty where it is absent or null."""
+        """Return the mapping under `key`; empty if absent or null."""
         value = self.values.get(key)
         return value if isinstance(value, dict) else {}
 
@@ -51,31 +51,31 @@ class Record:
 
 
 def rows(values: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    """Give the mappings in the list under `key`; empty where it is absent or null."""
+    """Return the mappings in the list under `key`; empty if absent or null."""
     value = values.get(key)
     return [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
 
 
 def params_of(effect: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    """Give an effect's parameters, name -> {value, low, high, unit}; a bare number stands for its value."""
+    """Return an effect's parameters, name -> {value, low, high, unit}; a bare number becomes {value}."""
     params = effect.get("params")
     pairs = params.items() if isinstance(params, dict) else ()
     return {str(name): p if isinstance(p, dict) else {"value": p} for name, p in pairs}
 
 
 def label(row: Mapping[str, Any]) -> str:
-    """`coulomb_friction(joint4)` of anything that has `effect` and `where`."""
+    """Return the label of a mapping with `effect` and `where`, such as `coulomb_friction(joint4)`."""
     where = row.get("where")
     return f"{row.get('effect', '?')}({where})" if where else str(row.get("effect", "?"))
 
 
 def data_link(png: bytes) -> str:
-    """Give a picture as a `data:` link, so that the page needs no file beside it."""
+    """Return a PNG as a `data:` link, so that the page needs no other file."""
     return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def still(image: np.ndarray) -> str:
-    """Give a picture (H, W, 3) uint8 as a `data:` link, as JPEG."""
+    """Encode a picture (H, W, 3) uint8 as JPEG; return it as a `data:` link."""
     import cv2
 
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, 88])
@@ -88,7 +88,7 @@ def load_record(out: Path) -> Record:
     """Read OUT/diagnosis.json, else OUT/compare.json, else OUT/fit.json, with OUT/evidence.npz.
 
     Raises:
-        UserError: neither file is there, or one of them cannot be read.
+        UserError: none of the three exists, or a file cannot be read.
     """
     for kind in ("diagnosis", "compare", "fit"):
         path = out / f"{kind}.json"
@@ -100,7 +100,7 @@ def load_record(out: Path) -> Record:
 
 
 def _judged(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Give a fit's record as its page shows it: where nothing was held out, its errors are those of what was fitted."""
+    """Return a fit's record with the errors on the fitted recordings as held-out ones, if nothing was held out."""
     ladder = rows(values, "ladder")
     if any(number(row.get("heldout_error")) is not None for row in ladder):
         return values
@@ -116,7 +116,7 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def renamed(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Give a record with today's names of its keys: a channel was called a room."""
+    """Return a record with current names of keys; older records say room for channel."""
     if "rooms" not in values:
         return values
 

@@ -1,4 +1,4 @@
-"""Writing a diagnosis: record, arrays, model, next motion, page."""
+"""Write the folder of a result: record, arrays, model, next motion, report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_comparison(folder: Path, record: Mapping[str, object], arrays: Mapping
 
 
 def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
-    """Write `fit.json`, `report.html` and, of joints, `evidence.npz` into an empty folder."""
+    """Write `fit.json`, `report.html` and, if there are arrays, `evidence.npz` into an empty folder."""
     write_json(folder / "fit.json", dict(record))
     if arrays:
         _write_arrays(folder / "evidence.npz", dict(arrays))
@@ -40,18 +40,18 @@ def write_fit(folder: Path, record: Mapping[str, Any], arrays: Mapping[str, np.n
 
 
 def write_json(path: Path, record: Mapping[str, object]) -> None:
-    """Write a record into a folder that is not finished yet; what is not finite becomes null."""
+    """Write a record as JSON; numbers that are not finite become null."""
     path.write_text(json.dumps(finite(record), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    # of two like predictions, what lies between them would be rounding
+    # arrays of the next motion stay float64: the difference of two similar predictions must not be rounding error
     named = {k: v if k.startswith("next/") else _compact(v) for k, v in arrays.items()}
     np.savez_compressed(path, **named)  # pyright: ignore[reportArgumentType]
 
 
 def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Give the commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
+    """Write the commanded motion as a table that `vispeg record --motion FILE` and a robot can replay."""
     folder.mkdir()
     joints = [str(j) for j in arrays["joints"]]
     columns = ["time", *(f"q_cmd.{j}" for j in joints), *(f"dq_cmd.{j}" for j in joints)]
@@ -64,7 +64,7 @@ def _compact(a: np.ndarray) -> np.ndarray:
 
 
 def finite(value: Any) -> Any:
-    """JSON has no NaN: null stands for it."""
+    """Return a value for JSON, with None in place of NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {str(k): finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
-"""One examined recording as the page shows it: signals thinned, a picture for paper, some frames, and no more.
+"""The part of an examined recording that the page shows: thinned signals, a still picture, and some frames.
 
-The samples themselves can go as soon as this is made, so that recordings are examined one after the other.
+The samples can be freed once this is made, so that only one recording at a time is in memory.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from vispeg.report.record import still
 from vispeg.sim.touch import Touch
 from vispeg.vision.check import CameraCheck
 
-FRAMES, HEIGHT = 4, 150  # pictures of a camera; px
-PAPER = 60  # quality of the picture for paper, of 100
+FRAMES, HEIGHT = 4, 150  # frames shown per camera; largest height of a picture, px
+PAPER = 60  # WebP quality of the still picture, of 100
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame of a camera as `data:` links: colour, depth from `near` to `far` m; "" where there is none."""
+    """A camera frame at a time, s: colour and depth as `data:` links; "" for none."""
 
     camera: str
     time: float
@@ -44,15 +44,15 @@ class Examined:
     """A recording for the page.
 
     Attributes:
-        name: as people call it.
-        report: what `check` found.
-        cameras: what it found of each camera.
-        excited: what effects would do to the pictures.
-        stated: whether the recording says what stands in the cell.
-        signals: angle, command, speed and torque of the joints; gaps as bands, bad readings as values of their own.
-        contact: the wrench over time, stretches of contact as bands; None without one.
+        name: name of the recording.
+        report: findings of `check` on joints and contact.
+        cameras: findings on each camera.
+        excited: what effects would change in the pictures.
+        stated: whether the recording describes the objects in the cell.
+        signals: angle, command, speed and torque of the joints; bad readings are a separate array, gaps are bands.
+        contact: the wrench over time, with stretches of contact as bands; None without contact data.
         frames: some pictures of each camera.
-        paper: all joints as a still picture, a `data:` link.
+        paper: still picture of all joints, as a `data:` link.
     """
 
     name: str
@@ -77,9 +77,12 @@ def examined(
     """Return the data of a recording that the page shows.
 
     Args:
-        rec, report, limits, touched: the recording, and what was found of its joints and of contact.
-        pictures: what was found of its cameras, and what effects would do to their pictures.
-        drawing: the PNG of `vispeg.recordings.checks.plot`.
+        rec: the recording.
+        report: findings on joints and contact.
+        limits: limits of the joints, if known.
+        pictures: findings on the cameras, and what effects would change in their pictures.
+        touched: the contact along the recording, if known.
+        drawing: the PNG made by `vispeg.recordings.checks.plot`.
 
     Raises:
         UserError: a damaged picture among the frames.
@@ -98,9 +101,7 @@ def examined(
 
 
 def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Track:
-    """Return the signals of each joint. Bad readings are listed in `bad` and left out of the lines; clipped torques are
-    in both.
-    """
+    """Return the signals of each joint; bad angles are only in `bad`, saturated torques also in `*_clipped`."""
     time, period = laid_out(rec), 1.0 / report.timing.rate_hz
     bad = np.full(rec.q.shape, np.nan)
     good, speed = rec.q.copy(), np.empty(rec.q.shape)
@@ -128,7 +129,7 @@ def _signals(rec: Recording, report: CheckReport, limits: Limits | None) -> Trac
 
 
 def _contact(rec: Recording, touched: Touch) -> Track:
-    """Give the wrench as it was read and what is left of it for the contact, by axis; contact as bands."""
+    """Return the wrench as read and the contact force, by axis, with stretches of contact as bands."""
     time = laid_out(rec)
     arrays = {
         "force": touched.wrench[:, :3],
@@ -141,12 +142,12 @@ def _contact(rec: Recording, touched: Touch) -> Track:
 
 
 def _track(name: str, time: np.ndarray, arrays: dict[str, np.ndarray], bands: Sequence[tuple[float, float]]) -> Track:
-    """At most MOST samples, with the least and the greatest of every stretch."""
+    """Return a track of at most MOST samples, which keep the lowest and highest value of every stretch."""
     return Track(name, thinned_time(time, MOST), {k: thinned(v, MOST) for k, v in arrays.items()}, bands)
 
 
 def _frames(rec: Recording) -> tuple[Frame, ...]:
-    """Frames of each camera, from all over the recording."""
+    """Return at most FRAMES frames of each camera, evenly spread over the recording."""
     if rec.frames is None:
         return ()
     made = []
@@ -172,7 +173,7 @@ def _frame(frame: RecordedFrame, near: float, far: float) -> Frame:
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    """Give a picture at most HEIGHT px high, in its proportions."""
+    """Return a picture reduced to at most HEIGHT px in height, with its proportions kept."""
     import cv2
 
     if image.shape[0] <= HEIGHT:
@@ -182,7 +183,7 @@ def _small(image: np.ndarray) -> np.ndarray:
 
 
 def _lighter(png: bytes) -> str:
-    """Give a PNG as WebP, a third of its size, as a `data:` link."""
+    """Convert a PNG to WebP, about a third of the size; return it as a `data:` link."""
     import cv2
 
     image = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR))

@@ -1,4 +1,4 @@
-"""The page of examined recordings: what is to be said of them, their signals, what they excite."""
+"""The page of examined recordings: warnings, signals, and what the motion can identify."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ WRENCH = (
 
 
 def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]], command: str) -> str:
-    """Give the whole page as text.
+    """Return the page as HTML.
 
     Args:
-        checked: one or more recordings.
-        repeats: groups that repeat one motion, {recordings, noise_q} as in check.json.
-        command: the command that made it.
+        checked: one or more examined recordings.
+        repeats: groups of recordings that repeat one motion: {recordings, noise_q}, as in check.json.
+        command: the command line that makes the page.
     """
     sections = [
         Section("headline", "", "check/headline", _headline(checked)),
@@ -78,7 +78,7 @@ def render(checked: Sequence[Examined], repeats: Sequence[Mapping[str, object]],
 
 
 def lines_of(rec: Examined) -> list[str]:
-    """Every sentence of warning on a recording."""
+    """Return all warnings on a recording, one sentence each."""
     unstated = "state `cell:` in recording.yaml to know what these frames tell of their cameras"
     from_cameras = [line for camera in rec.cameras for line in warnings_of(camera)]
     return [
@@ -113,7 +113,7 @@ def _headline(checked: Sequence[Examined]) -> Mapping[str, object]:
 
 
 def _signals(checked: Sequence[Examined]) -> Mapping[str, object]:
-    """Charts for those that have the same joints, and two tables a recording."""
+    """Return one chart per group of recordings with the same joints, and two tables per recording."""
     groups: dict[tuple[str, ...], list[Examined]] = {}
     for rec in checked:
         groups.setdefault(tuple(joint.name for joint in rec.report.joints), []).append(rec)
@@ -138,7 +138,7 @@ def _excites(checked: Sequence[Examined]) -> Mapping[str, object]:
 
 
 def _told(joint: JointCheck) -> Mapping[str, object]:
-    """Give a joint's row: for each parameter its share, and the 1 sigma that the torque's noise leaves on it."""
+    """Return a joint's row: for each parameter its share, and its standard deviation due to torque noise."""
     moved, cells = joint.excitation, []
     for name, unit in zip(PARAMETERS, UNITS, strict=True):
         share = moved.identifiability[name]
@@ -173,7 +173,7 @@ def _contact(checked: Sequence[Examined]) -> Mapping[str, object]:
 
 
 def _regimes(contact: ContactCheck) -> list[Mapping[str, object]]:
-    """Time in each regime and how it is spread over contact forces."""
+    """Return the seconds in each regime, in total and by contact force."""
     return [
         {
             "name": WORDS[name],

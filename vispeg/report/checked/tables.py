@@ -1,4 +1,4 @@
-"""What `check` has to say as lines and tables, for terminal, notebook and page alike."""
+"""The findings of `check` as lines and tables, for terminal, notebook and page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NO_CELL = "state `cell:` in recording.yaml to know what these frames tell of the
 
 
 def clock(report: CheckReport) -> str:
-    """Robot, controller, length and clock of a recording, in a line."""
+    """Return one line with robot, control mode, length and clock of a recording."""
     timing = report.timing
     jitter = plain(1e3 * timing.jitter if timing.jitter * timing.rate_hz > 1e-6 else 0.0)
     return (
@@ -34,7 +34,7 @@ def _several(count: int, what: str) -> str:
 
 
 def motion(report: CheckReport) -> Sheet:
-    """Where each joint went, how fast, how often it turned back, and how far it was off its command."""
+    """Return a table of each joint's range, top speed, reversals and tracking error."""
     heads = ["lowest\nrad", "highest\nrad", "top speed\nrad/s", "reversals\n"]
     tracked = any(joint.tracking_rms is not None for joint in report.joints)
     heads += ["off its command\ndeg RMS", "at most\ndeg"] if tracked else []
@@ -48,7 +48,7 @@ def motion(report: CheckReport) -> Sheet:
 
 
 def signals(report: CheckReport) -> Sheet:
-    """Give the largest torque, the noise, and the precision of dry friction with it."""
+    """Return a table of each joint's largest torque, noise, and the resulting precision of dry friction."""
     heads = ["largest torque\nN m", "angle noise\nrad", "torque noise\nN m", "dry friction known to\nN m (1 sigma)"]
     rows = []
     for joint in report.joints:
@@ -59,9 +59,7 @@ def signals(report: CheckReport) -> Sheet:
 
 
 def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> list[Sheet]:
-    """Give the clock, light and depth of each camera, its views, how well its errors would be known, which effects
-    show.
-    """
+    """Return tables of the cameras: clock, light and depth; views; precision of camera errors; effects that show."""
     if not checks:
         return []
     made = []
@@ -86,15 +84,13 @@ def cameras(checks: Sequence[CameraCheck], excited: Sequence[Excitation]) -> lis
 
 
 def _excited(rows: Sequence[Excitation]) -> Sheet:
-    """Return the change of the images due to each detectable effect at a typical size, and motions that show the
-    others.
-    """
+    """Return a table of each effect's change of the pictures at a typical size, with motions that show the others."""
     heads = Column("changes pictures by", right=True), Column("told from", right=True), Column("not shown: it takes")
     return Sheet([Column("effect"), *heads], [_effect(x) for x in rows])
 
 
 def _effect(x: Excitation) -> list[str]:
-    """Give a row: px of borders, or a sensor's figure in multiples of what is ordinary."""
+    """Return a row; changes are in px for borders, else as multiples of the usual value."""
     mark = " px" if x.channel == "border" else "-fold"
     silent = (", ".join(x.silent) if x.excited else "it") + f": {x.motion.split(':')[0]}" if x.silent else ""
     return [f"{x.effect}({x.where})", f"{x.change:.2f}{mark}", f"{x.needed:.2f}{mark}", silent]
@@ -123,7 +119,7 @@ def _some(form: str, *values: float | None) -> str:
 
 
 def recording_blocks(report: CheckReport) -> list[Block]:
-    """Clock and gaps, two tables of the joints, what contact tells, and the warnings."""
+    """Return blocks for a recording: the line of `clock`, two tables of the joints, lines on contact, and warnings."""
     blocks: list[Block] = [Line(clock(report), head=report.recording, path=True)]
     blocks += [motion(report), Line(""), signals(report)]
     contact = [] if report.contact is None else said(report.contact)
@@ -131,12 +127,12 @@ def recording_blocks(report: CheckReport) -> list[Block]:
 
 
 def camera_blocks(checks: Sequence[CameraCheck], excited: Sequence[Excitation], stated: bool) -> list[Block]:
-    """Tables of the cameras and their warnings.
+    """Return blocks for the cameras: tables and warnings.
 
     Args:
-        checks: of the cameras.
-        excited: what effects would do to the pictures.
-        stated: whether the recording says what stands in the cell.
+        checks: findings on each camera.
+        excited: what effects would change in the pictures.
+        stated: whether the recording describes the objects in the cell.
     """
     blocks = [block for sheet in cameras(checks, excited) for block in (Line(""), sheet)]
     blocks += [_warning(line) for c in checks for line in warnings_of(c)]

@@ -1,4 +1,4 @@
-"""The page of a dataset: contact sheet, what each camera delivers, labels, drawn parameters, the contrast guard."""
+"""The page of a dataset: contact sheet, pictures and labels of each camera, drawn parameters, contrast guard."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from vispeg.report.page import Section, page
 from vispeg.report.record import still
 
 PAGE, SHEET = "index.html", "contact-sheet.png"
-SAMPLED = 60  # frames that figures about pictures are taken from
-LARGE = 192  # px
+SAMPLED = 60  # number of frames from which figures on pictures are taken
+LARGE = 192  # px, height of a camera's picture
 
 
 def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: bool = False) -> Path:
@@ -33,17 +33,17 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
     Args:
         dataset: folder of the dataset.
         out: folder of the page.
-        tiles: frames on the contact sheet.
+        tiles: number of frames on the contact sheet.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no dataset that can be read, one without cameras, or a folder that cannot be written.
+        UserError: `tiles` below 1, a dataset that cannot be read or has no cameras, or `out` cannot be written.
     """
     if tiles < 1:
         raise UserError("must be at least 1", key="tiles", got=tiles)
     data = open_dataset(dataset)
     if not data.cameras:
-        raise UserError("does not say what its cameras are, so there is nothing to show", file=dataset)
+        raise UserError("does not describe its cameras, so there is nothing to show", file=dataset)
     with new_folder(out, overwrite=overwrite, holds="page", inputs=(dataset,)) as folder:
         drawn_sheet = np.ascontiguousarray(sheet(data, tiles))
         (folder / SHEET).write_bytes(encode(drawn_sheet))
@@ -52,7 +52,7 @@ def write(dataset: str | Path, out: str | Path, tiles: int = 36, *, overwrite: b
 
 
 def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
-    """Give the page as text, with the contact sheet (H, W, 3) uint8 in it."""
+    """Return the page as HTML, with the contact sheet (H, W, 3) uint8 in it."""
     worlds = [e.get(f"{OWN}world") or {} for e in data.episodes]
     labels = any(k.startswith("label.parts.") for k in data.features)
     sections = [
@@ -68,7 +68,7 @@ def render(data: Dataset | Stored, contact_sheet: np.ndarray) -> str:
 
 
 def headline(data: Dataset | Stored) -> Mapping[str, object]:
-    """Totals, and what became of the episodes."""
+    """Return totals of the dataset, and how its complete episodes ended."""
     plan = data.made.get("plan", {})
     lengths = [e["length"] for e in data.episodes]
     complete = [e for e in data.episodes if not e.get(f"{OWN}cut") and e.get(f"{OWN}look", 0) == 0]
@@ -87,7 +87,7 @@ def headline(data: Dataset | Stored) -> Mapping[str, object]:
 
 
 def cameras(data: Dataset | Stored) -> Mapping[str, object]:
-    """Give a large view of each camera, its intrinsics, and how much of its depth is missing."""
+    """Return for each camera a large picture, its intrinsics, and the share of missing depth."""
     frames = [data[i] for i in chosen(data, SAMPLED)]
     limits = depth_range(data, frames)
     out = []
@@ -111,7 +111,7 @@ def cameras(data: Dataset | Stored) -> Mapping[str, object]:
 
 
 def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
-    """Return the figures on a camera's depths (T, H, W) m, which are shown between `low` and `high`."""
+    """Return figures on a camera's depths (T, H, W), m, which pictures show from `low` to `high`."""
     missing, read = (depths == 0).mean(axis=(1, 2)), depths[depths > 0]
     return {
         "low": f"{low:.3f}",
@@ -125,7 +125,7 @@ def _depth(depths: np.ndarray, low: float, high: float) -> Mapping[str, str]:
 
 
 def guard(data: Dataset | Stored) -> Mapping[str, object]:
-    """How often a look was drawn again."""
+    """Return figures on how often a look was drawn again."""
     redraws = np.array([e.get(f"{OWN}redraws", 0) for e in data.episodes])
     exhausted = sum(bool(e.get(f"{OWN}redraws_exhausted")) for e in data.episodes)
     counts = Counter(redraws.tolist())

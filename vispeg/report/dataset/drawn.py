@@ -11,15 +11,15 @@ from vispeg.core.effect import REGISTRY
 from vispeg.report.text.effect_words import unit as unit_beside
 from vispeg.report.text.quantities import plain, quantity
 
-BINS, WIDTH, HEIGHT = 24, 168, 46  # bars; px
+BINS, WIDTH, HEIGHT = 24, 168, 46  # bars of a histogram; its size, px
 
 
 def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, object]:
-    """Give what a template shows of drawn worlds (label to parameters, one world an episode).
+    """Return the template's values for the worlds drawn for each episode (label -> parameter -> value).
 
     Returns:
-        `effects`, by name: its histograms (place, parameter, unit, lowest, highest, svg, in how many episodes); and
-        `fixed`: label, parameter, unit and value of what never varies.
+        `effects`: name -> histograms (place, parameter, unit, lowest, highest, SVG, share of episodes); and `fixed`:
+        label, parameter and value with unit of what never varies.
     """
 
     draws: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -32,7 +32,7 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
     for (label, name), values in sorted(draws.items()):
         kind, _, place = label.rstrip(")").partition("(")
         unit = _unit(kind, name)
-        if name == "seed":  # says nothing to the eye
+        if name == "seed":  # a histogram of seeds says nothing
             continue
         if max(values) - min(values) <= 1e-12 * max(1.0, abs(values[0])):
             if not _vanishes(kind, name, values[0]):
@@ -46,7 +46,7 @@ def drawn(worlds: Sequence[Mapping[str, Mapping[str, float]]]) -> Mapping[str, o
 
 
 def histogram(values: Sequence[float], bins: int = BINS) -> str:
-    """Bars as SVG, from the least to the greatest value; counts of an interval each, the tallest of full height."""
+    """Return a histogram as SVG, from the lowest to the highest value, the tallest bar at full height."""
     counts, ends = np.histogram(values, bins=bins)
     tall, step = max(int(counts.max()), 1), WIDTH / bins
     bars = "".join(

@@ -1,4 +1,4 @@
-"""Frames as viewable pictures: colour, and depth and parts in colours, side by side."""
+"""Turn frames into pictures to view: colour, and colour-coded depth and parts, side by side."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vispeg.datasets.layout import colour_of, depth_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.image_kinds import depth_picture
 
-GAP, GREY = 4, 235  # px between pictures, and its colour
-# one colour a part, told apart by those who see red and green alike too (Okabe and Ito, "Color Universal Design")
+GAP, GREY = 4, 235  # gap between pictures, px, and its grey value
+# one colour per part, suitable for colour-blind readers too (Okabe and Ito, "Color Universal Design")
 PALETTE = np.array(
     [
         [20, 20, 20],
@@ -32,7 +32,7 @@ PALETTE = np.array(
 
 
 def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray]]) -> dict[str, tuple[float, float]]:
-    """For each camera with depth, depths in m that most readings lie between, so that near depths differ visibly."""
+    """Return for each camera with depth its 2nd and 85th percentile, m, so that near depths differ visibly."""
     out = {}
     for name in [name for name in data.cameras if depth_of(name, frames[0]) in frames[0]]:
         every = np.concatenate([f[depth_of(name, f)].ravel() for f in frames])
@@ -43,16 +43,14 @@ def depth_range(data: Dataset | Stored, frames: Sequence[Mapping[str, np.ndarray
 
 
 def part_picture(parts: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8 of part numbers (H, W)."""
+    """Colour part numbers (H, W); return (H, W, 3) uint8."""
     return PALETTE[parts % len(PALETTE)]
 
 
 def views(
     data: Dataset | Stored, frame: Mapping[str, np.ndarray], name: str, limits: tuple[float, float] | None, side: int
 ) -> list[np.ndarray]:
-    """Give what a camera delivers, each `side` px high: colour, depth (`limits`: its range), parts (where there are
-    any).
-    """
+    """Return a camera's pictures, each `side` px high: colour; depth, if `limits` (m) are given; parts, if labelled."""
     pictures = [frame[colour_of(name)]]
     if limits is not None:
         pictures.append(depth_picture(frame[depth_of(name, frame)], *limits))
@@ -62,7 +60,7 @@ def views(
 
 
 def enlarged(image: np.ndarray, side: int) -> np.ndarray:
-    """Give a picture `side` px high, in its proportions; pixels stay square where it grows."""
+    """Resize a picture to `side` px in height, with its proportions kept; enlarged pixels stay sharp."""
     import cv2
 
     width = max(1, round(image.shape[1] * side / image.shape[0]))
@@ -71,7 +69,7 @@ def enlarged(image: np.ndarray, side: int) -> np.ndarray:
 
 
 def chosen(data: Dataset | Stored, count: int) -> list[int]:
-    """Frames for a contact sheet: of as many episodes as can be, at moments all over them."""
+    """Return frame numbers for a contact sheet, from as many episodes as possible and spread over their length."""
     episodes = data.episodes
     if count >= len(data):
         return list(range(len(data)))
@@ -85,13 +83,13 @@ def chosen(data: Dataset | Stored, count: int) -> list[int]:
 
 
 def sheet(data: Dataset | Stored, count: int, side: int = 96, width: int = 1800) -> np.ndarray:
-    """Give a contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
+    """Return a contact sheet (H, W, 3) uint8: `count` frames, each with every camera's colour, depth and parts.
 
     Args:
         data: the dataset, with cameras.
-        count: frames.
-        side: px, height of a picture.
-        width: px, of the sheet, about.
+        count: number of frames.
+        side: height of a picture, px.
+        width: approximate width of the sheet, px.
     """
     frames = [data[i] for i in chosen(data, count)]
     limits = depth_range(data, frames)
@@ -111,5 +109,5 @@ def _edged(image: np.ndarray) -> np.ndarray:
 
 
 def embedded(image: np.ndarray) -> str:
-    """Give a picture as a `data:` link."""
+    """Return a picture as a `data:` link."""
     return "data:image/png;base64," + base64.b64encode(encode(np.ascontiguousarray(image))).decode()

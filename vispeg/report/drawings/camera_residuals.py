@@ -1,4 +1,4 @@
-"""Residuals of one camera: a row of panels for each channel, over the image, over distance and over time."""
+"""Draw the residuals of a camera: for borders, depth and colour a row of panels over image, distance and time."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vispeg.report.text.quantities import plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CELLS = (8, 6)  # of an image, for the residuals over it
-LEAST = 6  # borders in a cell that determine a displacement
-CHANNELS = (  # words and unit, key of a frame's row, array over distance, array over the image
+CELLS = (8, 6)  # grid of cells over an image, for its residuals
+LEAST = 6  # fewest border points in a cell that determine a displacement
+CHANNELS = (  # name with unit, key of a frame's row, array over distance, array over the image
     ("borders (px)", "border_px", "border_distance", "along"),
     ("depth (mm)", "depth_mm", "distance", "depth_image"),
     ("colour (grey levels)", "grey", "grey_distance", "grey_image"),
@@ -23,12 +23,12 @@ CHANNELS = (  # words and unit, key of a frame's row, array over distance, array
 
 
 def residual_figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
-    """Give the figure; None without frames.
+    """Return the figure; None without frames.
 
     Args:
-        samples: arrays of one camera, of `vispeg.vision.residuals`.
-        frames: its rows.
-        shape: of the page.
+        samples: arrays of one camera, from `vispeg.vision.residuals`.
+        frames: rows of the camera's frames.
+        shape: shape of the figure.
     """
     rows = [channel for channel in CHANNELS if any(row.get(channel[1]) is not None for row in frames)]
     if not rows:
@@ -44,9 +44,15 @@ def residual_figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, An
 
 
 def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(m, 5) of an image's cells: middle u, v and displacement du, dv in px that fit the normals best, RMS of what is.
+    """Return (m, 5) for cells of the image: centre u, v, best-fitting displacement du, dv, and RMS of `along`, px.
 
-    A border tells only how far it moved along its normal; a cell needs borders of several directions.
+    A border shows only its displacement along its normal, so a cell needs borders of several directions.
+
+    Args:
+        pixel: (n, 2) border points, px.
+        normal: (n, 2) unit normals.
+        along: (n,) displacements along the normals, px.
+        size: (2,) width and height of the image, px.
     """
     out = []
     cell = np.clip((pixel / size * CELLS).astype(int), 0, np.array(CELLS) - 1)
@@ -58,7 +64,9 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
             n, d = normal[here], along[here]
             weight = 1 / np.maximum(np.abs(d - np.median(d)), 0.5)
             square = (n * weight[:, None]).T @ n
-            square += 1e-3 * np.trace(square) * np.eye(2)  # a cell whose borders all run one way tells one direction
+            square += (
+                1e-3 * np.trace(square) * np.eye(2)
+            )  # if all borders are parallel, only one direction is determined
             du, dv = np.linalg.solve(square, (n * weight[:, None]).T @ d)
             middle = (np.array([i, j]) + 0.5) / CELLS * size
             out.append((*middle, du, dv, float(np.sqrt(np.mean(d**2)))))
@@ -66,7 +74,7 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
 
 
 def _over_image(ax: Any, samples: Mapping[str, Any], key: str, words: str) -> None:
-    """Arrows of displacement for borders, shades of the RMS for the rest."""
+    """Draw arrows of displacement for borders, shades of the RMS for depth and colour."""
     size, values = samples.get("size"), samples.get(key)
     if size is None or values is None or not len(values):
         ax.set_axis_off()

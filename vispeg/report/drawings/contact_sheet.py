@@ -1,4 +1,4 @@
-"""A contact sheet of a world, with no dataset left behind: moments of its task, each in a look of its own."""
+"""Make a contact sheet of a world without keeping a dataset: moments of its task, each with a different look."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ FRAMES = 24
 
 
 def draw(world: str = "S", frames: int = FRAMES, seed: int = 0, backend: str = "auto") -> np.ndarray:
-    """Give a contact sheet (H, W, 3) uint8: for each frame and each camera of the world its colour, depth and parts.
+    """Return a contact sheet (H, W, 3) uint8: for each frame the colour, depth and parts of each camera of the world.
 
     Args:
         world: a built-in world's name or a world file.
-        frames: how many, each with a look and a sensor drawn anew.
-        seed: of everything.
-        backend: the renderer, where the world names none.
+        frames: number of frames, each with its own draw of look and sensor.
+        seed: seed of all draws.
+        backend: the renderer, unless the world names one.
 
     Raises:
-        UserError: an unknown world, or no renderer that works here.
+        UserError: an unknown world, or no working renderer.
     """
     plan, layout = plan_of(world, frames, size=64, seed=seed, backend=backend)
     with TemporaryDirectory() as folder:
@@ -39,14 +39,14 @@ def draw(world: str = "S", frames: int = FRAMES, seed: int = 0, backend: str = "
 
 
 def moments(plan: Plan, layout: Layout, wanted: Shard) -> Iterator[Episode]:
-    """Episodes of one frame: a few episodes are played, and moments from all over them drawn, each in another look."""
+    """Play a few episodes, and yield moments spread over them as episodes of one frame, each with another look."""
     stage = Stage(plan, layout)
     try:
         played = stage.play([plan.episode_seed(wanted.number, i) for i in range(ROWS)])
         for look in range(wanted.frames):
             seed, states, _, physics = played[look % ROWS]
-            share = (look * 0.618034) % 1.0  # the golden ratio: evenly spread, however many there are
-            at = int(len(states) * share**2)  # early ones more often: there the goal is in sight
+            share = (look * 0.618034) % 1.0  # golden ratio: evenly spread for any number of frames
+            at = int(len(states) * share**2)  # early moments more often, because then the goal is in sight
             yield stage.draw(look_seed(seed, look), 0, [states[at]], None, physics)
     finally:
         stage.close()

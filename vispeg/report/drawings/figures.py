@@ -1,7 +1,7 @@
-"""The look of every figure, and its way into the page: matplotlib without pyplot, inline SVG with real text.
+"""The style of all figures, and their conversion to inline SVG with real text, by matplotlib without pyplot.
 
-A page's figure is drawn twice, for wide and for narrow windows, and the style sheet shows one of the two: type that is
-easy to read on a laptop would be 5 px high on a phone.
+Each figure is drawn twice, for wide and for narrow windows, and the style sheet shows one of the two. Otherwise text
+that is legible on a laptop would be 5 px high on a phone.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FONT = "system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-se
 
 @dataclass(frozen=True)
 class Shape:
-    """A figure's `width` in inch and its type's `size` in pt: what makes 12 px where the style sheet shows it."""
+    """A shape of figures: `width` in inches and font `size` in pt, which the style sheet shows at 12 px."""
 
     name: str
     width: float
@@ -40,11 +40,11 @@ class Shape:
 
     @property
     def narrow(self) -> bool:
-        """Whether panels stand below each other."""
+        """Return whether panels are placed below each other."""
         return self.name == "narrow"
 
     def grid(self, panels: int, most: int) -> tuple[int, int]:
-        """(rows, columns) of panels, of which `most` stand side by side in a wide window; at least one."""
+        """Return (rows, columns) for a number of panels, with at most `most` columns in a wide window."""
         columns = max(1, min(panels, (most + 1) // 2 if self.narrow else most))
         return -(-max(panels, 1) // columns), columns
 
@@ -52,9 +52,9 @@ class Shape:
 WIDE, NARROW = Shape("wide", 8.4, 9.0), Shape("narrow", 3.6, 9.0)
 
 STYLE: Mapping[str, object] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so all fits
+    "font.family": "DejaVu Sans",  # comes with matplotlib; wider than the system fonts that replace it, so text fits
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # no panel has ticks above it to look for
+    "axes.titley": 1.0,  # fixed, as no panel has ticks on top
     "axes.labelcolor": MUTED,
     "axes.edgecolor": RULE,
     "axes.linewidth": 0.8,
@@ -74,17 +74,17 @@ STYLE: Mapping[str, object] = {
     "path.simplify_threshold": 0.3,
     "svg.fonttype": "none",
     "svg.hashsalt": "vispeg",
-    "text.parse_math": False,  # names are the user's: a dollar sign is a dollar sign
+    "text.parse_math": False,  # names come from users and may contain dollar signs
 }
 MARKS = ("|", "^", "o", "s")
-POINTS_AN_INCH = 72.0  # of an SVG by matplotlib
-LONG = 300  # letters of a path from which it is a curve, not a mark
+POINTS_AN_INCH = 72.0  # in an SVG by matplotlib
+LONG = 300  # characters; a longer path is a curve, a shorter one a mark
 SIZED = ("font.size", "axes.titlesize", "axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize")
 
 
 @contextmanager
 def styled(shape: Shape = WIDE) -> Iterator[None]:
-    """Matplotlib as every figure here wants it, and no word about glyphs that only the browser has."""
+    """Apply the style of all figures within `with`, and suppress warnings about glyphs that only the browser has."""
     import matplotlib
 
     rc: Any = {**STYLE, **dict.fromkeys(SIZED, shape.size)}
@@ -95,7 +95,7 @@ def styled(shape: Shape = WIDE) -> Iterator[None]:
 
 
 def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -> str:
-    """Give a figure as inline SVG for wide and for narrow windows; empty where `draw` has nothing to show."""
+    """Return a figure as inline SVG for wide and for narrow windows; empty if `draw` returns None."""
     parts = []
     for shape in (WIDE, NARROW):
         with styled(shape):
@@ -109,11 +109,11 @@ def chart(draw: Callable[[Shape], Figure | None], name: str, description: str) -
 
 
 def new_figure(height: float, width: float = WIDE.width) -> Figure:
-    """Give an empty figure, sizes in inch; call inside `styled()`."""
+    """Return an empty figure, sizes in inches; call inside `styled()`."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
-    # A notebook shows figures that pyplot made; this one it asks, as it asks every object.
+    # A notebook shows figures made by pyplot; others it shows by this method.
     figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
     return figure
 
@@ -125,7 +125,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
-    """Give the figure as inline SVG: scales with the page, in the page's colours, ids prefixed by `name`."""
+    """Return the figure as inline SVG that scales with the page and uses its colours; ids are prefixed by `name`."""
     from html import escape
 
     stream = StringIO()
@@ -143,13 +143,13 @@ def svg(figure: Figure, name: str, description: str) -> str:
     text = _lighter(re.sub(r"\n\s*", "\n", text))
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", text[: text.index(">")])
     label = escape(description, quote=True)
-    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # of a hatch
+    text = re.sub(r'\bfill="(#[0-9a-f]{6})"', r'style="fill: \1"', text)  # in a hatch
     body = re.sub(r'style="[^"]*"', lambda style: themed(style[0]), text[text.index(">") + 1 :])
     return f'{head} font-family="{FONT}" role="img" aria-label="{label}"><title>{label}</title>{body}'
 
 
 def _lay_out(figure: Figure) -> None:
-    """Set the layout as `savefig` would, which draws a figure twice for it: the same picture in less time."""
+    """Compute the layout, which saves the second drawing that `savefig` needs for the same result."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     for ax in figure.axes:
@@ -166,10 +166,7 @@ def _lay_out(figure: Figure) -> None:
 
 
 def _bare(axis: XAxis | YAxis) -> bool:
-    """Whether nothing of an axis shows, as of all but the lowest of a column that share one.
-
-    Its ticks are made and measured all the same, which is half of the time that such a column takes.
-    """
+    """Return whether an axis has nothing visible, as in a column of panels that share the lowest one's axis."""
     from matplotlib.ticker import NullLocator
 
     if axis.get_label_text() or not isinstance(axis.get_minor_locator(), NullLocator):
@@ -198,7 +195,7 @@ def _rounded(text: str, digits: int) -> str:
 
 
 def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """At most `most` points of (n,) arrays that keep the lowest and highest value of every stretch, and gaps as NaN."""
+    """Thin (n,) arrays to `most` points that keep the lowest and highest value of every stretch, and gaps as NaN."""
     n = len(time)
     if n <= most:
         return time, values
@@ -211,7 +208,7 @@ def thin(time: np.ndarray, values: np.ndarray, most: int = 1500) -> tuple[np.nda
 
 
 def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
-    """Lines above the figure, as many side by side as fit: name -> (colour, line style or a marker of MARKS)."""
+    """Add a legend above the figure: name -> (colour, line style or a marker of MARKS)."""
     from matplotlib.lines import Line2D
 
     draw: Any = Line2D  # style names come from a table
@@ -225,13 +222,13 @@ def legend(figure: Figure, entries: dict[str, tuple[str, str]]) -> None:
 
 
 def side_by_side(figure: Figure, names: Iterable[str]) -> int:
-    """How many entries of a legend fit beside each other: letters of 0.085 inch, and the sample before them."""
+    """Return the number of legend entries that fit side by side, at 0.085 inch per character plus the sample."""
     widths = [0.085 * len(name) + 0.45 for name in names]
     return int(max(1, min(len(widths), figure.get_figwidth() // max(widths, default=1.0))))
 
 
 def quiet(ax: Axes, *, grid: str = "y") -> None:
-    """Light grid behind the data, few ticks."""
+    """Draw a light grid behind the data, and hide tick marks."""
     if grid:
         ax.grid(axis=grid, color=RULE, linewidth=0.5, alpha=0.7)  # type: ignore[arg-type]
     ax.set_axisbelow(True)

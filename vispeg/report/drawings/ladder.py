@@ -1,4 +1,4 @@
-"""The ladder of models: how the held-out error falls as effects are added, as rows and as bars."""
+"""The ladder of models: the held-out error as effects are added, as table rows and as a bar chart."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ADDED = re.compile(r"\+ (\w+)\(([\w-]+)\)")
-LONGEST = 44  # letters of a model's name in the figure
+LONGEST = 44  # most characters of a model's name in the figure
 
 
 def ladder_rows(record: Record) -> list[dict[str, str]]:
-    """Give the ladder as text: errors, the step from the model before, multiples of the noise floor."""
+    """Return the ladder as text: errors, change from the previous model, multiples of the noise floor."""
     ladder = record.rows("ladder")
     lines = []
     for i, row in enumerate(ladder):
@@ -40,14 +40,14 @@ def ladder_rows(record: Record) -> list[dict[str, str]]:
 
 
 def model_words(row: Mapping[str, Any]) -> str:
-    """`+ Coulomb friction in joint 4` for `+ coulomb_friction(joint4)`; other names as they are."""
+    """Return a model's name in words: `+ Coulomb friction in joint 4` for `+ coulomb_friction(joint4)`."""
     name = str(row.get("model", "?"))
     added = ADDED.fullmatch(name)
     return f"+ {effect_words.named({'effect': added[1], 'where': added[2]})}" if added else name
 
 
 def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
-    """Bars of held-out error on a log scale, one a model, with the noise floor as a line; None without numbers."""
+    """Draw the held-out error of each model as a bar on a log scale, with the noise floor; None without numbers."""
     ladder = [(model_words(row), number(row.get("heldout_error")), row) for row in record.rows("ladder")]
     positive = [held for _, held, _ in ladder if held is not None and held > 0]
     if not positive:
@@ -58,7 +58,7 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
     fits = [number(row.get("fit_error")) for _, _, row in ladder]
     values = positive + ([floor] if floor else []) + [f for f in fits if f is not None and f > 0]
     left, right = factor * min(min(values) / 1.8, max(values) / 12), factor * max(values)
-    right *= max(1.6, (right / left) ** (0.7 if shape.narrow else 0.3))  # room for the words beside a bar
+    right *= max(1.6, (right / left) ** (0.7 if shape.narrow else 0.3))  # room for the label beside a bar
     figure = new_figure((1.1 if shape.narrow else 0.95) + (0.62 if shape.narrow else 0.44) * len(ladder), shape.width)
     ax = figure.add_subplot()
     for i, (name, held, _) in enumerate(ladder):
@@ -69,7 +69,7 @@ def ladder_figure(record: Record, shape: Shape = WIDE) -> Figure | None:
         text = "not known" if held is None else _label(held * factor, scaled_unit, ladder[0][1] if i else None, held)
         end = left if held is None else max(left, factor * held)
         ax.annotate(text, (end, i), (6, 0), textcoords="offset points", va="center", fontweight="bold")
-        if (fit := fits[i]) is not None and fit > 0:  # below its bar: no mark stands between a bar and its label
+        if (fit := fits[i]) is not None and fit > 0:  # the mark is below the bar, not between the bar and its label
             ax.plot(factor * fit, i + 0.36, marker="^", markersize=5, color=MEASURED, clip_on=False)
         if shape.narrow:
             ax.annotate(_shorten(name), (left, i - 0.27), (0, 1), textcoords="offset points", va="bottom")

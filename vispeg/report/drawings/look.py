@@ -1,4 +1,4 @@
-"""A picture of what an effect of kind `camera` or `appearance` does: the same view without and with it."""
+"""Draw what a camera or appearance effect does: the same view without and with it."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from vispeg.task.start import home
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
-SIZE = 240  # px
+SIZE = 240  # px, side of a view, side of a view
 
 
 def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: bool = False) -> None:
-    """Write a PNG: colour and depth of the external and the wide wrist camera, nominal above, with the effect below.
+    """Write a PNG with colour and depth of the external and the wide wrist camera: nominal above, with effect below.
 
     Args:
         kind: the effect, at its typical values.
-        where: its place; by default everywhere.
-        scene: the cell.
-        path: of the picture.
-        overwrite: replace a picture that is there.
+        where: the effect's place; by default everywhere.
+        scene: the robot in its cell.
+        path: path of the picture.
+        overwrite: replace an existing picture.
     """
     where = place(kind, where or "all", scene)
     placed = EffectInstance.of(kind.name, where, **{k: p.start for k, p in kind.params.items()})
@@ -52,7 +52,7 @@ def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: 
 
 
 def _seen(shot: Shot, camera: str, K: np.ndarray, world: World) -> np.ndarray:
-    """Colour and depth side by side, (H, 2 W, 3) uint8, after the camera's own effects; no reading is black."""
+    """Return colour and depth side by side, (H, 2 W, 3) uint8, with the camera's effects; missing depth is black."""
     frame = Frame(shot.rgb[None].astype(np.float32) / 255, shot.depth[None], K[None])
     out = Pipeline([world], camera).run(frame, [stream(0, "look", camera)])
     colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""A picture of one measured joint: its steps, its Bode diagram with coherence, the friction over speed, the loops."""
+"""Draw the measurements of a joint: steps, Bode diagram with coherence, friction and lost motion over speed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from vispeg.report.drawings.figures import AFTER, BEFORE, MEASURED, MUTED, RIVAL
 if TYPE_CHECKING:
     from vispeg.measure.joint import Joint
 
-SHOWN = 1.0  # s of a step
+SHOWN = 1.0  # s, length of a step shown
 
 
 def picture(joint: str, measured: Joint) -> bytes:
-    """Give a PNG of six panels; a panel of what was not measured says so."""
+    """Return a PNG of six panels; those without data say `not measured`."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator
 
@@ -142,7 +142,7 @@ def _friction(axis: Any, measured: Joint) -> bool:
     torque = [s for s in measured.strokes if s.friction is not None]
     if not torque:
         return False
-    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # what it took is no friction
+    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # its torque is no friction
     heights = [(s.friction or 0.0) - inertia * s.acceleration for s in torque]
     axis.plot([s.speed for s in torque], heights, "o", ms=3.5, color=MEASURED)
     by_name = {q.quantity: q.value for q in measured.results}

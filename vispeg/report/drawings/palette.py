@@ -1,13 +1,13 @@
-"""Every colour of a page, by day and by night: figures name the first, the page turns it into a variable of both.
+"""The colours of pages for light and dark mode. Figures use the light colours.
 
-`themed` rewrites a drawing's colours into `var(--name)`, so that the reader's browser chooses; `css` defines them.
+`themed` replaces them in a drawing by CSS variables, `var(--name)`, so that the browser chooses; `css` defines these.
 """
 
 from __future__ import annotations
 
 import re
 
-COLOURS: dict[str, tuple[str, str]] = {  # name -> (on white, on near black); the former are all different
+COLOURS: dict[str, tuple[str, str]] = {  # name -> (light mode, dark mode); the light colours are all different
     "ground": ("#ffffff", "#15171b"),
     "ink": ("#16181d", "#e6e8eb"),
     "muted": ("#626975", "#a2aab5"),
@@ -20,13 +20,13 @@ COLOURS: dict[str, tuple[str, str]] = {  # name -> (on white, on near black); th
     "other": ("#b0892b", "#ddb65c"),
     "amber": ("#a16207", "#dfa437"),
     "red": ("#b3261e", "#f2766c"),
-    # policies, by what they see: the colours of the pictures in README
+    # policies by modality: the colours of the pictures in README
     "state": ("#555555", "#bcc0c7"),
     "depth": ("#1f6fb4", "#62aeee"),
     "rgbd": ("#2a9d60", "#58ca8e"),
     "rgb": ("#d9822b", "#f0a95f"),
     "blind": ("#b0b0b0", "#7c818a"),
-    # policies beyond those, and ways to fail
+    # further policies, and failure categories
     "plum": ("#a2456b", "#e08cae"),
     "olive": ("#5d7d2a", "#a5c76d"),
     "brown": ("#7a5230", "#c99f7c"),
@@ -42,22 +42,22 @@ _HEX = re.compile(r"#[0-9a-f]{6}\b")
 
 
 def day(name: str) -> str:
-    """Give the colour on white, as `#rrggbb`."""
+    """Return a colour for light mode, `#rrggbb`."""
     return COLOURS[name][0]
 
 
 def name_of(colour: str) -> str:
-    """Give the name of a colour on white, `#rrggbb`."""
+    """Return the name of a light-mode colour `#rrggbb`."""
     return _NAMES[colour]
 
 
 def themed(text: str) -> str:
-    """Give the drawing with every colour that has a name as a variable; others stay."""
+    """Replace every named colour in a drawing by its CSS variable; other colours stay."""
     return _HEX.sub(lambda match: f"var(--{_NAMES[match[0]]})" if match[0] in _NAMES else match[0], text)
 
 
 def css() -> str:
-    """Definitions of the variables; the night's hold on screens alone, as paper is white."""
+    """Return the definitions of the CSS variables; dark mode applies only on screens, not in print."""
     sides = ["".join(f"--{name}:{pair[i]};" for name, pair in COLOURS.items()) for i in (0, 1)]
     return (
         f":root{{color-scheme:light dark;{sides[0]}}}\n"

@@ -1,4 +1,4 @@
-"""A picture of the robot in its cell, seen from the side, with where its joints and links are in it."""
+"""Draw the robot in its cell from the side, and locate its joints and links in the picture."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from vispeg.render.cameras.standard import focal_of
 from vispeg.robots.scene import build
 from vispeg.task.start import home
 
-WIDTH, HEIGHT, FOV = 720, 540, 34.0  # px; degrees over the height
-EYE, TARGET = (1.35, -1.5, 0.95), (0.3, 0.0, 0.4)  # m, base frame: before the wall, beside the table
+WIDTH, HEIGHT, FOV = 720, 540, 34.0  # px; vertical field of view, degrees
+EYE, TARGET = (1.35, -1.5, 0.95), (0.3, 0.0, 0.4)  # m, base frame: in front of the wall, beside the table
 COLOURS: Mapping[str, tuple[float, float, float]] = {
     "table": (0.62, 0.53, 0.43),
     "floor": (0.30, 0.32, 0.35),
@@ -25,13 +25,13 @@ HELD = (0.85, 0.55, 0.15)
 
 
 def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[float]]]:
-    """Give the picture, and where places of effects lie in it.
+    """Return the picture, and the positions of joints, links and flange in it.
 
     Returns:
-        (HEIGHT, WIDTH, 3) uint8; and for each joint, link and the flange its (x, y), each 0 to 1 from the top left.
+        The picture (HEIGHT, WIDTH, 3) uint8; and name -> [x, y], shares of width and height from the top left.
 
     Raises:
-        UserError: no renderer that works here.
+        UserError: no working renderer.
     """
     focal, up = focal_of(FOV, HEIGHT), np.array([0.0, 0.0, 1.0])
     quat = looking_at(np.array(EYE), np.array(TARGET), up)
@@ -51,7 +51,7 @@ def draw(backend: BackendName = "auto") -> tuple[np.ndarray, dict[str, list[floa
 
 
 def _pixel(point: np.ndarray, camera: Camera) -> list[float]:
-    """(x, y) of a point (3,) in m of the base frame, as shares of the picture's width and height."""
+    """Project a point (3,), m, base frame; return [x, y] as shares of the picture's width and height."""
     x, y, z = camera.rotation.T @ (point - np.array(camera.pos))
     u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
     return [round(float((u + 0.5) / camera.width), 4), round(float((v + 0.5) / camera.height), 4)]

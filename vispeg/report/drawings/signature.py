@@ -1,4 +1,4 @@
-"""A figure of what an effect does to a signal: `vispeg effects NAME`."""
+"""Draw what an effect does to a signal, for `vispeg effects NAME`."""
 
 from __future__ import annotations
 
@@ -26,14 +26,19 @@ def signature_panels(
     against: Mapping[str, np.ndarray] | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Draw panels of (unit, name -> (n,)) one below the other over `time` (n,) s; return `path`, a PNG or SVG file.
+    """Draw panels of signals one below the other over time, and return `path`.
 
-    The first line of a panel is the reference (black, on top); up to four more follow in fixed colours. `against`
-    (what it is -> (n,) values) adds a row with the last panel's first line over each of them: friction is a step over
-    speed, a spring a line over angle, hysteresis a loop.
+    Args:
+        title: title of the figure.
+        time: (n,) time, s.
+        panels: (unit, name -> values (n,)); the first line is the reference, drawn black on top of up to four others.
+        path: a PNG or SVG file.
+        against: name -> values (n,): adds a row with the last panel's first line over each of these. Friction then is
+            a step over speed, a spring a line over angle, hysteresis a loop.
+        overwrite: replace an existing file.
 
     Raises:
-        UserError: another ending, more than five lines, lines of another length than `time`, or the file exists.
+        UserError: another file ending, no or too many lines, a line of another length, or the file exists.
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):
@@ -60,16 +65,16 @@ def signature_panels(
 
 def _check(time: np.ndarray, lines: Mapping[str, np.ndarray]) -> None:
     if not 1 <= len(lines) <= len(COLOURS):
-        raise UserError("cannot tell so many lines apart", expected=f"1 to {len(COLOURS)} lines", got=len(lines))
+        raise UserError("wrong number of lines in a panel", expected=f"1 to {len(COLOURS)} lines", got=len(lines))
     for name, values in lines.items():
         if np.shape(values) != np.shape(time):
-            raise UserError(f"line '{name}' and time differ", expected=np.shape(time), got=np.shape(values))
+            raise UserError(f"line '{name}' and time differ in length", expected=np.shape(time), got=np.shape(values))
 
 
 def _loop(ax: Any, name: str, x: np.ndarray, unit: str, y: np.ndarray) -> None:
-    """One signal over another, both (n,)."""
+    """Draw one signal (n,) over another (n,)."""
     if np.shape(x) != np.shape(y):
-        raise UserError(f"'{name}' and the line over it differ", expected=np.shape(y), got=np.shape(x))
+        raise UserError(f"'{name}' and the line over it differ in length", expected=np.shape(y), got=np.shape(x))
     factor, scaled_unit = prefix(float(np.max(np.abs(y[np.isfinite(y)]), initial=0.0)), unit)
     ax.plot(x, factor * y, color=COLOURS[0], linewidth=0.7)
     ax.set(xlabel=name, ylabel=scaled_unit)

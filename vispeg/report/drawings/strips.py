@@ -1,4 +1,4 @@
-"""Very small drawings for table cells, as SVG text: an interval within its bounds, a bar."""
+"""Very small drawings for table cells, as SVG: an interval within its bounds, and a bar."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LENGTH, HEIGHT, MARGIN = 190.0, 18.0, 5.0
 
 
 def place(value: float, low: float, high: float, scale: str = "linear") -> float:
-    """Where `value` lies between the bounds, 0 to 1, clipped; on a log scale where the bounds allow one."""
+    """Return the position of `value` between the bounds, 0 to 1, clipped; on a log scale if asked and possible."""
     if scale == "log" and low > 0 and value > 0:
         value, low, high = math.log(value), math.log(low), math.log(high)
     return min(1.0, max(0.0, (value - low) / (high - low))) if high > low else 0.5
@@ -25,7 +25,7 @@ def interval_strip(
     null: object = None,
     scale: str = "linear",
 ) -> str:
-    """Bounds as a rail, null as a tick, the 95 % interval as a bar, the value as a dot; empty without numbers."""
+    """Draw the bounds as a line, null as a tick, the 95 % interval as a bar, the value as a dot; "" without numbers."""
     x, a, b = number(value), number(interval[0]), number(interval[1])
     low, high = number(bounds[0]), number(bounds[1])
     if x is None or low is None or high is None or not high > low:
@@ -46,7 +46,7 @@ def interval_strip(
 
 
 def bar(share: float, colour: str = AFTER) -> str:
-    """Give a bar of `share` (0 to 1, clipped) of the full length."""
+    """Draw a bar of `share` (0 to 1, clipped) of the full length."""
     full = LENGTH - 2 * MARGIN
     end = MARGIN + max(1.0, min(1.0, max(0.0, share)) * full)
     return _wrap([_line(MARGIN, MARGIN + full, HEIGHT / 2, 8, day("empty")), _line(MARGIN, end, HEIGHT / 2, 8, colour)])

@@ -1,4 +1,4 @@
-"""Policies against each other on the same episodes."""
+"""Comparisons between policies on the same episodes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TITLE = "One against another"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Rows by world."""
+    """Return the template's values: rows of comparisons by world."""
     worlds: dict[str, list[Mapping[str, object]]] = {}
     for row in values["comparisons"]:
         needed = f"; {row['needed']} pairs would" if row["needed"] else ""

@@ -1,4 +1,4 @@
-"""Success as bars that the page draws itself: text for every reader, nine policies legible on a phone."""
+"""Success as bars drawn with HTML, so that text stays selectable and nine policies are legible on a phone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SCRIPTS = ("gap/toggles.js",)
 
 @dataclass(frozen=True)
 class Bar:
-    """A rate with its 95 % interval, per cent of a bar's length; `number` is the policy's place in the order."""
+    """A success rate with its 95 % interval, in per cent; `number` is the policy's place in the order."""
 
     name: str
     number: int
@@ -30,7 +30,7 @@ class Bar:
 
 
 def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool = False) -> Bar:
-    """Give the bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
+    """Return the bar of an estimate `e` (value, low, high, n); `home` marks a policy in the world of its training."""
     value, low, high = (round(100 * float(e[k]), 1) for k in ("value", "low", "high"))
     text = f"{name}: {words.rate(e)}, 95 % interval, {e['n']} episodes"
     percent = f"{value:.0f}\N{NO-BREAK SPACE}%"
@@ -38,19 +38,19 @@ def bar(name: str, number: int, e: Mapping[str, Any], style: Style, home: bool =
 
 
 def policies(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(name, colour) of every policy, those that see the same side by side."""
+    """Return (name, colour) of every policy, with policies of one modality side by side."""
     styles = of_policies(ordered(values["policies"]))
     return [(name, name_of(style.colour)) for name, style in styles.items()]
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give a panel a world with a bar a policy."""
+    """Return the template's values: one panel per world, with one bar per policy."""
     order = ordered(values["policies"])
     styles = of_policies(order)
     rates = {(r["policy"], r["world"]): r["success"] for r in values["success"] if not r["control"]}
     panels = []
     for world in (w["name"] for w in values["worlds"]):
-        shared = worlds.home_of_all(world, order)  # then the caption says it
+        shared = worlds.home_of_all(world, order)  # then the caption says so, and no bar is marked
         rows = [
             bar(p["name"], i, rates[p["name"], world], styles[p["name"]], not shared and world in (p["home"] or ()))
             for i, p in enumerate(order)

@@ -1,4 +1,4 @@
-"""Builds the page of a gap (gap.json) or of an evaluation in one world (evaluate.json), and the media beside it."""
+"""Build the page of a gap (gap.json) or of an evaluation in one world (evaluate.json)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from vispeg.report.live import episodes
 
 FORMAT = "vispeg-gap/2"
 GAP = Format(FORMAT, "a gap's record", language="json", most=64 * MB)
-KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, also the stem of record and page -> what it is
+KINDS = {"gap": "transfer gap", "evaluate": "evaluation"}  # command, which also names the record and the page -> title
 
 
 def render(
@@ -39,7 +39,15 @@ def render(
     command: str = "gap",
     played: Sequence[Episode] = (),
 ) -> str:
-    """Give the page as text; `media` as `pairs.context` takes it, `command` one of KINDS, `played` its episodes."""
+    """Return the page as HTML.
+
+    Args:
+        values: the record.
+        media: pairs of videos and pictures, see `pairs.context`.
+        folder: folder of the media.
+        command: one of KINDS.
+        played: the episodes that were played.
+    """
     sections: list[tuple[str, str, Mapping[str, Any]]] = [("headline", headline.TITLE, headline.context(values))]
     if (by_control := controls.context(values)) is not None:
         sections.append(("controls", controls.TITLE, by_control))
@@ -63,10 +71,10 @@ def render(
 
 
 def write(out: Path, command: str = "gap", *, overwrite: bool = False) -> Path:
-    """Read OUT/COMMAND.json and, where there is one, OUT/media.json; write OUT/COMMAND.html and return its path.
+    """Read OUT/COMMAND.json and, if it exists, OUT/media.json; write OUT/COMMAND.html and return its path.
 
     Raises:
-        UserError: no such record, another format, or a page there already while `overwrite` is False.
+        UserError: no such record, another format, or the page exists and `overwrite` is False.
     """
     return write_text_atomic(Path(out) / f"{command}.html", read(Path(out), command), overwrite=overwrite)
 
@@ -83,7 +91,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example, slow=True)
 def read(out: Path, command: str = "gap") -> str:
-    """Give the page of OUT/COMMAND.json with the media that OUT/media.json lists. Raises UserError as `write`."""
+    """Return the page of OUT/COMMAND.json with the media that OUT/media.json lists. Raises UserError as `write`."""
     path, listed = out / f"{command}.json", out / "media.json"
     values = GAP.read(path)
     media = read_json(listed) if listed.exists() else []

@@ -1,4 +1,4 @@
-"""One colour a policy: what it sees keeps its colour through all pages, and through the pictures of README."""
+"""Colours of policies: each modality has the same colour on all pages and in the pictures of README."""
 
 from __future__ import annotations
 
@@ -33,25 +33,27 @@ BY_CATEGORY = {
 
 @dataclass(frozen=True)
 class Style:
-    """How a policy is drawn: its colour, and whether it is the second of its modality (hatched, dashed, hollow)."""
+    """A policy's colour, and whether it is the second of its modality (drawn hatched, dashed or hollow)."""
 
     colour: str
     second: bool = False
 
     @property
     def hatch(self) -> str | None:
-        """For bars."""
+        """Hatch of bars, for matplotlib."""
         return "////" if self.second else None
 
     @property
     def line(self) -> str:
-        """For curves."""
+        """Line style of curves, for matplotlib."""
         return "--" if self.second else "-"
 
 
 def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
-    """Policy name -> style. The first of a modality has the modality's colour; a second one the same, hatched; of
-    three and more all but the first have spare ones in turn.
+    """Return policy name -> style.
+
+    The first policy of a modality has the modality's colour. If there are two, the second has the same colour, hatched.
+    If there are more, all but the first have spare colours in turn.
     """
     counts, styles = Counter(str(row["modality"]) for row in policies), {}
     spare, used = iter(SPARE * (1 + len(policies) // len(SPARE))), Counter[str]()
@@ -67,7 +69,7 @@ def of_policies(policies: Sequence[Mapping[str, Any]]) -> dict[str, Style]:
 
 
 def ordered(policies: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Policies of one modality side by side: state, depth, RGB-D, RGB, others, blind."""
+    """Sort policies by modality: state, depth, RGB-D, RGB, privileged, others, blind."""
     order = [m for m in BY_MODALITY if m != "proprio"]
     places = {m: i for i, m in enumerate(order)} | {"proprio": len(order) + 1}
     return sorted(policies, key=lambda p: places.get(str(p["modality"]), len(order)))

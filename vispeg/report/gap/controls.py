@@ -1,4 +1,4 @@
-"""Whether the images matter: success where a policy sees another episode's, the first one for ever, or none at all."""
+"""Whether images matter: success with another episode's images, with a frozen first image, or without images."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ TITLE = "Do the images matter?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """Give a table a world: a row a policy, a column a control; None where there is neither control nor blind
-    policy.
-    """
+    """Return one table per world, policies by controls; None with neither controls nor blind policies."""
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
     kinds = [c for c in words.CONTROLS if c and any(k == c for _, _, k in rates)]
     kinds += sorted({k for _, _, k in rates if k and k not in words.CONTROLS})

@@ -1,4 +1,4 @@
-"""The page of `vispeg explain`: why trials fail, by replays in simulation, rules of thumb, and ranked causes."""
+"""The page of `vispeg explain`: why trials fail, from replays in simulation, rules of thumb, and ranked causes."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def render(values: Mapping[str, Any], strip: Strip | None = None) -> str:
 
 
 def _bridge(values: Mapping[str, Any]) -> list[table_page.Section]:
-    """Show the unexplained remainder, the conditions of its verdict, the article's signs, and the cost of steps."""
+    """Return sections on the unexplained remainder, the conditions of the verdict, and next steps with their cost."""
     sections, b, left = [], values["bridge"], values["remainder"]
     if left:
         regimes = "; ".join(
@@ -147,7 +147,7 @@ def _more(more: Mapping[str, Any]) -> str:
 
 
 def _story(values: Mapping[str, Any], strip: Strip | None) -> list[table_page.Section]:
-    """Show one trial: its images beside simulated ones, and the action that the policy commands on each."""
+    """Return a section on one trial: real and simulated images, and the policy's action on each."""
     m = values["moment"]
     if m is None:
         return []

@@ -1,4 +1,4 @@
-"""Which factor costs what: a heat map of policy by world, the total split into main effects and their interaction."""
+"""The cost of each factor: a heat map of policies by worlds, and the total split into main effects and interaction."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TITLE = "What the change costs, and which part of it"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give the heat map, rows of the attribution, gaps in words."""
+    """Return the template's values: heat map, rows of the attribution, and gaps in words."""
     gaps = [
         {**row, "interval": words.change(row["gap"]), "of": _of(row), "holm": words.p_value(row["p_holm"])}
         for row in values["gaps"]
@@ -50,7 +50,7 @@ def _of(row: Mapping[str, Any]) -> str:
 
 
 def heat_map(values: Mapping[str, Any]) -> Mapping[str, object] | None:
-    """Change of success in points, policies by target worlds; tinted where it is called one. None without targets."""
+    """Return the change of success in points, policies by target worlds, coloured if significant; None without any."""
     names = [w["name"] for w in values["worlds"] if w["name"] != values["reference"]]
     gaps = {(g["policy"], g["world"]): g for g in values["gaps"]}
     if not gaps:

@@ -1,4 +1,4 @@
-"""How episodes fail on both sides, and where the distributions of failures part."""
+"""How episodes fail in reference and target, and whether the distributions of failures differ."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TITLE = "How they fail"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give the picture, and a row a policy and target."""
+    """Return the template's values: the picture, and one row per policy and target."""
     rows = []
     for row in values["categories"]:
         counts = [_counts(row["first"], row["n"][0]), _counts(row["second"], row["n"][1])]
@@ -30,7 +30,7 @@ def _counts(side: Mapping[str, int], n: int) -> str:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Stacked shares of failure categories, a panel a policy, a bar a world."""
+    """Draw the shares of failure categories as stacked bars: one panel per policy, one bar per world."""
     return chart(lambda shape: _figure(values, shape), "failures", "Failure categories by policy and world")
 
 

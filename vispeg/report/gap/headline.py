@@ -1,4 +1,4 @@
-"""Headline of the page: the figure, its worlds, and one line per policy."""
+"""The headline of the page: key figures, bars, worlds, and one line per policy."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from vispeg.report.gap import bars, words, worlds
 from vispeg.report.gap.colours import of_policies
 
 TITLE = "The gap"
-RANK = list(words.ROLES.values())  # a policy that is told where the goal is, or sees nothing, wins nothing
-MOST = 5  # figures side by side
+RANK = list(words.ROLES.values())  # policies with cameras come first, before those that know the goal or are blind
+MOST = 5  # most figures side by side
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give the hardest target's headline, the picture, and one line a policy (those that see first)."""
+    """Return the template's values: headline of the joint or last target, figures, and one line per policy."""
     target = values["joint"] or (values["worlds"][-1]["name"] if len(values["worlds"]) > 1 else None)
     reference = values["reference"]
     rates = {(r["policy"], r["world"], r["control"]): r["success"] for r in values["success"]}
@@ -49,7 +49,7 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 def _best(
     values: Mapping[str, Any], policies: Sequence[Mapping[str, Any]], target: str, there: Mapping[str, Any]
 ) -> str:
-    """Give the title: who keeps most in the target, if the page's comparisons tell."""
+    """Return the title: the policy with most success in the target, if the comparisons can tell."""
     best = policies[0]
     name, others = best["name"], [p["name"] for p in policies[1:] if words.role(p) == words.role(best)]
     told = {frozenset((c["first"], c["second"])): c["verdict"] for c in values["comparisons"] if c["world"] == target}
@@ -63,9 +63,7 @@ def _best(
 
 
 def _evaluation(values: Mapping[str, Any]) -> str:
-    """Give the title of an evaluation in one world: what the episodes of its only policy can tell, or that it
-    compares.
-    """
+    """Return the title of an evaluation in one world: the interval of a single policy, else a general title."""
     rows = [r for r in values["success"] if not r["control"]]
     if len(rows) > 1:
         return f"Success in {values['reference']}"

@@ -1,4 +1,4 @@
-"""How it was measured: worlds with their hashes, the rule, the command."""
+"""How the success was measured: worlds with their hashes, policies, statistical rule, command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TITLE = "How this was measured"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Worlds, policies, rule, notes, provenance."""
+    """Return the template's values: worlds, policies, rule, notes and provenance."""
     return {
         "worlds": values["worlds"],
         "policies": [{**p, "role": words.role(p), "at": _trained(p)} for p in values["policies"]],
@@ -23,14 +23,14 @@ def context(values: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def _trained(policy: Mapping[str, Any]) -> str:
-    """Where a policy was trained, of the worlds of the page."""
+    """Return the worlds of the page in which a policy was trained, in words."""
     if policy["scripted"]:
         return "nowhere"
     return "not known" if policy["home"] is None else ", ".join(policy["home"]) or "none of these, as they are now"
 
 
 def _together(notes: Sequence[str], policies: Sequence[str]) -> list[str]:
-    """Note that say the same of several policies, in one line."""
+    """Merge notes that say the same of several policies into one line."""
     said: dict[str, list[str]] = {}
     for note in notes:
         name = next((p for p in sorted(policies, key=len, reverse=True) if note.startswith(f"{p} ")), "")

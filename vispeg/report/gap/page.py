@@ -1,4 +1,4 @@
-"""Pages on success: sections named by their templates in templates/gap."""
+"""Make pages on success from sections, which are named by their templates in templates/gap."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from vispeg.report import page as shared
 from vispeg.report.gap import bars
 from vispeg.report.live import episodes
 
-SCRIPTS = {"headline": bars.SCRIPTS, "episodes": episodes.SCRIPTS}  # template -> what answers the mouse in it
+SCRIPTS = {"headline": bars.SCRIPTS, "episodes": episodes.SCRIPTS}  # template -> scripts that make it interactive
 
 
 def page(title: str, kind: str, sections: Sequence[tuple[str, str, Mapping[str, Any]]]) -> str:
-    """Give the whole page as text.
+    """Return the page as HTML.
 
     Args:
-        title: of the document.
-        kind: stands beside the brand.
-        sections: (template's name in templates/gap, heading, what the template shows), in order; the first has no
-            heading.
+        title: title of the document.
+        kind: kind of page, shown beside the program's name.
+        sections: (template's name in templates/gap, heading, the template's values), in order; the first heading is
+            not shown.
     """
     made = [
         shared.Section(f"{t}-{i}", heading, f"gap/{t}", values, SCRIPTS.get(t, ()))

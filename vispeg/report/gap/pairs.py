@@ -1,4 +1,4 @@
-"""The same seed in two worlds, side by side: a video each, and what stood before the camera when one of them failed."""
+"""The same episode in two worlds side by side: videos, and pictures of the moment of failure."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ TYPES = {".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg"}
 
 
 def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, object]:
-    """Pairs with their media as data URIs.
+    """Return the pairs with their media as data URIs.
 
     Args:
         pairs: {policy, seed, sides: [{world, outcome, video, image, view}, ...]}. `video` is the whole episode, `image`
             the outside view and `view` the policy's own at the moment of failure; paths relative to `folder`, or None.
-        folder: where the media lie.
+        folder: folder of the media.
     """
     rows = []
     for pair in pairs:
@@ -31,10 +31,10 @@ def context(pairs: Sequence[Mapping[str, Any]], folder: Path) -> Mapping[str, ob
 
 
 def data_uri(folder: Path, name: str | None) -> str | None:
-    """Give a file's content as a data URI.
+    """Return a file's content as a data URI.
 
     Raises:
-        UserError: the file is not there, or not a video or picture that a browser shows.
+        UserError: the file does not exist, or is not a video or picture that a browser shows.
     """
     if name is None:
         return None

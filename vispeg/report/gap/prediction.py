@@ -1,4 +1,4 @@
-"""Does success in the training world tell success elsewhere: a scatter a world, and the three measures."""
+"""Whether success in the training world predicts success elsewhere: a scatter plot per world, and three measures."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ TITLE = "Does the first world predict the others?"
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Give the picture, and a row a target world."""
+    """Return the template's values: the picture, and one row per target world."""
     rows = []
     for row in values["prediction"]:
         pairs = row["n"] * (row["n"] - 1) // 2
         cells = [_interval(row["pearson"]) if row["n"] >= FEWEST_POLICIES else "-"]
-        most = row.get("ceiling")  # records of before have none
+        most = row.get("ceiling")  # older records have none
         cells.append("-" if most is None or row["measured"] is None else f"{row['measured']:.2f} of {most:.2f}")
         cells += [
             f"{row['mmrv']:.2f} ({row['ordered']} of {pairs} pairs)",
@@ -41,7 +41,7 @@ def _interval(e: Mapping[str, Any]) -> str:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Success in the reference against success in each target, one point a trained network."""
+    """Draw success in each target over success in the reference, one point per trained network."""
     text = f"Success in {values['reference']} against success in the targets"
     return chart(lambda shape: _figure(values, shape), "prediction", text)
 

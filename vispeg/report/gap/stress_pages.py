@@ -1,4 +1,4 @@
-"""The pages of the stress tests: success over a parameter, with fixed contacts, at hard positions and pushed."""
+"""The pages of the stress tests: success over a parameter, with fixed contacts, at hard positions and under pushes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEP = 0.16  # s, the policy's period
 
 
 def sensitivity_page(values: Mapping[str, Any]) -> str:
-    """Give the page of a `vispeg-sensitivity/1` record."""
+    """Return the page of a `vispeg-sensitivity/1` record."""
     lines = [f"{_title(s)}, {c['policy']}: {c['words']}" for s in values["sweeps"] for c in s["curves"]]
     sections = [table_page.title("How far off may it be", lines)]
     for i, sweep in enumerate(values["sweeps"]):
@@ -36,7 +36,7 @@ def sensitivity_page(values: Mapping[str, Any]) -> str:
 
 
 def _title(sweep: Mapping[str, Any]) -> str:
-    """`Contact friction: scale` of the label `contact_friction.scale`."""
+    """Return the title of a sweep, such as `Contact friction: scale` for `contact_friction.scale`."""
     return f"{effect_words.title(sweep['effect'])}: {', '.join(sweep['params'])}"
 
 
@@ -51,7 +51,7 @@ def _cell(point: Mapping[str, Any]) -> str:
 
 
 def curves(sweep: Mapping[str, Any], name: str) -> str:
-    """One line with its band a policy."""
+    """Draw success over the parameter, one line with its 95 % band per policy."""
     return chart(lambda shape: _curves(sweep, shape), name, f"Success against {sweep['label']}")
 
 
@@ -73,7 +73,7 @@ def _curves(sweep: Mapping[str, Any], shape: Shape) -> Figure:
 
 
 def exploit_page(values: Mapping[str, Any]) -> str:
-    """Give the page of a `vispeg-exploit/1` record."""
+    """Return the page of a `vispeg-exploit/1` record."""
     lines = [f"{r['policy']}: {r['words']}" for r in values["policies"]]
     heads = ("policy", "fixed", "randomized", "change, points", "Holm", "median peak force", "Holm", "verdict")
     rows = []
@@ -100,7 +100,7 @@ def exploit_page(values: Mapping[str, Any]) -> str:
 
 
 def profiles(values: Mapping[str, Any]) -> str:
-    """Give a panel a policy: both sides' force against time since contact."""
+    """Draw the contact force over time since first contact, fixed and randomized, one panel per policy."""
     text = "Contact force since first contact, fixed and randomized"
     return chart(lambda shape: _profiles(values["policies"], shape), "profiles", text)
 
@@ -127,7 +127,7 @@ def _profiles(policies: Sequence[Mapping[str, Any]], shape: Shape) -> Figure:
 
 
 def perturb_page(values: Mapping[str, Any]) -> str:
-    """Give the page of a `vispeg-perturb/1` record."""
+    """Return the page of a `vispeg-perturb/1` record."""
     policies = list(dict.fromkeys(r["policy"] for r in values["rows"]))
     lines, sections = [], []
     for i, policy in enumerate(policies):
@@ -145,7 +145,7 @@ def perturb_page(values: Mapping[str, Any]) -> str:
 
 
 def _weakest(rows: list[Any]) -> str:
-    """Where fewest succeed that are not pushed, all such positions; no place where they are all alike."""
+    """Return the positions with the lowest success without pushes, in words; none is named if all are equal."""
     worst = min(rows, key=lambda r: r["still"]["value"])["still"]
     there = [r["position"] for r in rows if r["still"]["value"] == worst["value"]]
     if len(there) == len(rows) > 1:
@@ -162,7 +162,7 @@ def _cost(r: Mapping[str, Any]) -> str:
 
 
 def positions(rows: list[Any], name: str) -> str:
-    """Give a dot with its interval a position and side."""
+    """Draw success with its interval at each position, still and pushed."""
     return chart(lambda shape: _positions(rows, shape), name, "Success by position, still and pushed")
 
 

@@ -1,4 +1,4 @@
-"""Success of every policy in every world: bars with intervals, and the table."""
+"""Success of every policy in every world: a bar chart with intervals, and a table."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Success, in numbers"
-NUMBERED = 26  # bars beside each other at most that have room for their number
+NUMBERED = 26  # most bars side by side that have room for their numbers
 
 
 def context(values: Mapping[str, Any]) -> Mapping[str, object]:
-    """Rows of policies by worlds."""
+    """Return the template's values: a table of policies by worlds."""
     names = [w["name"] for w in values["worlds"]]
     rows = {}
     for policy in values["policies"]:
@@ -51,14 +51,12 @@ def _cell(row: Mapping[str, Any] | None, home: bool) -> dict[str, str]:
 
 
 def picture(values: Mapping[str, Any]) -> str:
-    """Give the bars as inline SVG."""
+    """Return the bars as inline SVG."""
     return chart(lambda shape: figure(values, shape), "success", "Success by world and policy, with 95 % intervals")
 
 
 def figure(values: Mapping[str, Any], shape: Shape) -> Figure:
-    """Give a bar a policy, grouped by world, with 95 % intervals; in a narrow window the groups lie below each
-    other.
-    """
+    """Draw one bar per policy with its 95 % interval, grouped by world; a narrow figure stacks the groups."""
     return (_lying if shape.narrow else _standing)(values, shape)
 
 

@@ -1,4 +1,4 @@
-"""Sections of the smaller pages: a title with lines of numbers, or a picture with a table."""
+"""Sections of the smaller pages: a title with lines of text, a picture with a table, and the origin."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Section = tuple[str, str, Mapping[str, Any]]
 
 
 def title(text: str, lines: Sequence[str]) -> Section:
-    """Give the first section: what was found, a line each."""
+    """Return the first section: a title, and one line per finding."""
     return "title", "", {"title": text, "lines": list(lines)}
 
 
@@ -22,7 +22,7 @@ def table(
     caption: str = "",
     note: str = "",
 ) -> Section:
-    """Give a heading with a picture (SVG text), a table and a note; any of the three may be empty."""
+    """Return a heading with a picture (SVG text), a table and a note; any of the three may be empty."""
     values = {
         "heads": list(heads),
         "rows": [list(r) for r in rows],
@@ -34,7 +34,7 @@ def table(
 
 
 def origin(values: Mapping[str, Any]) -> Section:
-    """World (or `worlds`), command, versions."""
+    """Return the last section: worlds, command and versions."""
     worlds = [values["world"]] if values.get("world") else list(values.get("worlds") or ())
     return (
         "origin",

@@ -1,4 +1,4 @@
-"""Rates and differences as text: per cent for success, points for differences, always with their interval."""
+"""Rates and differences as text: per cent for success, percentage points for differences, with intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CONTROLS = {
     "shuffled": "images of another episode",
     "frozen": "first image for ever",
 }
-ROLES = {  # of modalities that do not look for the goal, and of the policy that was never trained
+ROLES = {  # roles of policies without cameras, and of the scripted one
     "": "",
     "scripted": "scripted, told the goal",
     "state": "teacher, told the goal",
@@ -23,7 +23,7 @@ ROLES = {  # of modalities that do not look for the goal, and of the policy that
 
 
 def percent(value: float | None) -> str:
-    """0.994 -> 99.4 %; whole numbers without a decimal."""
+    """Return a share in per cent, `99.4 %` for 0.994; whole numbers have no decimal."""
     if value is None:
         return "-"
     text = f"{100 * value:.1f}"
@@ -31,40 +31,40 @@ def percent(value: float | None) -> str:
 
 
 def rate(e: Row) -> str:
-    """`87 % (81 to 92)`."""
+    """Return a success rate with its interval: `87 % (81 to 92)`."""
     return f"{percent(e['value'])} ({100 * e['low']:.0f} to {100 * e['high']:.0f})"
 
 
 def share(e: Row | None) -> str:
-    """Give a share of a loss, which may be below 0 or above all of it: `15 % (−12 to 75)`."""
+    """Return a share of a loss, which may be below 0 % or above 100 %: `15 % (−12 to 75)`."""
     return "-" if e is None else f"{percent(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
 
 
 def rate_of(e: Row) -> str:
-    """`87 % (81 to 92) of 60 episodes`."""
+    """Return a success rate with its interval and sample: `87 % (81 to 92) of 60 episodes`."""
     return f"{rate(e)} of {e['n']} episodes"
 
 
 def points(value: float | None) -> str:
-    """-0.123 -> -12 points, with a sign."""
+    """Return a difference in percentage points with its sign: `−12` for -0.123."""
     return "-" if value is None else hundredths(value, "+")
 
 
 def hundredths(value: float, sign: str = "") -> str:
-    """-0.123 -> -12 with a typographer's minus; never a negative zero."""
+    """Return 100 times a value, rounded, with a typographic minus and no negative zero: `−12` for -0.123."""
     number = round(100 * value)
     return f"{number:{sign if number else ''}d}".replace("-", "\N{MINUS SIGN}")
 
 
 def signed(e: Row) -> str:
-    """Give a difference with its interval in points of success: `+12 (7 to 18)`."""
+    """Return a difference of success with its interval, in percentage points: `+12 (7 to 18)`."""
     if e["value"] is None or e["low"] is None:
         return points(e["value"])
     return f"{points(e['value'])} ({hundredths(e['low'])} to {hundredths(e['high'])})"
 
 
 def change(e: Row) -> str:
-    """Give a gap or a cost, which is success lost, as the change of success: `-12 (-18 to -7)`."""
+    """Return a gap or cost, which is lost success, as a change of success: `−12 (−18 to −7)`."""
     return signed(
         {
             k: None if e[of] is None else -e[of]
@@ -74,41 +74,41 @@ def change(e: Row) -> str:
 
 
 def p_value(p: float | None) -> str:
-    """0.0312 -> 0.031; small ones as < 0.001."""
+    """Return a p-value as text: `0.031` for 0.0312, `< 0.001` for smaller ones."""
     if p is None:
         return "-"
     return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.1 else f"{p:.2f}"
 
 
 def role(policy: Row) -> str:
-    """Give the role of a policy beside those with cameras: `teacher, told the goal`, `blind`, or nothing."""
+    """Return a policy's role, such as `teacher, told the goal` or `blind`; empty for policies with cameras."""
     return ROLES.get("scripted" if policy.get("scripted") else str(policy["modality"]), "")
 
 
 def conclusion(row: Row) -> str:
-    """Return what the episodes of a row of `success` can resolve, and how many more would be needed."""
+    """Return what the episodes of a row of `success` can resolve, and how many are needed for 5 points."""
     more = f"; to tell it within 5 points takes up to {row['needed']} episodes" if row.get("needed") else ""
     return f"{name(row)}: {row['words']}{more}"
 
 
 def name(row: Row) -> str:
-    """`depth`, or `depth, first image for ever` under a control."""
+    """Return a row's policy and control: `depth`, or `depth, first image for ever`."""
     kind = row.get("control", "")
     return f"{row['policy']}, {control(kind)}" if kind else str(row["policy"])
 
 
 def control(kind: str) -> str:
-    """`first image for ever`; of one that keeps the goal in place, `goal at its nominal place`."""
+    """Return a control in words, such as `first image for ever` or `goal at its nominal place`."""
     if kind.endswith(FIXED):
         return f"{kind.removesuffix(FIXED)} at its nominal place"
     return CONTROLS.get(kind, kind)
 
 
 def met(condition: bool | None) -> str:
-    """`met`, `not met`, or `not known`."""
+    """Return `met`, `not met`, or `not known`."""
     return "not known" if condition is None else "met" if condition else "not met"
 
 
 def hours(value: float | None) -> str:
-    """Give hours to two digits; `not known` where there are none."""
+    """Return hours to two digits; `not known` for None."""
     return "not known" if value is None else f"{value:.2g} h"

@@ -1,4 +1,4 @@
-"""Worlds in words, where a page first names them: S, V, N, P and VNP say nothing to a newcomer."""
+"""Descriptions of worlds, because names such as S, V, N, P and VNP say nothing to a newcomer."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.task.world_file import BUILT_IN, WORLD, load_world
 
-SHORT = {"V": "unseen looks", "N": "unseen sensor", "P": "hidden physics"}  # below bars, where little room is
+SHORT = {"V": "unseen looks", "N": "unseen sensor", "P": "hidden physics"}  # short captions, for below bars
 
 
 def caption(name: str, values: Mapping[str, Any]) -> str:
-    """Give a few words below a world's name: `training world`, `unseen looks`, `all of them`; empty where there are
-    none.
-    """
+    """Return a caption for a world, such as `training world`, `unseen looks`, `all at once`, or empty."""
     if len(values["worlds"]) < 2:
         return ""
     if name == values["reference"] and home_of_all(name, values["policies"]):
@@ -25,13 +23,13 @@ def caption(name: str, values: Mapping[str, Any]) -> str:
 
 
 def home_of_all(world: str, policies: Sequence[Mapping[str, Any]]) -> bool:
-    """Tell whether all policies that were trained were trained there, as far as their records tell."""
+    """Return whether all trained policies were trained in this world, according to their records."""
     trained = [p for p in policies if not p["scripted"]]
     return bool(trained) and all(world in (p["home"] or ()) for p in trained)
 
 
 def about(values: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Give what each world is, in its own file's words; of those alone that are the built-in ones."""
+    """Return the descriptions of the worlds from their files, only for unchanged built-in worlds."""
     entries = []
     for world in values["worlds"]:
         name = str(world["name"])

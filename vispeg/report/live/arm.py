@@ -1,4 +1,4 @@
-"""The arm in a page, to be turned and moved: its shapes and joints, in `evidence.npz` and for the script."""
+"""The interactive arm in a page: its shapes and joints, as arrays of `evidence.npz` and as data for the script."""
 
 from __future__ import annotations
 
@@ -15,30 +15,28 @@ from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
 SCRIPTS = ("arm.js",)
-FACES, FEWEST = 12_000, 60  # in all, and of one shape
+FACES, FEWEST = 12_000, 60  # most faces in all, and fewest to which one shape is reduced
 KEYS = ("parent", "pos", "quat", "joint", "axis", "anchor", "zero", "vertex", "face", "colour", "body")
 
 
 def with_arms(world: World, arrays: dict[str, np.ndarray]) -> None:
-    """Add to the arrays of a result the arm that they move: of a result, and of its joints where it has several
-    channels.
-    """
+    """Add the arm's arrays to the arrays of a result, and to those of its joints channel if it has several channels."""
     for at in ("", "channel/joints/"):
         if f"{at}joints" in arrays:
             arrays.update({f"{at}{key}": value for key, value in arm_arrays(world, arrays[f"{at}joints"]).items()})
 
 
 def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
-    """Give the arm of a world, without its effects, as arrays `arm/KEY`; empty for a robot that has nothing to draw.
+    """Return the arm of a world, without effects, as arrays `arm/KEY`; empty for a robot with nothing to draw.
 
-    Of `nb` bodies `parent` (nb,), `pos` (nb, 3) m and `quat` (nb, 4) in it; of `k` moved joints, in the order in which
-    they act, `joint` (k, 2) body and place in `joints`, `axis`, `anchor` (k, 3) in the body, `zero` (k,) rad;
-    `vertex` (V, 3) m in its body, `body` (V,), `colour` (V, 3) uint8, `face` (F, 3).
+    For nb bodies: `parent` (nb,), and `pos` (nb, 3), m, and `quat` (nb, 4), w x y z, in the parent. For k moved joints,
+    in kinematic order: `joint` (k, 2), body and index in `joints`; `axis` and `anchor` (k, 3) in the body; `zero` (k,),
+    rad. For V vertices and F faces: `vertex` (V, 3), m, in its body; `body` (V,); `colour` (V, 3) uint8; `face` (F, 3).
     """
     names = [str(name) for name in joints]
     try:
         model = compiled(load(world.robot, tool=world.tool))
-    except UserError:  # a result is a result without its picture
+    except UserError:  # the result is complete without a picture
         return {}
     parts = _shapes(model)
     rows = [j for j in range(model.njnt) if model.joint(j).name in names and _turns(model, j)]
@@ -61,14 +59,14 @@ def arm_arrays(world: World, joints: Iterable[str]) -> dict[str, np.ndarray]:
 
 
 def picked(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Give the arm's arrays among those of a file, by KEY; empty where one of them is not there."""
+    """Return the arm's arrays among those of a file, KEY -> array; empty if one is missing."""
     return {k: arrays[f"arm/{k}"] for k in KEYS} if all(f"arm/{k}" in arrays for k in KEYS) else {}
 
 
 def stage(arm: Mapping[str, np.ndarray]) -> dict[str, object]:
-    """Return the data for the page's script: plain numbers, with vertices and faces encoded as 16-bit text.
+    """Return the data for the page's script: plain numbers, with vertices and faces as 16-bit integers in base64.
 
-    Bodies' vertices stand together, so that each is one stretch of faces.
+    Faces are sorted by body, so that each body is one range of faces.
     """
     order = np.argsort(arm["body"][arm["face"][:, 0].astype(int)], kind="stable")
     face = arm["face"][order].astype(int)
@@ -96,7 +94,7 @@ def _turns(model: mujoco.MjModel, j: int) -> bool:
 
 
 def _shapes(model: mujoco.MjModel) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Vertices in the body, faces, body and colour of what is drawn; planes are left out."""
+    """Return (vertices in the body, faces, body, colour) of drawn shapes except planes; [] if too many vertices."""
     geoms = [g for g in visible(model) if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
     shapes = [(g, shape) for g in geoms if (shape := shape_of(model, g)) is not None]
     total, out = sum(len(faces) for _, (_, faces) in shapes), []

@@ -1,4 +1,4 @@
-"""Two policies on the same episodes: which seeds both solve, which only one, and how the others end."""
+"""Compare two policies on the same episodes: seeds that both solve, that only one solves, and how the others end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST = 1_000  # seeds that the page lists
 def context(
     values: Mapping[str, Any], episodes: Sequence[Episode], media: Sequence[Mapping[str, Any]] = ()
 ) -> Mapping[str, object] | None:
-    """Give what the script shows; None where two sides cannot be paired."""
+    """Return the data for the page's script; None if no two sides can be paired."""
     plain = [e for e in episodes if not e.control and not e.configuration]
     worlds = [w["name"] for w in values["worlds"] if any(e.world == w["name"] for e in plain)]
     replicas = {e.policy: len({o.train_seed for o in plain if o.policy == e.policy}) for e in plain}

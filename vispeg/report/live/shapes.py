@@ -1,4 +1,4 @@
-"""The shapes of a MuJoCo model that an eye sees, as triangles in their geoms' axes: for pages that draw them."""
+"""The visible shapes of a MuJoCo model as triangles in the axes of their geoms, for pages that draw them."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import mujoco
 import numpy as np
 
 G = mujoco.mjtGeom
-HIDDEN = 3  # geom groups from here on are for contact and marks
+HIDDEN = 3  # geom groups from this on are collision shapes and markers
 
 
 def visible(model: mujoco.MjModel) -> list[int]:
-    """Give the geoms that are drawn: in a body with shapes that do not collide, those alone."""
+    """Return the geoms to draw; in a body that has shapes for display only, just those."""
     clear = (model.geom_rgba[:, 3] == 0) & (model.geom_matid < 0)
     drawn = (model.geom_group < HIDDEN) & ~clear
     collides = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     dressed = np.zeros(model.nbody, bool)
     dressed[model.geom_bodyid[drawn & ~collides]] = True
-    dressed[0] = False  # the world's shapes belong to no one thing
+    dressed[0] = False  # shapes of the world body belong to different objects
     return [int(g) for g in np.flatnonzero(drawn & ~(collides & dressed[model.geom_bodyid]))]
 
 
 def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
-    """Capsules in place of moving links without shapes, from joint to joint: body, vertices (V, 3) m, faces (F, 3).
+    """Return capsules that stand for moving links without shapes: (body, vertices (V, 3), m, faces (F, 3)).
 
-    A link is a body with all that is fixed to it. One at the end of a chain reaches to its centre of mass and as far
-    again. A capsule is in its body's axes.
+    A link is a body with all bodies fixed to it. Its capsules reach from its joint to the next joints; at the end of a
+    chain, to twice the distance of its centre of mass. Vertices are in the body's axes.
     """
     from trimesh import creation
     from trimesh.transformations import rotation_matrix
@@ -50,7 +50,7 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
             ends[b] = [2 * middle - data.xpos[b]]
     lengths = {b: [float(np.linalg.norm(end - data.xpos[b])) for end in ends[b]] for b in bare}
     reach = sum(max(some) for some in lengths.values())
-    radius = max(0.035 * reach, 0.005)  # of an arm of 1 m the thickness of a wrist
+    radius = max(0.035 * reach, 0.005)  # about the thickness of a wrist for an arm of 1 m
     out = []
     for b in bare:
         axes = data.xmat[b].reshape(3, 3)
@@ -67,7 +67,7 @@ def skeleton(model: mujoco.MjModel) -> list[tuple[int, np.ndarray, np.ndarray]]:
 
 
 def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
-    """Colour (3,) of a geom, 0 to 1: its own, or its material's."""
+    """Return the colour (3,) of a geom, 0 to 1: its own, or its material's."""
     material = int(model.geom_matid[g])
     rgba = model.geom_rgba[g]
     if material >= 0 and np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
@@ -76,7 +76,7 @@ def colour_of(model: mujoco.MjModel, g: int) -> tuple[float, ...]:
 
 
 def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices (V, 3), m, and faces (F, 3) of a geom in its own axes; None for what is not drawn."""
+    """Return vertices (V, 3), m, and faces (F, 3) of a geom in its own axes; None for other kinds of geom."""
     from trimesh import creation
 
     kind, size = G(int(model.geom_type[g])), model.geom_size[g]
@@ -105,10 +105,10 @@ def shape_of(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray] | N
 
 
 def simplified(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give the mesh with at most `most` faces: vertices that share a cell of a grid become one, at their mean.
+    """Simplify a mesh to at most `most` faces: vertices in one cell of a grid are merged at their mean.
 
-    (Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.) The grid's cells
-    grow until it is enough; a face that collapses is left out.
+    The cells grow until there are few enough faces; collapsed faces are dropped (Rossignac and Borrel,
+    "Multi-resolution 3D approximations for rendering complex scenes", 1993).
     """
     if len(faces) <= most:
         return vertices, faces

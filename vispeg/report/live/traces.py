@@ -1,4 +1,4 @@
-"""Recorded signals that the reader can look at: which recording, which joints, which lines; one cursor, one zoom."""
+"""Interactive plots of signals: the reader chooses recording, joints and lines; plots share cursor and zoom."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from vispeg.report.text.quantities import PREFIXED
 
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "traces.js")
 STYLES = ("vendored/uPlot.css",)
-BUDGET = 250_000  # samples of a page in all; three bytes each in the page
-FEWEST, MOST = 300, 4000  # of one line
+BUDGET = 250_000  # most samples of a page in all, at three bytes each
+FEWEST, MOST = 300, 4000  # samples of one line
 GAP = -32768  # the code of a missing value
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a panel: the array `of` of a track, less the array `minus`. Lines of one label are switched together.
+    """A line of a panel: the array `of` of a track, minus the array `minus` if given.
 
     Attributes:
-        label, of, minus: see above; a track without the arrays does not have the line.
-        colour: a name of the palette.
-        width: px.
-        dash, dots: a broken line; marks in place of a line.
+        label: name of the line; lines with the same label are switched on and off together.
+        of, minus: names of arrays; a track without them does not have the line.
+        colour: name of a colour in the palette.
+        width: width of the line, px.
+        dash: draw a dashed line.
+        dots: draw dots in place of a line.
     """
 
     label: str
@@ -40,7 +42,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """What is drawn in one frame for each joint; `visible` at first."""
+    """A plot that each channel has: name, unit and lines; `visible` says whether it is shown at first."""
 
     name: str
     unit: str
@@ -50,7 +52,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Track:
-    """A recording: time (n,) s and arrays (n, channels); NaN is a gap. `bands`: (from, to) s, shaded."""
+    """A recording: time (n,), s, and arrays (n, channels) with NaN in gaps; `bands` (from, to), s, are shaded."""
 
     name: str
     time: np.ndarray
@@ -61,13 +63,13 @@ class Track:
 def widget(
     channels: Sequence[str], panels: Sequence[Panel], tracks: Sequence[Track], visible: Sequence[bool]
 ) -> dict[str, object]:
-    """Give what the template `traces.html.j2` shows.
+    """Return the values for the template `traces.html.j2`.
 
     Args:
         channels: names of the columns, such as joints.
-        panels: with lines of which one track at least has the arrays.
-        tracks: one or more.
-        visible: which channels are drawn at first.
+        panels: the plots; those without any data in the tracks are left out.
+        tracks: one or more recordings.
+        visible: whether each channel is shown at first.
     """
     there = {key for track in tracks for key in track.arrays}
     used = [p for p in panels if any({line.of, line.minus or line.of} <= there for line in p.lines)]
@@ -90,12 +92,12 @@ def widget(
 
 
 def inert(data: object) -> str:
-    """JSON that no HTML parser takes for markup, whatever names are in it."""
+    """Return JSON in which `<` is escaped, so that it cannot end or begin HTML markup."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def coded(values: np.ndarray) -> dict[str, object]:
-    """(rows, n) as 16-bit numbers, each row on a scale of its own, so that small ones stay exact; NaN is a gap."""
+    """Encode (rows, n) as 16-bit integers in base64, each row with its own scale; GAP encodes NaN."""
     values = np.where(np.isfinite(values), values, np.nan)
     scale = np.max(np.abs(np.nan_to_num(values)), axis=1, initial=0.0, keepdims=True) / 32767
     safe = np.where(scale > 0, scale, 1.0)
@@ -108,7 +110,7 @@ def coded(values: np.ndarray) -> dict[str, object]:
 
 
 def thinned(values: np.ndarray, most: int) -> np.ndarray:
-    """(n, k) as at most `most` rows in which the least and greatest value of every stretch stand, in their order."""
+    """Thin (n, k) to at most `most` rows that keep the lowest and highest value of every stretch, in order."""
     n = len(values)
     if n <= most:
         return values
@@ -122,7 +124,7 @@ def thinned(values: np.ndarray, most: int) -> np.ndarray:
 
 
 def thinned_time(time: np.ndarray, most: int) -> np.ndarray:
-    """Give the times (n,) that belong to `thinned` rows: two a stretch, evenly spaced in it."""
+    """Thin times (n,) to match the rows of `thinned`: two per stretch, evenly spaced."""
     n = len(time)
     if n <= most:
         return time

@@ -1,8 +1,8 @@
-"""One section of the report a file: its TITLE, and `context(record)`, the values its template shows (None: nothing).
+"""The sections of the report, one per file, with a TITLE and `context(record)`, which returns the template's values.
 
 The template of `sections/NAME.py` is `templates/sections/NAME.html.j2`. A section is added by writing the two files and
-naming it here. One that answers the mouse names its SCRIPTS and STYLES, files of templates/; where its values say
-`still`, it has nothing to answer with.
+naming it here. `context` returns None if there is nothing to show. An interactive section names its SCRIPTS and STYLES,
+files of templates/, which are left out if the values have a true `still`.
 """
 
 DIAGNOSIS = (
@@ -37,5 +37,5 @@ CONTACT = (
     "provenance",
 )
 CONTACT_COMPARE = ("headline", "wrench", "where_it_fails", "pictures", "provenance")
-CHANNELS = ("headline", "channels", "found", "next_experiment")  # of several channels; then what each of them shows
-SHARED = ("headline", "found", "next_experiment", "provenance")  # sections that a page of several channels has once
+CHANNELS = ("headline", "channels", "found", "next_experiment")  # with several channels; each channel's sections follow
+SHARED = ("headline", "found", "next_experiment", "provenance")  # shown once, not for each of several channels

@@ -1,4 +1,4 @@
-"""What else was tried, how much it helped on held-out data, and why it was refused."""
+"""The section on candidates: what was tried, its gain on held-out data, and why it was refused."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_SCREENED = 20
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Candidates by falling gain, and the screening's ranking."""
+    """Return the tried candidates by decreasing gain, and the ranking of the screening."""
     tried = sorted(record.rows("candidates"), key=lambda row: -_sortable(row.get("heldout_gain")))
     screened = sorted(record.rows("screening"), key=lambda row: -_sortable(row.get("score")))
     top = screened[:MOST_SCREENED]
@@ -53,9 +53,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _by_model(tried: Iterable[dict[str, str]]) -> list[Mapping[str, object]]:
-    """Give the rows of each model that candidates were added to, by its effects; models in the order of their best
-    row.
-    """
+    """Group rows by the model that the candidate was added to; models are in the order of their best row."""
     models: dict[str, list[dict[str, str]]] = {}
     for row in tried:
         models.setdefault(row["beside"], []).append(row)
@@ -84,7 +82,7 @@ def _sortable(value: Any) -> float:
 
 
 def _decades(scores: Sequence[float | None]) -> tuple[int, int]:
-    """Give the powers of ten that the positive scores lie between."""
+    """Return the powers of ten between which the positive scores lie."""
     sizes = [math.log10(x) for x in scores if x is not None and x > 0]
     return (math.floor(min(sizes)), max(math.ceil(max(sizes)), math.floor(min(sizes)) + 1)) if sizes else (0, 1)
 
@@ -94,7 +92,7 @@ def _log_share(score: float | None, low: int, high: int) -> float:
 
 
 def powers(value: Any, digits: int = 3) -> str:
-    """`2.60 × 10¹⁰`; numbers of up to six places as they are."""
+    """Return a number as text; very large or small ones as `2.60 × 10¹⁰`."""
     text = plain(value, digits)
     mantissa, e, exponent = text.partition("e")
     if not e:

@@ -1,4 +1,4 @@
-"""One channel of a diagnosis over several: its verdict and the fall of its error, before what only it shows."""
+"""The first section of one channel in a diagnosis of several: its verdict and the decrease of its error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vispeg.report.text import contact_words, words
 
 
 def context(record: Record, channel: str) -> Mapping[str, object]:
-    """Verdict, the fall of the error in words and in a picture, the reason."""
+    """Return the verdict with its reason, and the decrease of the error in words and as a picture."""
     values = record.values
     drawn = chart(lambda shape: ladder_figure(record, shape), f"ladder-{channel}", words.fall(values))
     return {

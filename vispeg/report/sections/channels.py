@@ -1,4 +1,4 @@
-"""What each channel of a diagnosis over several says: its verdict, its error, what it was given."""
+"""The section that summarizes the channels of a diagnosis: verdict, error and effects of each."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ TITLE = "Channels"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give a row a channel; None where there is only one."""
+    """Return one row per channel; None if there is only one channel."""
     said = record.rows("by_channel")
     return {"channels": [channel_row(r) for r in said]} if said else None
 
 
 def channel_row(said: Mapping[str, Any]) -> dict[str, str]:
-    """Channel, verdict, held-out error before and after, noise floor, effects named, effects of others."""
+    """Return one channel's verdict, held-out errors, noise floor, named effects, and effects from other channels."""
     record = said.get("record") or {}
     before, after, unit = words.ladder_ends(record)
     floor = record.get("noise_floor") or {}

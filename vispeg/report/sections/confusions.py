@@ -1,4 +1,4 @@
-"""Classes of effects that these recordings cannot separate, and the experiment that would."""
+"""The section on effects that these recordings cannot distinguish, and the experiment that could."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TITLE = "What cannot be told apart"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Give the classes, chosen member first, and the experiment that is proposed against them."""
+    """Return the classes of indistinguishable effects, chosen member first, and the proposed experiment."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     return {
@@ -20,5 +20,5 @@ def context(record: Record) -> Mapping[str, object]:
         "classes": words.rivals(record.values),
         "named": bool(record.rows("effects") or record.rows("partial")),
         "remedy": str(following.get("why") or "").rstrip("."),
-        "sigma": plain(sigma, 2) if sigma else "",  # zero: not predicted
+        "sigma": plain(sigma, 2) if sigma else "",  # zero means not predicted
     }

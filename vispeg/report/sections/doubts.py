@@ -1,4 +1,4 @@
-"""Each reason not to trust a fitted value."""
+"""The section on reasons to doubt fitted values."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ TITLE = "What to doubt"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give the reasons, in words; None without one."""
+    """Return the reasons, in words; None if there are none."""
     reasons = doubts(record.values)
     return {"doubts": reasons} if reasons else None

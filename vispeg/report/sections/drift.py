@@ -1,4 +1,4 @@
-"""Whether the robot has changed: each identified value, in every recording, beside its interval of then."""
+"""The section on drift: each identified value in every recording, beside its interval from the identification."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TITLE = "Has the robot changed?"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give the sentences, a row a value, and the picture; None where nothing of the model was identified."""
+    """Return sentences, one row per value, and the picture; None if the record has no drift."""
     drift = record.rows("drift")
     if not drift:
         return None

@@ -1,4 +1,4 @@
-"""Effects switched on and off: the held-out error, its bar and each joint's residual follow the mouse."""
+"""The interactive section: the reader switches effects on and off, and sees the error and each joint's residual."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from vispeg.report.text.quantities import PREFIXED, quantity
 TITLE = "Try it: the model's error"
 SCRIPTS = ("vendored/uPlot.js", "charts.js", "explore.js")
 STYLES = CHART_STYLES
-SHARE = 0.05  # of the greatest residual: joints below it are folded away at first
+SHARE = 0.05  # of the largest residual; joints below it are hidden at first
 
 
 def context(record: Record) -> dict[str, object] | None:
-    """Buttons for the effects and the rivals, a bar for the error, and what the script draws."""
+    """Return buttons for effects and rivals, a bar for the error, and the script's data; None without choices."""
     choices = record.evidence.choices
     if choices is None or not len(choices.error) or not choices.residuals:
         return None
@@ -59,7 +59,7 @@ def _named(record: Record, name: str, where: str) -> dict[str, str]:
 
 
 def _rival_words(name: str) -> str:
-    """`Payload at the flange in place of ...` for `payload(flange) in place of ...`."""
+    """Return a rival in words: `Payload at the flange in place of ...` for `payload(flange) in place of ...`."""
 
     def word(label: str) -> str:
         effect, _, where = label.partition("(")
@@ -80,14 +80,14 @@ def _row(choices: Choices, i: int, unit: str, floor: float | None) -> dict[str, 
 
 
 def _ends(choices: Choices, floor: float | None) -> tuple[float, float]:
-    """End of the bar's logarithmic axis."""
+    """Return the ends (low, high) of the bar's logarithmic axis."""
     errors = [float(e) for e in choices.error if np.isfinite(e) and e > 0] + ([floor] if floor else [])
     high = max(errors, default=1.0)
     return min(min(errors, default=0.1) / 1.6, high / 10), high
 
 
 def _position(error: float, choices: Choices, floor: float | None) -> float:
-    """Per cent of the bar's length."""
+    """Return an error's position on the bar, in per cent of its length."""
     low, high = _ends(choices, floor)
     if not np.isfinite(error) or error <= 0:
         return 100.0 if not np.isfinite(error) else 0.0
@@ -102,13 +102,13 @@ def _axis(choices: Choices, floor: float | None) -> dict[str, float | None]:
 
 
 def _joints(names: tuple[str, ...], choices: Choices) -> list[tuple[str, bool]]:
-    """Joints with whether they are shown at first: those with a visible share of the first model's error."""
+    """Return (joint, whether it is shown at first): those with at least SHARE of the first model's largest error."""
     first = np.nan_to_num(choices.joints[0])
     return [(name, bool(first[j] >= SHARE * first.max(initial=0.0))) for j, name in enumerate(names)]
 
 
 def _traces(choices: Choices, unit: str) -> dict[str, object]:
-    """Residuals of each recording, choice by choice and joint by joint."""
+    """Return the encoded residuals of each recording, for each choice and joint."""
     recordings = []
     for name, time, values in choices.residuals:
         m, n, nj = values.shape

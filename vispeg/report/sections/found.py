@@ -21,7 +21,7 @@ AT_BOUND = "at a bound: the true value may lie beyond"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Give the effects with a row a parameter, earlier values that moved, and how the estimates are correlated."""
+    """Return the effects with one row per parameter, earlier values that changed, and correlations of the estimates."""
     listed = [e for e in [*record.rows("effects"), *record.rows("partial")] if in_part(record, e)]
     everything = [*listed, *(e for e in record.rows("effects") if not in_part(record, e))]
     return {
@@ -36,7 +36,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def effect_rows(record: Record) -> list[dict[str, str]]:
-    """Give the effects that were found as rows of a table, one a parameter."""
+    """Return the effects found as table rows, one per parameter."""
     listed = record.rows("effects")
     return [{"effect": label(e), "sure": sure(e), **row} for e in listed for row in _params(e) or [_NOTHING]]
 
@@ -66,7 +66,7 @@ def _fitted(p: Mapping[str, Any]) -> bool:
 
 
 def _at_null(name: str, param: str, p: Mapping[str, Any]) -> bool:
-    """Return whether a value is null, which means next to fitted values that it was not fitted."""
+    """Return whether a value is the null value; among fitted values, it then was not fitted."""
     bounds = bounds_of(name, param)
     return bounds is not None and number(p.get("value")) == bounds.null
 
@@ -92,7 +92,7 @@ def _glance(effect: Mapping[str, Any]) -> Mapping[str, object]:
 
 
 def bounds_of(effect: str, param: str) -> Param | None:
-    """Give the registered parameter, or None where this installation does not know the effect."""
+    """Return the registered parameter; None if this installation does not know it."""
     kind = REGISTRY.get(effect)
     return kind.params.get(param) if kind is not None else None
 

@@ -1,4 +1,4 @@
-"""The verdict in plain words, the fall of the held-out error, and what was found."""
+"""The headline section: the verdict in words, the decrease of the held-out error, and the effects found."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TITLE = "Verdict"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Verdict, sentence on the error, key figures, ladder picture and table, effects found."""
+    """Return the verdict, sentences on the error, key figures, the ladder as picture and table, and marked effects."""
     values = record.values
     first, last, unit = words.ladder_ends(values)
     floor = record.mapping("noise_floor")
@@ -48,14 +48,14 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def _judged(record: Record) -> str:
-    """Give what the ladder's errors are of."""
+    """Return the recordings that the ladder's errors refer to, in words."""
     if record.values.get("judged") == "fitted":
         return "Fitted recordings"
     return "Recordings" if record.kind == "compare" else "Held-out recordings"
 
 
 def _marks(record: Record) -> list[dict[str, str]]:
-    """Where in the robot's picture the effects sit that were found: number, words, place in per cent."""
+    """Return the found effects with their positions in the robot's picture, in per cent."""
     places = record.mapping("picture").get("places")
     marks, taken = [], set()
     if not isinstance(places, dict):
@@ -65,7 +65,7 @@ def _marks(record: Record) -> list[dict[str, str]]:
             continue
         x, y = places.get(str(effect.get("where"))) or (None, None)
         if x is not None and y is not None:
-            while (x, y) in taken:  # two effects of one joint stand side by side
+            while (x, y) in taken:  # two effects in one joint are placed side by side
                 x += 0.045
             taken.add((x, y))
             marks.append({"words": effect_words.sized(effect), "x": f"{100 * x:.1f}", "y": f"{100 * y:.1f}"})

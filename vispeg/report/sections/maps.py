@@ -1,4 +1,4 @@
-"""Where in speed, load, position, phase, time and frequency the residual lives, joint by joint."""
+"""The section of maps: each joint's residual over speed, load, position, phase, time and frequency."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ LABELS = {
     "time": "time (s)",
     "frequency": "frequency (Hz)",
 }
-SHADES = ("#fff6da", "#fbdba4", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")  # the noise is no grey: that is no data
-NO_DATA, BETWEEN = day("empty"), "#fefefe"  # the page turns cells dark at night, and what is between them with them
+SHADES = ("#fff6da", "#fbdba4", "#f0a24f", "#d9541e", "#93260f", "#3f0d08")  # no grey, which means no data
+NO_DATA, BETWEEN = day("empty"), "#fefefe"  # the style sheet darkens both in dark mode
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """One picture with all maps on a common scale, and one sentence a map."""
+    """Return one picture of all maps on a common scale, and one sentence per map."""
     maps = list(record.evidence.maps.values())
     return {
         "picture": maps_picture(maps, record.evidence.joints),
@@ -40,7 +40,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def sentence(residual: ResidualMap, record: Record) -> str:
-    """Give the worst cell before and after, in multiples of the noise."""
+    """Return a sentence on the worst cell before and after, in multiples of the noise."""
     joints = record.evidence.joints
     text = f"Over {residual.axis}: largest {_worst(residual.before, residual, joints)}"
     return (
@@ -51,7 +51,7 @@ def sentence(residual: ResidualMap, record: Record) -> str:
 
 
 def maps_picture(maps: list[ResidualMap], joints: tuple[str, ...]) -> str:
-    """Heat maps joint x bin, before on the left and after on the right; 1 is the noise, colours are logarithmic."""
+    """Draw heat maps of joints by bins, before on the left and after on the right, with logarithmic colours."""
     if not maps:
         return ""
     name = "Residual by joint and " + ", ".join(m.axis for m in maps)
@@ -93,7 +93,7 @@ def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> F
 
 
 def scale_levels(top: float) -> np.ndarray:
-    """Colour steps from 1 to at least `top`: 1, 1.5, 2, 3, 5, 7, 10, 15, ...; named values are steps."""
+    """Return colour steps from 1 to at least `top`: 1, 1.5, 2, 3, 5, 7, 10, 15 and so on."""
     decades = int(np.ceil(np.log10(top))) + 1
     steps = np.concatenate([np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0]) * 10.0**d for d in range(decades)])
     return steps[: int(np.searchsorted(steps, top)) + 1]
@@ -105,7 +105,7 @@ def _map(
     k = values.shape[1]
     masked = np.ma.masked_invalid(values)
     ax.pcolormesh(np.arange(k + 1), np.arange(len(joints) + 1), masked, cmap=colours, norm=norm, ec=BETWEEN, lw=0.6)
-    ax.axhspan(0, len(joints), color=NO_DATA, lw=0, zorder=0)  # the patch of the axes is not drawn
+    ax.axhspan(0, len(joints), color=NO_DATA, lw=0, zorder=0)  # because the patch of the axes is not drawn
     ax.set_ylim(len(joints), 0)
     ax.set_yticks(np.arange(len(joints)) + 0.5, joints)
     ticks = np.arange(0, k + 1, max(1, -(-k // parts)))
@@ -117,7 +117,7 @@ def _map(
 
 
 def _edges(residual: ResidualMap) -> np.ndarray:
-    """Edges of the bins, with rounding error around zero shown as zero."""
+    """Return the edges of the bins, with rounding errors around zero set to zero."""
     return np.where(np.abs(residual.edges) < 1e-6 * np.ptp(residual.edges), 0.0, residual.edges)
 
 

@@ -34,7 +34,7 @@ WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # by th
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Give a picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
+    """Return a picture and a sentence for each of the worst held-out recordings, and a table with all of them."""
     traces = [*record.evidence.traces, *record.evidence.torques]
     ordered = sorted(record.evidence.traces, key=lambda t: -(_final(t) or 0.0))[:MOST_TRACES]
     names = {t.name for t in ordered}
@@ -58,7 +58,7 @@ def context(record: Record) -> Mapping[str, object]:
 
 
 def interactive(record: Record) -> dict[str, object]:
-    """Signals and residuals of the recordings, the worst first, for the reader's own choice of joints and lines."""
+    """Return the data for interactive plots of signals and residuals, the worst recording first."""
     evidence = record.evidence
     torques = {t.name: t for t in evidence.torques}
     worst = _worst_first(record)
@@ -75,7 +75,7 @@ def _worst_first(record: Record) -> list[Trace]:
 
 
 def _arrays(trace: Trace | None, of: str = "") -> dict[str, np.ndarray]:
-    """Return the measured values and each model's residuals, with a scale of their own so that they stay exact."""
+    """Return the measured values and each model's residuals; residuals have their own scale, so they stay exact."""
     if trace is None:
         return {}
     arrays = {f"measured{of}": trace.measured, f"before{of}": trace.measured - trace.before}
@@ -97,7 +97,7 @@ def _panels(unit: str, of: str, last: str) -> tuple[Panel, Panel]:
 
 
 def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
-    """Return the change of this recording's residual, overall and at the joint that is worst in the end."""
+    """Return a sentence on the change of a recording's residual, in all and at the joint that is worst in the end."""
     before, final = rms(trace.before - trace.measured), _final(trace)
     if before is None or final is None:
         return f"{trace.name}: no residual (the model has no finite prediction)"
@@ -114,7 +114,7 @@ def trace_title(trace: Trace, joints: tuple[str, ...]) -> str:
 
 
 def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int = 1500) -> str:
-    """Per joint: overlay on the left (or above), residual (measured - model) on the right (or below)."""
+    """Return SVG with, per joint, signals on the left (or above) and residuals on the right (or below)."""
 
     def draw(shape: Shape) -> Figure:
         return trace_figure(trace, joints, min(points, NARROW_POINTS) if shape.narrow else points, shape)
@@ -123,13 +123,13 @@ def trace_picture(trace: Trace, joints: tuple[str, ...], name: str, points: int 
 
 
 def trace_figure(trace: Trace, joints: tuple[str, ...], points: int, shape: Shape) -> Figure:
-    """Draw measured values and both models on the left, their residuals on the right, a row a joint or axis."""
+    """Draw measured values and both models on the left, their residuals on the right, one row per joint or axis."""
     n, columns = len(joints), 1 if shape.narrow else 2
     figure = new_figure(0.75 + 1.84 * n / columns, shape.width)
     grid = figure.subplots(2 * n // columns, columns, sharex=True, squeeze=False).reshape(n, 2)
     for j, (left, right) in enumerate(grid):
         for values, colour, width, style in (
-            (trace.measured, MEASURED, 2.4, "-"),  # wide and below, so that it shows where the models cover it
+            (trace.measured, MEASURED, 2.4, "-"),  # wide and at the back, so that it is visible under the models
             (trace.before, BEFORE, 1.0, "-"),
             (trace.after, AFTER, 1.0, (0, (5, 3))),
         ):
@@ -187,7 +187,7 @@ def _worst(residual: np.ndarray, joints: tuple[str, ...], unit: str) -> str:
 
 @dataclass(frozen=True)
 class Worst:
-    """The time, s, at which a model is farthest off over all joints together (`size`), and the joint that is."""
+    """The largest error of a model: time, s; norm over all joints (`size`); and a description with the worst joint."""
 
     time: float
     words: str
@@ -195,7 +195,7 @@ class Worst:
 
 
 def moment(trace: Trace, joints: Sequence[str]) -> Worst:
-    """Return when the given model is worst in a recording."""
+    """Return the moment of the given model's largest error in a recording."""
     off = np.nan_to_num(np.abs(trace.measured - trace.before), posinf=0.0)
     k = int(np.argmax(np.linalg.norm(off, axis=1)))
     j = int(np.argmax(off[k]))
@@ -207,7 +207,7 @@ def moment(trace: Trace, joints: Sequence[str]) -> Worst:
 def arm_stage(
     arm: Mapping[str, np.ndarray], traces: Sequence[Trace], joints: Sequence[str]
 ) -> dict[str, object] | None:
-    """Give what the template `stage.html.j2` shows beside these tracks; None without an arm."""
+    """Return the values for the template `stage.html.j2`, which shows the arm; None without an arm or traces."""
     if not arm or not traces:
         return None
     worst = [moment(t, joints) for t in traces]

@@ -1,4 +1,4 @@
-"""The motion to record next: what it is, what it separates, how it looks, and what to do with it."""
+"""The section on the next experiment: the motion to record, what it distinguishes, its picture, and the command."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_JOINTS = 4
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Motion, reason, expected separation in sigma, picture, and what to run with the new recording."""
+    """Return the motion, its reason, the expected separation in sigma, picture, and the command to run afterwards."""
     following = record.mapping("next_experiment")
     sigma = number(following.get("expected_separation_sigma"))
     motion = record.evidence.next_motion
@@ -51,18 +51,18 @@ GENERAL = "vispeg diagnose MODEL --recording DIR --recording NEW-RECORDING --val
 
 
 def _name(record: Record) -> list[str]:
-    """Give the words of the command that made the record; none where it is not known."""
+    """Return the words of the command that made the record; empty if unknown."""
     command = record.mapping("provenance").get("command")
     try:
         return [str(w) for w in command] if isinstance(command, list) else shlex.split(str(command or ""))
-    except ValueError:  # unbalanced quotes: not a command line
+    except ValueError:  # unbalanced quotes, so not a command line
         return []
 
 
 def again(record: Record, new: bool = True) -> str:
-    """Say this diagnosis again, with the `new` recording, into another folder; a general one where it cannot be had."""
+    """Return this diagnosis's command with another --out and, if `new`, a new recording; if unknown, a general one."""
     command = _name(record)
-    if command[1:2] != ["diagnose"]:  # another command, whose arguments are others
+    if command[1:2] != ["diagnose"]:  # another command has other arguments
         return GENERAL
     for i, word in enumerate(command):
         if word == "--out" and i + 1 < len(command):
@@ -73,7 +73,7 @@ def again(record: Record, new: bool = True) -> str:
 
 
 def motion_picture(motion: NextMotion, evidence: Evidence) -> str:
-    """Command of each moving joint, beside the difference between what the two top rivals predict for it."""
+    """Draw the commands of moving joints, beside the difference between the predictions of the two top rivals."""
     joints = evidence.joints
     spread = np.ptp(np.nan_to_num(motion.command), axis=0) if motion.time.size else np.zeros(len(joints))
     apart = None if motion.a is None or motion.b is None else motion.a - motion.b

@@ -1,4 +1,4 @@
-"""What cameras delivered against what the model says that they see: the worst frames, and where the residuals lie."""
+"""The section on pictures: the worst frames, measured and rendered, and the residuals of each camera."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LABELS = {
     "depth_measured": "depth, measured",
     "depth_difference": "depth, difference",
 }
-FIGURES = (  # of a camera: key, unit, words
+FIGURES = (  # figures of a camera: key, unit, words
     ("border_median_px", "px", "borders off, median"),
     ("border_px", "px", "borders off, RMS"),
     ("corner_median_px", "px", "the board's corners off, median"),
@@ -44,7 +44,7 @@ FIGURES = (  # of a camera: key, unit, words
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Figures by camera, pictures of the worst frames, residuals over image, distance and time; None without frames."""
+    """Return figures by camera, pictures of the worst frames, and drawn residuals; None without cameras."""
     section = record.mapping("pictures")
     cameras = rows(section, "cameras")
     if not cameras:

@@ -1,4 +1,4 @@
-"""What torques call for before any rollout, and what of it the search confirmed."""
+"""The section on the first proposal: effects that torques suggest, and whether the search found them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ TITLE = "First proposal"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give the proposed effects, and the torque that each joint lacks before and after; None where no torque is
-    known.
-    """
+    """Return the proposed effects, and each joint's missing torque before and after; None without a proposal."""
     proposal = record.mapping("proposal")
     if not proposal:
         return None

@@ -1,4 +1,4 @@
-"""How this report came to be: command, seed, versions, inputs with their hashes, recordings, notes."""
+"""The section on provenance: command, seed, versions, inputs with hashes, recordings, notes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TITLE = "Provenance"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Plain text of everything needed to run it again."""
+    """Return everything needed to repeat the run, as text."""
     section = record.mapping("provenance")
     command = section.get("command")
     recordings = record.mapping("recordings")

@@ -1,4 +1,4 @@
-"""Frames of a task as its cameras deliver them, where the run drew some (`vispeg demo` does)."""
+"""The section with rendered frames of a task, if the run made some (`vispeg demo` does)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ TITLE = "Rendered for training"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give the contact sheet as a `data:` link; None where there is none."""
+    """Return the contact sheet as a `data:` link; None if there is none."""
     if record.sheet is None:
         return None
     return {"sheet": data_link(record.sheet)}

@@ -1,4 +1,4 @@
-"""Free objects: what windows of each length say of every parameter, and what they cannot tell."""
+"""The section on tossed objects: what windows of each length determine about each parameter."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CONTACT = {
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Errors and parameters by length of window, the profiles, the contact's numbers; None of an arm."""
+    """Return errors and parameters by window length, profiles, and contact parameters; None for an arm."""
     windows = record.rows("restarts")
     if not windows:
         return None

@@ -1,4 +1,4 @@
-"""What these recordings could not have shown: the sizes up to which an effect that was not found may be there."""
+"""The section on undetectable effects: the sizes below which effects not found may exist all the same."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ TITLE = "What could not have been seen"
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give the least certain effects and the rest; None where the record does not say."""
+    """Return the least certain effects and the rest, in two tables; None without data."""
     hidden = unseen(record.values)
     return {"tables": [part for part in (hidden[:SHOWN], hidden[SHOWN:]) if part]} if hidden else None

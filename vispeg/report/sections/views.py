@@ -1,4 +1,4 @@
-"""What the cameras saw and what the model says they see: pictures side by side, shifts at working distances."""
+"""The section of a diagnosis of pictures: measured and rendered views, and shifts at working distances."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from vispeg.report.record import Record, data_link
 from vispeg.report.text.camera_words import confounded
 
 TITLE = "Pictures, measured and rendered"
-SHOWN = 4.0  # times that misplacements are drawn long
-DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # of edges: before, after
-LEAST = 0.5  # px of misplacement that is drawn
-ODD = 0.8  # times the ordinary, from which on a figure of the sensor is shown
-AWAY = 12.0  # mm, the difference of depth that is drawn full red or blue
+SHOWN = 4.0  # factor by which displacements are drawn enlarged
+DARK, LIGHT = (216, 27, 96), (0, 150, 136)  # colours of edges before and after
+LEAST = 0.5  # px, smallest displacement drawn as a line
+ODD = 0.8  # a sensor's figure is shown above this multiple of the usual value
+AWAY = 12.0  # mm, depth difference drawn in full red or blue
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """None without pictures; else rows of pictures, the table of projections with a map each, and what is left."""
+    """Return rows of pictures, maps of the projections, confounded effects and sensor figures; None without views."""
     values = record.mapping("views")
     if not values:
         return None
@@ -37,7 +37,7 @@ def context(record: Record) -> Mapping[str, object] | None:
 
 
 def _sensor(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Give the kinds of pictures some of whose figures are out of the ordinary, with those figures."""
+    """Return the kinds of pictures with unusual sensor figures, and those figures."""
     out = []
     for row in values.get("sensor") or []:
         figures = [f for f in row["figures"] if max(abs(f["before"]), abs(f["after"])) > ODD]
@@ -74,7 +74,7 @@ def _row(arrays: Mapping[str, np.ndarray], name: str) -> Mapping[str, object] | 
 def _drawn(
     measured: np.ndarray, arrays: Mapping[str, np.ndarray], name: str, word: str, colour: tuple[int, int, int]
 ) -> np.ndarray:
-    """Give the measured picture, pale, with each border point and how far off its edge is, `SHOWN` times as long."""
+    """Draw each border point's displacement from its edge on the pale measured picture, enlarged `SHOWN` times."""
     import cv2
 
     scale = max(1, round(640 / measured.shape[1]))
@@ -95,7 +95,7 @@ def _drawn(
 
 
 def _difference(measured: np.ndarray, modelled: np.ndarray) -> np.ndarray:
-    """(H, W, 3) uint8: red where measured is farther, blue where nearer, yellow where only one has a reading."""
+    """Draw a depth difference (H, W, 3) uint8: red if measured is farther, blue if nearer, yellow if one is missing."""
     both = (measured > 0) & (modelled > 0)
     share = np.clip(1000 * np.where(both, measured - modelled, 0) / AWAY, -1, 1)
     out = np.full((*measured.shape, 3), 245, np.float32)
@@ -109,7 +109,7 @@ def _maps(values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[M
     out = []
     for k, row in enumerate(values.get("projection") or []):
         if f"projection/{k}/shift" not in arrays or not (row["rms_px"] or row["uncertainty_px"]):
-            continue  # nothing of this camera was fitted: its picture is the calibration's, and known to nothing
+            continue  # nothing of this camera was fitted, so it has neither a shift nor an uncertainty
         pixels, shift = (arrays[f"projection/{k}/{key}"] for key in ("pixels", "shift"))
         title = f"{row['camera']} at {row['distance_m']:g} m: {row['rms_px']:.2f} px RMS"
 

@@ -1,4 +1,4 @@
-"""Shares of the residual by joint and regime, what is left of each joint, and what an unexplained rest depends on."""
+"""The section on where the model fails: shares of the residual, each joint's error, and the unexplained rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TITLE = "Where it fails"
 
 
 def context(record: Record) -> Mapping[str, object]:
-    """Shares in falling order with what is left over, the error of each joint, and the unexplained rest."""
+    """Return shares of the residual, the largest first, each joint's error, and the unexplained rest."""
     shares = sorted(record.rows("where_it_fails"), key=lambda row: -(number(row.get("share")) or 0.0))
     total = sum(number(row.get("share")) or 0.0 for row in shares)
     rest = record.mapping("unexplained")

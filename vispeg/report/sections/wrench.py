@@ -1,4 +1,4 @@
-"""Wrench at the wrist, measured against model on one time axis with the phase of contact; the worst moment."""
+"""The section on the wrench at the wrist: measured and modelled over time with the contact phase; the worst moment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PHASES = tuple(map(day, ("pale", "lagoon", "violet", "sand", "wine")))  # in the
 
 
 def context(record: Record) -> Mapping[str, object] | None:
-    """Give a figure a recording, errors by phase, the worst moment, what was not excited; None without a wrench."""
+    """Return a figure per recording, errors by phase, the worst moment, effects not excited; None without contact."""
     if record.values.get("evidence") != "contact":
         return None
     evidence = record.evidence
@@ -83,7 +83,7 @@ def _figure(force: Trace, torque: Trace, codes: np.ndarray, names: list[str], sh
 
 
 def _band(ax: Axes, time: np.ndarray, codes: np.ndarray) -> None:
-    """Give the phase of contact as coloured stretches; the legend names them, for many are too short for a word."""
+    """Draw the contact phases as coloured stretches; the legend names them, as many are too short for text."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     for part in np.split(np.arange(len(codes)), np.flatnonzero(np.diff(codes)) + 1):
         left, right = float(time[part[0]]) - step / 2, float(time[part[-1]]) + step / 2

@@ -1,4 +1,4 @@
-"""A calibration for a person: the numbers with their intervals, a row an image, the notes."""
+"""A camera calibration as tables: numbers with intervals, one row per image, and notes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _numbers(results: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _effect(effect: Mapping[str, Any]) -> str:
-    """Give what an effect is, and what a calibration that has it would be."""
+    """Return an effect with its value, and the scatter of the board's origin with and without the corrected square."""
     (name, v), (before, after) = *effect["params"].items(), effect["board_scatter_mm"]
     value = f"{effect['effect']}({effect['where']}): {name} {v['value']:.3f} [{v['low']:.3f}, {v['high']:.3f}]"
     return (

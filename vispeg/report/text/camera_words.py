@@ -1,4 +1,4 @@
-"""What compared pictures say, in a sentence a camera."""
+"""Sentences on compared pictures, one per camera."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from vispeg.report.text.quantities import plain
 
 
 def cameras(values: Mapping[str, Any]) -> list[str]:
-    """How far each camera's borders, depth and colour are off; none where a record has no pictures."""
+    """Return a sentence per camera on the errors of its borders, depth and colour; empty without pictures."""
     section = values.get("pictures")
     return [sentence(camera) for camera in rows(section if isinstance(section, dict) else {}, "cameras")]
 
 
 def sentence(camera: Mapping[str, Any]) -> str:
-    """`wrist_wide, 45 frames: borders 3.8 px off, depth 5.2 mm (medians), colour 19 grey levels RMS`."""
+    """Return a camera's sentence: `wrist_wide, 45 frames: borders 3.8 px off (median), depth 5.2 mm off (median)`."""
     parts = []
     for key, words in (
         ("border_median_px", "borders {} px off (median)"),
@@ -31,8 +31,9 @@ def sentence(camera: Mapping[str, Any]) -> str:
 
 
 def projections(views: Mapping[str, Any]) -> list[str]:
-    """`wrist_wide: the picture is shifted by 5.21 px at 0.15 m, 4.80 px at 0.25 m (RMS over the image, known to
-    0.03 px)` for each camera of a diagnosis's `views` that sees anything shifted."""
+    """Return a sentence for each camera whose picture is shifted, such as `wrist_wide: the picture is shifted by
+    5.21 px at 0.15 m, 4.80 px at 0.25 m (RMS over the image, 1 sigma 0.03 px)`.
+    """
     out = []
     for camera in dict.fromkeys(str(row["camera"]) for row in rows(views, "projection")):
         maps = [row for row in rows(views, "projection") if row["camera"] == camera]
@@ -44,7 +45,7 @@ def projections(views: Mapping[str, Any]) -> list[str]:
 
 
 def confounded(views: Mapping[str, Any]) -> list[str]:
-    """How far apart the pictures of two effects are that these views cannot tell, and what would tell them."""
+    """Return a sentence per pair of effects that the views cannot distinguish, with a motion that would."""
     out = []
     for row in rows(views, "confounded"):
         over = f"; over the image {_distances(rows(row, 'projection'))}" if row["projection"] else ""

@@ -1,4 +1,4 @@
-"""The library of effects as text: a list of all, or one in full."""
+"""The library of effects as text: a list of all effects, or one in full."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vispeg.core.params import Param
 from vispeg.report.text.effect_words import equation, summary, unit
 from vispeg.report.text.tables import Column, Sheet, terminal, wrapped
 
-WIDEST = 100  # columns that a list of sentences takes, however wide the terminal
+WIDEST = 100  # most columns of text, even on a wider terminal
 GROUPS = get_args(Family)
 GROUP_WORDS = {
     "joint": "friction, springs and play in a joint",
@@ -25,7 +25,7 @@ GROUP_WORDS = {
 
 
 def places(kind: Effect, robot: Any) -> str:
-    """Where it can act, in short: `joint1 ... joint7, all`."""
+    """Return the places where an effect can act, in short: `joint1 ... joint7, all`."""
     targets = kind.targets(robot)
     if len(targets) == 1:
         return targets[0]
@@ -55,7 +55,7 @@ class EffectEntry(TypedDict):
 
 
 def describe(kind: Effect, robot: Any) -> EffectEntry:
-    """Give the effect for JSON: name, kind, summary, description, where, parameters."""
+    """Return an effect's entry for JSON."""
     params: dict[str, ParamEntry] = {}
     for name, p in kind.params.items():
         null = None if p.shape else p.null
@@ -71,9 +71,7 @@ def describe(kind: Effect, robot: Any) -> EffectEntry:
 
 
 def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
-    """Give the effects as a list, groups by family: what each is, where it acts, its parameters with bounds and
-    null.
-    """
+    """Print the effects by family, each with summary, places, and parameters with bounds and null value."""
     from rich.text import Text
 
     console = terminal()
@@ -95,14 +93,14 @@ def print_catalogue(kinds: Sequence[Effect], models: Sequence[Any]) -> None:
 
 
 def print_effect(kind: Effect, robot: Any) -> None:
-    """One effect: words, equation, places, parameters."""
+    """Print one effect in full: summary, equation, places and parameters."""
     from rich.text import Text
 
     console = terminal()
     console.print(Text(kind.name, style="bold").append(f"  {summary(kind)}", style="not bold"))
     for paragraph in equation(kind).split("\n\n"):
         lines = paragraph.splitlines()
-        flowing = not any(line.startswith(" ") for line in lines)  # else lines are where they should be
+        flowing = not any(line.startswith(" ") for line in lines)  # indented lines keep their breaks
         console.print(Text("\n" + (" ".join(lines) if flowing else paragraph)), width=min(console.width, WIDEST))
     console.print()
     console.print(Text(f"where: {places(kind, robot)}"))
@@ -124,11 +122,11 @@ def print_effect(kind: Effect, robot: Any) -> None:
 
 
 def bounds(p: Param) -> str:
-    """`0 to 30 N m, null 0`; a shape parameter has no null of its own."""
+    """Return a parameter's bounds and null value: `0 to 30 N m, null 0`; a shape parameter has no null value."""
     null = "shape" if p.shape else f"null {p.null:g}"
     return f"{p.low:g} to {p.high:g} {unit(p.unit)}".rstrip() + f", {null}" + (f": {p.doc}" if p.doc else "")
 
 
 def _block(text: str, width: int, indent: int) -> str:
-    """Give the text wrapped, every line `indent` columns in."""
+    """Return text wrapped to `width` columns, each line indented by `indent`."""
     return "\n".join(" " * indent + line for line in wrapped(text, width - indent))

@@ -1,7 +1,7 @@
-"""An effect in words, all of them from its own file: its title, what it is, where it sits, how large it is.
+"""An effect in words taken from its file: title, summary, place and size.
 
-The title is what the file's first line says before its colon ("Coulomb friction: `tau = ...`"), the sentence the first
-line of the class's docstring. So an effect that is added needs no edit here.
+The title is the first line of the file up to its colon ("Coulomb friction: `tau = ...`"), the summary the first line of
+the class's docstring. So a new effect needs no change here.
 """
 
 from __future__ import annotations
@@ -16,35 +16,35 @@ from vispeg.core.effect import REGISTRY, Effect
 from vispeg.report.record import params_of
 from vispeg.report.text.quantities import number, plain, quantity
 
-TITLE = re.compile(r"[A-Z][\w -]{2,38}")  # a few plain words
+TITLE = re.compile(r"[A-Z][\w -]{2,38}")  # a title is a few plain words
 NUMBERED = re.compile(r"([a-z]+?)_?(\d+)")
 
 
 def summary(kind: Effect) -> str:
-    """First line of the effect's own words."""
+    """Return the first line of the effect's docstring."""
     return (inspect.getdoc(type(kind)) or "").partition("\n")[0]
 
 
 def equation(kind: Effect) -> str:
-    """Return equation, mechanism and source from the effect's docstring."""
+    """Return the docstring of the effect's file: equation, mechanism and source."""
     return (getattr(sys.modules.get(type(kind).__module__), "__doc__", None) or "").strip()
 
 
 def title(name: str) -> str:
-    """`Coulomb friction`; the name with blanks where this installation does not know it or its file does not say."""
+    """Return an effect's title, such as `Coulomb friction`; its name with blanks if it has none or is unknown."""
     kind = REGISTRY.get(name)
     head = equation(kind).partition(":")[0] if kind is not None else ""
     return head if TITLE.fullmatch(head) else name.replace("_", " ").capitalize()
 
 
 def what(name: str) -> str:
-    """One sentence on what the effect is; empty where it is not known."""
+    """Return the summary of an effect; empty if it is unknown."""
     kind = REGISTRY.get(name)
     return "" if kind is None else summary(kind)
 
 
 def site(where: Any) -> str:
-    """`in joint 4`, `of link 7`, `at the flange`, `everywhere`; empty where no place is given."""
+    """Return a place in words: `in joint 4`, `of link 7`, `at the flange`, `everywhere`; empty without a place."""
     text = str(where or "")
     if text in ("all", "each"):
         return "everywhere"
@@ -58,20 +58,20 @@ def site(where: Any) -> str:
 
 
 def named(row: Mapping[str, Any]) -> str:
-    """`Coulomb friction in joint 4` of anything that has `effect` and `where`."""
+    """Return the name of a mapping with `effect` and `where`, such as `Coulomb friction in joint 4`."""
     return f"{title(str(row.get('effect', '?')))} {site(row.get('where'))}".strip()
 
 
 def size(row: Mapping[str, Any]) -> str:
-    """`1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`: the parameters that make the effect vanish at null.
+    """Return the size of an effect: `1.20 N m`, or `coulomb 1.20 N m, excess 0.400 N m`; empty without a value.
 
-    One that is at null, or whose interval includes it, is left out beside one that is not. Empty without a value.
+    Shape parameters are left out. So are parameters that are null, or whose interval includes null, if others are not.
     """
     kind, params = REGISTRY.get(str(row.get("effect"))), params_of(row)
     names = [n for n in params if kind is None or n not in kind.params or not kind.params[n].shape]
     stated = [(n, params[n]) for n in names if number(params[n].get("value")) is not None]
     alone = len(stated) == 1
-    if kind is not None:  # directions in which nothing was fitted go unsaid
+    if kind is not None:
         for at_null in (_is_null, _may_be_null):
             stated = [
                 (n, p) for n, p in stated if n not in kind.params or not at_null(p, kind.params[n].null)
@@ -92,17 +92,17 @@ def _may_be_null(p: Mapping[str, Any], null: float) -> bool:
 
 
 def sized(row: Mapping[str, Any]) -> str:
-    """`Coulomb friction in joint 4 (1.20 N m)`."""
+    """Return an effect's name and size: `Coulomb friction in joint 4 (1.20 N m)`."""
     how = size(row)
     return f"{named(row)} ({how})" if how else named(row)
 
 
 def unit(text: Any) -> str:
-    """Give a unit as it is written beside a number: nothing for a ratio, a power as a power."""
+    """Return a unit as it is written after a number: empty for a ratio, `m²` for `m2`."""
     return "" if text in (None, "1") else str(text).replace("m2", "m²")
 
 
 def in_unit(p: Mapping[str, Any]) -> str:
-    """`1.20 N m` of anything that has `value` and `unit`; a ratio is the number alone."""
+    """Return the quantity of a mapping with `value` and `unit`, such as `1.20 N m`; for a ratio just the number."""
     name = unit(p.get("unit"))
     return quantity(p.get("value"), name) if name else plain(p.get("value"))

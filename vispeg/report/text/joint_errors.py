@@ -1,4 +1,4 @@
-"""Residual of each joint's readings against their noise floor."""
+"""The residual of each joint's readings compared with their noise floor."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from vispeg.report.record import rows
 from vispeg.report.text.quantities import fold, number, quantity
 
 READINGS = {"angle": "angle", "servo": "angle", "torque": "torque", "needed": "torque", "load": "load"}
-FAR = 3.0  # noise floors of its own from which a joint is named, though all joints together stand at theirs
+FAR = 3.0  # noise floors; a joint above this is named even if all joints together are at the noise floor
 
 
 def table(values: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Tabulate for each joint and kind of reading: held-out error before and after, noise floor, and their ratio.
+    """Return rows for each joint and kind of reading: held-out error before and after, noise floor, and the ratio.
 
-    `least` is what least squares of base parameters leaves, where that was asked.
+    `least` is the residual of a least-squares fit of base parameters, if there was one.
     """
     out = []
     for row in _of_joints(values):
@@ -28,7 +28,7 @@ def table(values: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def farthest(values: Mapping[str, Any]) -> str:
-    """`joint6 is left at 32 × its own`: the joint that stands farthest above its floor; empty where none is far."""
+    """Return the joint farthest above its noise floor: `joint6 is left at 32 × its own`; empty if none is far above."""
     principal = _of_joints(values)[:1]
     alike = [row for row in _of_joints(values) if principal and row["channel"] == principal[0]["channel"]]
     worst = max(alike, key=_times, default=None)
@@ -42,6 +42,6 @@ def _of_joints(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _times(row: Mapping[str, Any]) -> float:
-    """Error left over the noise floor; 0 where either is unknown."""
+    """Return the final error as a multiple of the noise floor; 0 if either is unknown."""
     after, floor = number(row.get("after")), number(row.get("floor"))
     return after / floor if after is not None and floor else 0.0

@@ -1,4 +1,4 @@
-"""What torques call for, found before the search and confirmed or corrected by it, in words."""
+"""The proposal that torques suggest before the search, in words."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from vispeg.report.record import Record, label, rows
 from vispeg.report.text.effect_words import named, sized
 from vispeg.report.text.quantities import number, plain, quantity
 
-LISTED = 8  # effects that a line names
+LISTED = 8  # most effects named in a line
 
 
 def likely(proposal: Mapping[str, Any]) -> str:
-    """Say what is likely, and that nothing has confirmed it yet, in two or three lines."""
+    """Return two lines on the likely effects, which say that the search has yet to confirm them."""
     effects, unit = rows(proposal, "effects"), str(proposal.get("unit", ""))
     source = f"the torques {proposal.get('torque')}"
     if not effects:
@@ -28,7 +28,7 @@ def likely(proposal: Mapping[str, Any]) -> str:
 
 
 def table(record: Record) -> list[Mapping[str, str]]:
-    """Effect, size, share of the missing torque, what would do as well, and whether the search named it."""
+    """Return rows of effect, size, share of the missing torque, equivalents, and whether the search named it."""
     found = {(row.get("effect"), row.get("where")) for row in record.rows("effects")}
     out = []
     for row in rows(record.mapping("proposal"), "effects"):

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-PREFIXED = ("rad", "N m", "m", "s")  # units that take m and µ, by themselves or over others; others stay as they are
+PREFIXED = ("rad", "N m", "m", "s")  # units that get the prefixes m and µ, alone or as numerators
 
 
 def number(value: Any) -> float | None:
-    """`value` as a finite float, or None for None, NaN, infinity, text and booleans."""
+    """Return `value` as a finite float, or None for None, NaN, infinity, text and booleans."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
         return None
     return float(value) if math.isfinite(value) else None
 
 
 def plain(value: Any, digits: int = 3) -> str:
-    """`value` with `digits` significant digits and no needless exponent; an en dash where there is no number."""
+    """Return `value` with `digits` significant digits, with an exponent only if needed; `–` if it is no number."""
     x = number(value)
     if x is None:
         return "–"
@@ -32,7 +32,7 @@ def plain(value: Any, digits: int = 3) -> str:
 
 
 def prefix(size: float | None, unit: str) -> tuple[float, str]:
-    """(factor, unit) such that `factor * size` reads well: (1e3, "mrad RMS") for 0.008 "rad RMS"."""
+    """Return (factor, unit) such that `factor * size` reads well: (1e3, "mrad RMS") for 0.008 "rad RMS"."""
     base = next((u for u in PREFIXED if unit == u or unit.startswith((u + " ", u + "/"))), None)
     if base is None or not size:
         return 1.0, unit
@@ -43,7 +43,7 @@ def prefix(size: float | None, unit: str) -> tuple[float, str]:
 
 
 def quantity(value: Any, unit: str) -> str:
-    """`8.21 mrad RMS`: value and unit with a prefix that suits it."""
+    """Return a value with its unit and a suitable prefix: `8.21 mrad RMS`."""
     x = number(value)
     if x is None:
         return "–"
@@ -52,14 +52,14 @@ def quantity(value: Any, unit: str) -> str:
 
 
 def fold(ratio: float) -> str:
-    """Give a ratio above one as text: `1.3`, `4.2`, `37`."""
+    """Return a ratio above one as text: `1.3`, `4.2`, `37`."""
     return f"{ratio:.1f}" if ratio < 9.95 else f"{ratio:,.0f}"
 
 
 def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
-    """(value, interval) as text, with decimals such that the interval's half-width keeps two digits.
+    """Return (value, interval) as text, with as many decimals as keep two digits of the interval's half-width.
 
-    Below 1e-4 all have the same power of ten.
+    Below 1e-4, value and interval have the same power of ten.
     """
     x, a, b = number(value), number(low), number(high)
     if x is None or a is None or b is None or not b > a:
@@ -77,7 +77,7 @@ def interval(value: Any, low: Any, high: Any) -> tuple[str, str]:
 
 
 def scaled(value: Any, low: Any, high: Any, unit: str) -> tuple[str, str, str]:
-    """(value, interval, unit) as text with the prefix that suits the value, or its interval where that is wider."""
+    """Return (value, interval, unit) as text, with a prefix that suits the value, or the interval if the value is 0."""
     sizes = [abs(x) for x in map(number, (value, low, high)) if x is not None]
     span = max(sizes[1:], default=0.0) if sizes and sizes[0] == 0 else sizes[0] if sizes else 0.0
     factor, name = prefix(span, unit)
@@ -86,6 +86,6 @@ def scaled(value: Any, low: Any, high: Any, unit: str) -> tuple[str, str, str]:
 
 
 def rms(values: np.ndarray) -> float | None:
-    """Root mean square of the finite entries, or None where there are none."""
+    """Return the root mean square of the finite entries; None if there are none."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else None

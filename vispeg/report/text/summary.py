@@ -1,4 +1,4 @@
-"""A result in a few lines and tables: printed on a terminal, and shown by a notebook, in the same words."""
+"""A result in a few lines and tables, for a terminal and a notebook alike."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Line:
-    """A sentence; `head` stands before it in bold, and with `path` it is not broken over two lines.
-
-    A `warning` is set in, behind a coloured exclamation mark.
-    """
+    """A line of text, after a bold `head`; with `path` it is not wrapped, and a `warning` gets an exclamation mark."""
 
     text: str
     head: str = ""
@@ -30,7 +27,7 @@ Block = Line | Sheet
 
 
 def print_summary(blocks: Iterable[Block], console: Console | None = None) -> None:
-    """Print lines and tables to a console, or to the standard output."""
+    """Print lines and tables to a console, by default the standard output."""
     from rich.text import Text
 
     console = console or terminal()
@@ -45,6 +42,6 @@ def print_summary(blocks: Iterable[Block], console: Console | None = None) -> No
 
 
 def html(blocks: Sequence[Block]) -> str:
-    """Give the same as HTML for a notebook: no style sheet of its own, the notebook's colours."""
+    """Return lines and tables as HTML for a notebook, in the notebook's style."""
     parts = [{"line": b} if isinstance(b, Line) else {"sheet": b} for b in blocks]
     return templates().get_template("notebook.html.j2").render(parts=parts)

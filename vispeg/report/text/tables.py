@@ -1,7 +1,7 @@
-"""Tables for a terminal of any width: a number, a name or an interval is never broken over two lines.
+"""Tables for a terminal of any width, in which numbers, names and intervals are never wrapped.
 
-What does not fit side by side is printed as a list, one block a row. A pipe or a file has 80 columns unless COLUMNS
-says otherwise, so that a redirected table reads as one on a screen does.
+A table that is too wide is printed as a list, one block per row. A pipe or a file has 80 columns unless COLUMNS says
+otherwise, so that redirected output looks like that on a screen.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
 
-PIPED = 80  # columns of what is no terminal
+PIPED = 80  # columns of a pipe or file
 GAP = 2  # columns between cells
-PROSE = 24  # columns that a sentence needs at least
+PROSE = 24  # fewest columns for a sentence
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its heading, and whether it holds numbers (set right) or sentences (the only cells that may wrap)."""
+    """A column: its heading, and whether it holds numbers (right-aligned) or prose (which may wrap)."""
 
     head: str
     right: bool = False
@@ -31,12 +31,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Sheet:
-    """Rows of text under columns; a renderable of rich.
+    """A table of text, which rich can print.
 
     Attributes:
-        columns: the headings.
-        rows: a cell for each column; markup in them is not interpreted.
-        keys: how many leading cells name a row where rows are printed as a list.
+        columns: the columns.
+        rows: rows of one cell per column; markup in cells is not interpreted.
+        keys: number of leading cells that form a row's title if the table is printed as a list.
     """
 
     columns: Sequence[Column]
@@ -44,7 +44,7 @@ class Sheet:
     keys: int = 1
 
     def width(self) -> int:
-        """Columns of the terminal that the rows need side by side."""
+        """Return the width of the table in terminal columns."""
         return sum(self._widths()) + GAP * (len(self.columns) - 1)
 
     def _widths(self) -> list[int]:
@@ -65,7 +65,7 @@ class Sheet:
         from rich.table import Table
         from rich.text import Text
 
-        padding = (0, GAP - 1, 0, 0)  # the box draws one more blank between columns
+        padding = (0, GAP - 1, 0, 0)  # the box adds one blank between columns
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=padding, header_style="bold", show_edge=False)
         for column, width in zip(self.columns, self._widths(), strict=True):
             side: Any = "right" if column.right else "left"
@@ -75,7 +75,7 @@ class Sheet:
         return table
 
     def _list(self, width: int) -> Any:
-        """Blocks of `heading  cell` lines; cells without text are left out."""
+        """Return the table as blocks of `heading  cell` lines, without empty cells."""
         from rich.text import Text
 
         text = Text()
@@ -93,7 +93,7 @@ class Sheet:
 
 
 def terminal() -> Console:
-    """Give the standard output as rich sees it, 80 columns wide where it is a pipe or a file."""
+    """Return a rich console for the standard output, 80 columns wide if that is a pipe or a file."""
     from rich.console import Console
 
     if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():
@@ -102,7 +102,7 @@ def terminal() -> Console:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Lines of at most `width` columns, words kept whole."""
+    """Wrap text into lines of at most `width` columns, at least PROSE, without breaking words."""
     import textwrap
 
     return textwrap.wrap(text, max(width, PROSE), break_long_words=False, break_on_hyphens=False) or [""]

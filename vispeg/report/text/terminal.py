@@ -1,4 +1,4 @@
-"""The short tables that the command line prints."""
+"""The short tables and summaries that the command line prints."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from vispeg.report.text.quantities import fold, interval, quantity
 from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 
-WIDE = 34  # letters of a model's name, beside which three columns of errors fit into 80
+WIDE = 34  # characters of a model's name that leave room for three columns of errors in 80
 
 
 def ladder_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """Model, error on fitted and on held-out recordings, and the latter in noise floors; of either kind of record."""
+    """Return a table of models with errors on fitted and held-out recordings, and the latter in noise floors."""
     columns = [Column("Model"), *(Column(head, right=True) for head in ("Fitted", "Held out", "Floor"))]
     models = ladder_rows(_record(diagnosis))
     return Sheet(columns, [[_lines(row["model"]), row["fit"], row["heldout"], row["floor"] or "–"] for row in models])
 
 
 def _lines(model: str) -> str:
-    """Give a model's name with each effect that came in at once on a line of its own, where one line would be wide."""
+    """Return a model's name; if too long for one line, with each of its effects on a separate line."""
     return model if len(model) <= WIDE else model.replace(" + ", "\n+ ")
 
 
 def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """Give what was found: effect, parameter, value with its 95 % interval, unit, how sure its name is, and whether
-    it ended at its bound. A fit names nothing: its effects are the user's.
+    """Return a table of effects: parameters with values, 95 % intervals and units, certainty, and values at a bound.
+
+    A fit has no column for certainty, because the user chose its effects.
     """
     effects = effect_rows(_record(diagnosis))
     bound, sure = any(row["bound"] for row in effects), bool(diagnosis.get("verdict"))
@@ -46,7 +47,7 @@ def effects_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """Of a free object: what windows of each length say of every parameter."""
+    """Return a table for a tossed object: each parameter as determined from windows of each length."""
     columns = [
         Column("Window"),
         Column("Parameter"),
@@ -63,7 +64,7 @@ def restarts_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
-    """Give what each of several channels says."""
+    """Return a table of channels with verdicts and errors."""
     heads = [Column(head, right=True) for head in ("Before", "After", "Floor")]
     keys = ("channel", "verdict", "before", "after", "floor")
     cells = [[row[key] for key in keys] for row in map(channel_row, rows(diagnosis, "by_channel"))]
@@ -71,7 +72,7 @@ def channels_table(diagnosis: Mapping[str, Any]) -> Sheet:
 
 
 def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """Give the verdict in words, both tables, what cannot be separated, and what to do next."""
+    """Return the verdict in words, tables, indistinguishable effects, notes, and the next step."""
     out: list[Block] = []
     if verdict := diagnosis.get("verdict"):
         out.append(Line(words.verdict(diagnosis), head=str(verdict)))
@@ -117,7 +118,7 @@ def diagnosis_summary(diagnosis: Mapping[str, Any]) -> list[Block]:
 
 
 def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
-    """Give what a diagnosis of contact says besides: the insertion in closed loop, and notes."""
+    """Return additional blocks of a contact diagnosis: insertions in closed loop, and notes."""
     out: list[Block] = []
     trials = [(row["recording"], *item) for row in rows(diagnosis, "closed_loop") for item in row["trials"].items()]
     if trials:
@@ -131,7 +132,7 @@ def _contact(diagnosis: Mapping[str, Any]) -> list[Block]:
 
 
 def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:
-    """Where the next motion lies, if one was made, and where the report lies."""
+    """Return lines with the paths of the next motion, if there is one, and of the report."""
     following = diagnosis.get("next_experiment")
     motion = out / str(following.get("file") or "") if isinstance(following, Mapping) else out
     there = [Line(f"next motion: {motion}", path=True)] if motion.is_file() else []
@@ -139,12 +140,12 @@ def written_lines(diagnosis: Mapping[str, Any], out: Path) -> list[Line]:
 
 
 def report_line(out: Path) -> Line:
-    """Where the report lies."""
+    """Return a line with the path of the report."""
     return Line(f"report: {out / 'report.html'}", path=True)
 
 
 def joints_table(comparison: Mapping[str, Any]) -> Sheet:
-    """Error, noise and their ratio of each joint; the torque error too where torque was measured."""
+    """Return a table of each joint's error, noise floor and their ratio, and the torque error if measured."""
     joints = rows(comparison, "joints")
     torque = any("torque_error" in row for row in joints)
     heads = ["Error", "Noise floor", "Times", *(["Torque error"] if torque else [])]
@@ -158,7 +159,7 @@ def joints_table(comparison: Mapping[str, Any]) -> Sheet:
 
 
 def comparison_summary(comparison: Mapping[str, Any]) -> list[Block]:
-    """Give the error in words, joint by joint, and where it arises."""
+    """Return the error in words and for each joint, and where it arises."""
     out: list[Block] = [Line(said) for said in words.diverged(comparison)]
     joints = rows(comparison, "joints")
     out += [Line(words.fall(comparison)), *([joints_table(comparison)] if joints else [])]

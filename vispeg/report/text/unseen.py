@@ -1,4 +1,4 @@
-"""What recordings could not have shown: the size that an effect may have without being seen, for each not found."""
+"""Undetectable effects: for each effect not found, the size that it may have without being detected."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.report.record import rows
 from vispeg.report.text.effect_words import named, unit
 from vispeg.report.text.quantities import number, plain, prefix
 
-SHOWN = 6  # effects that stand open, and that a terminal lists
+SHOWN = 6  # effects shown unfolded on the page and listed in the terminal
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class Unseen:
     """An effect that was not found.
 
     Attributes:
-        effect: in words.
-        sizes: the values of its parameters that these recordings do not show: `x, y ±0.50 N; tx ±50 mN m`.
-        share: of a parameter's range that is hidden, the greatest; 1 where one shows at no size.
-        never: none of its parameters shows at any size.
+        effect: its name in words.
+        sizes: parameter values that these recordings would not show: `x, y ±0.50 N; tx ±50 mN m`.
+        share: largest hidden share of a parameter's range; 1 if a parameter would show at no size.
+        never: whether none of its parameters would show at any size.
     """
 
     effect: str
@@ -35,7 +35,7 @@ class Unseen:
 
 
 def unseen(values: Mapping[str, Any]) -> list[Unseen]:
-    """Give what was not found and up to which size it may be there, the least certain first, last what has no size."""
+    """Return the effects not found, the least certain first; those that would show at no size come last."""
     found = {(e.get("effect"), e.get("where")) for e in rows(values, "effects")}
     out = []
     for row in rows(values, "shows_from"):
@@ -55,7 +55,7 @@ def unseen(values: Mapping[str, Any]) -> list[Unseen]:
 
 
 def sentence(values: Mapping[str, Any]) -> str:
-    """Give the same for a terminal: the least certain; empty without a record."""
+    """Return a sentence on the least certain effects; empty if there are none."""
     hidden = unseen(values)
     if not hidden:
         return ""
@@ -64,7 +64,7 @@ def sentence(values: Mapping[str, Any]) -> str:
 
 
 def _between(between: Any, param: Param | None) -> tuple[str, float]:
-    """`−0.50 to 0.50 N`, `up to 20 µm/N`, and the share of the parameter's range that is hidden."""
+    """Return hidden values as text, such as `±0.50 N` or `up to 20 µm/N`, and their share of the parameter's range."""
     ends = [number(v) for v in between] if isinstance(between, (list, tuple)) else []
     sizes = [end for end in ends if end is not None]
     if len(ends) != 2 or len(sizes) != 2:
@@ -73,7 +73,7 @@ def _between(between: Any, param: Param | None) -> tuple[str, float]:
     factor, name = prefix(max(abs(low), abs(high)), unit(param.unit) if param is not None else "")
     if param is None:
         return f"{plain(low, 2)} to {plain(high, 2)}", 0.0
-    near = 0.0 < high - low < low  # a factor near 1, which is told by how far it is from it
+    near = 0.0 < high - low < low  # the interval is narrow, as for a factor near 1, so it needs more decimals
     decimals = max(0, -int(np.floor(np.log10(factor * (high - low))))) if near else 0
     texts = [f"{factor * v:.{decimals}f}" if near else plain(factor * v, 2) for v in (low, high)]
     if low == param.low == param.null:

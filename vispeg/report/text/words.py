@@ -1,4 +1,4 @@
-"""The verdict and the fall of the error in plain words, each derived from the numbers that it states."""
+"""The verdict and the decrease of the error in words, derived from the record's numbers."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from vispeg.report.text.effect_words import sized
 from vispeg.report.text.quantities import fold, number, quantity, scaled
 
 NEAR_FLOOR = 1.2  # a held-out error up to this many floors is called "at the noise floor"
-MOST_NAMED = 5  # beyond it a sentence gives the number of effects; the tables name them
-BEST = "best of what is known"  # how well a model explains that is above the floor, or was there all the time
+MOST_NAMED = 5  # with more effects, a sentence gives only their number
+BEST = "best of what is known"  # for a model that ends above the noise floor, or began at it
 PARTIAL = "partial: each effect lowers the held-out error, a remainder is left; model.yaml has them, to go on from"
 TENTATIVE = "tentative: they lower the error, but each may stand in for another effect"
-MOST_PRICED = 3  # joints whose remainder is played back
-MOST_RIVALS = 3  # that a sentence lists
+MOST_PRICED = 3  # most joints in the command that measures the effect of the residual on a policy
+MOST_RIVALS = 3  # most rivals that a sentence lists
 SAME = 0.05  # a relative change below this is called none
-BELOW = 0.8  # noise floors, under which an error shows that the floor allows for more than there is
+BELOW = 0.8  # noise floors; an error below this shows that the noise floor is too high for these recordings
 
 
 def join(parts: Iterable[str], word: str = "and") -> str:
-    """Give `a`, `a and b`, `a, b and c`."""
+    """Join parts to a phrase: `a`, `a and b`, `a, b and c`."""
     items = list(parts)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
 
 
 def named(labels: list[str]) -> str:
-    """Give the labels joined, or `7 effects` where a sentence with all of them could not be read."""
+    """Return the joined labels, or `7 effects` if there are too many for a sentence."""
     return join(labels) if len(labels) <= MOST_NAMED else f"{len(labels)} effects"
 
 
 def change(first: Any, last: Any) -> str:
-    """How an error moved: `falls 37-fold`, `falls by 32 %`, `hardly changes`, `rises by 8 %`; empty where unknown."""
+    """Return an error's change in words: `falls 37-fold`, `falls by 32 %`, `hardly changes`; empty if unknown."""
     a, b = number(first), number(last)
     if a is None or b is None or a < 0 or b < 0 or a == 0 == b:
         return ""
@@ -53,13 +53,13 @@ def change(first: Any, last: Any) -> str:
 
 
 def against_floor(error: Any, floor: Any) -> str:
-    """`1.1 × the noise floor`; empty where either is unknown or the floor is not positive."""
+    """Return an error as `1.1 × the noise floor`; empty if either is unknown or the floor is not positive."""
     e, f = number(error), number(floor)
     return f"{times(e / f)} × the noise floor" if e is not None and f is not None and f > 0 else ""
 
 
 def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, str]:
-    """(held-out error of the first row, of the last row, unit); None where unknown."""
+    """Return the held-out errors of the ladder's first and last model, None if unknown, and their unit."""
     ladder = rows(values, "ladder")
     if not ladder:
         return None, None, ""
@@ -68,7 +68,7 @@ def ladder_ends(values: Mapping[str, Any]) -> tuple[float | None, float | None, 
 
 
 def error_name(values: Mapping[str, Any]) -> str:
-    """Give what the ladder's errors are: a comparison fits nothing, so nothing is held out from it."""
+    """Return the name of the ladder's errors, such as `Held-out error`; a comparison fits nothing: `Model error`."""
     if values.get("judged") == "fitted":
         return "Error on the fitted recordings"
     of = f" of {values['of']}" if values.get("of") else ""
@@ -76,7 +76,7 @@ def error_name(values: Mapping[str, Any]) -> str:
 
 
 def fall(values: Mapping[str, Any]) -> str:
-    """One sentence on the ladder: where the held-out error began, where it ended, and how far above the floor."""
+    """Return a sentence on the ladder: first and last held-out error, and the last relative to the noise floor."""
     first, last, unit = ladder_ends(values)
     if last is None:
         return f"The {error_name(values).lower()} is not known."
@@ -87,7 +87,7 @@ def fall(values: Mapping[str, Any]) -> str:
 
 
 def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
-    """Give an error as a multiple of the noise floor, after `joint`; one well below it says what that means."""
+    """Return `joint` and an error relative to the noise floor; if well below it, with an explanation."""
     if floor is not None and 0 < error < BELOW * floor:
         return f"{joint}below the noise floor: {quantity(floor, unit)} allows for errors that these recordings have not"
     times = against_floor(error, floor)
@@ -95,7 +95,7 @@ def _beside(joint: str, error: float, floor: float | None, unit: str) -> str:
 
 
 def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Say whether the robot has changed since its effects were identified, and in what, since when."""
+    """Return sentences on whether the robot has changed since its effects were identified; empty without data."""
     if not drift:
         return []
     outside = [row for row in drift if row["since"]]
@@ -112,13 +112,13 @@ def drifted(drift: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def spread(name: str, ends: Mapping[str, Any], unit: str) -> str:
-    """Give a value with its interval."""
+    """Return a value with its name, unit and interval."""
     value, around, shown = scaled(ends["value"], ends["low"], ends["high"], unit)
     return " ".join(part for part in (name, value, shown, f"({around})") if part)
 
 
 def diverged(values: Mapping[str, Any]) -> list[str]:
-    """Give a sentence on each recording in which the model diverged."""
+    """Return a sentence on each recording in which the model diverged."""
     return [
         f"The model diverged in {row['recording']}, {row['time_s']:.3g} s after its start: its loop is unstable. No "
         "error below counts that recording."
@@ -127,7 +127,7 @@ def diverged(values: Mapping[str, Any]) -> list[str]:
 
 
 def verdict(values: Mapping[str, Any]) -> str:
-    """Give the verdict in one or two plain sentences."""
+    """Return the verdict in one or two plain sentences."""
     kind = values.get("verdict")
     names = _names(values)
     last, floor = ladder_ends(values)[1], _floor(values)
@@ -161,20 +161,20 @@ def verdict(values: Mapping[str, Any]) -> str:
 
 
 def tentative(values: Mapping[str, Any]) -> str:
-    """Say that some names are not certain; empty where all are."""
+    """Return a sentence that lists the tentative effects; empty if there are none."""
     labels = [named_effect(effect) for effect in _tentative(values)]
     return f"{TENTATIVE}: {join(labels)}" if labels else ""
 
 
 def one_of(effect: Mapping[str, Any]) -> str:
-    """`One of: a payload at the flange, a tilt at the base` where a partial effect has rivals; else its name."""
+    """Return an effect's name; for a partial effect with rivals `One of:` and the names of all."""
     others = [named_effect(other) for other in rows(effect, "indistinguishable_from")]
     alone = not others or not effect.get("partial") or effect.get("tentative")
     return named_effect(effect) if alone else f"One of: {', '.join([named_effect(effect), *others])}"
 
 
 def baseline(values: Mapping[str, Any]) -> str:
-    """Give what the robot had before, where two of its states were compared; empty where not."""
+    """Return a sentence on the effects found before and after, if two states of a robot were compared; else empty."""
     before = values.get("baseline")
     if not isinstance(before, dict):
         return ""
@@ -198,9 +198,9 @@ def paid(values: Mapping[str, Any]) -> list[str]:
 
 
 def price(values: Mapping[str, Any]) -> str:
-    """Give the command that says what the remainder costs a policy; empty where none is left, or where that is known.
+    """Return the command that measures what the residual costs a policy; empty if there is none, or if that is known.
 
-    It names the joints whose missing torque is the greatest share of the torque that they needed.
+    It names the joints with the largest missing torque relative to the torque that they need.
     """
     if values.get("cost"):
         return ""
@@ -213,7 +213,7 @@ def price(values: Mapping[str, Any]) -> str:
 
 
 def rivals(values: Mapping[str, Any]) -> list[list[str]]:
-    """Give the classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
+    """Return the classes of effects that the recordings cannot separate, in words, each with the chosen one first."""
     return [
         [sized(effect), *map(named_effect, others)]
         for effect in rows(values, "effects")
@@ -222,7 +222,7 @@ def rivals(values: Mapping[str, Any]) -> list[list[str]]:
 
 
 def combinations(values: Mapping[str, Any]) -> list[list[str]]:
-    """Give the sets of named effects, in words, of which each is a rival of the others: only their combination is
+    """Return sets of named effects, in words, that are all rivals of each other, so that only a combination of them is
     determined.
     """
     sets: list[list[str]] = []
@@ -237,12 +237,12 @@ def combinations(values: Mapping[str, Any]) -> list[list[str]]:
 
 
 def reason(values: Mapping[str, Any]) -> str:
-    """Why the verdict is what it is; empty where none is stated."""
+    """Return the reason for the verdict; empty if the record gives none."""
     return in_words(values.get("reason"))
 
 
 def in_words(text: Any) -> str:
-    """Give a clause of a record with its effects in words in place of `name(place)`; empty where there is none."""
+    """Replace labels `name(place)` in a record's text by the effects' names in words; empty without text."""
 
     def effect_of(label: re.Match[str]) -> str:
         return named_effect({"effect": label[1], "where": label[2]}) if label[1] in REGISTRY else label[0]
@@ -255,7 +255,7 @@ def _others(effect: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _mutual(values: Mapping[str, Any], effect: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two effects are named and each is among the rivals of the other."""
+    """Return whether two effects are named and each is among the rivals of the other."""
 
     def is_at(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
         return (a.get("effect"), a.get("where")) == (b.get("effect"), b.get("where"))
@@ -266,7 +266,7 @@ def _mutual(values: Mapping[str, Any], effect: Mapping[str, Any], other: Mapping
 
 
 def depends_on(row: Mapping[str, Any]) -> str:
-    """`position at joint3`."""
+    """Return an input that the residual depends on, such as `position at joint3`."""
     joint = row.get("joint")
     return f"{row.get('input', '?')} at {joint}" if joint else str(row.get("input", "?"))
 
@@ -282,7 +282,7 @@ def onward(values: Mapping[str, Any]) -> str:
         )
     motion, why = str(following.get("motion") or ""), str(following.get("why") or "").rstrip(".")
     sigma = number(following.get("expected_separation_sigma"))
-    expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero: not predicted
+    expected = f", by an expected {sigma:.2g} sigma" if sigma and motion else ""  # zero means not predicted
     return f"Record {motion}: it {why}{expected}." if motion and why else f"{motion or why[0].upper() + why[1:]}."
 
 
@@ -306,15 +306,13 @@ def _tentative(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _down(values: Mapping[str, Any]) -> str:
-    """Say that all joints together stand at the noise floor, and which of them does not by itself."""
+    """Return `down to the noise floor`, with the joint that is far above its own noise floor, if one is."""
     far = joint_errors.farthest(values)
     return f"down to the noise floor of all joints together ({far})" if far else "down to the noise floor"
 
 
 def _from_the_start(values: Mapping[str, Any]) -> str:
-    """Say that the error stood at the noise floor before anything was found, where it did: then it came down to
-    nothing.
-    """
+    """Return a clause for an error that was at the noise floor from the start; empty if it was not."""
     first, floor = ladder_ends(values)[0], _floor(values)
     at = first is not None and floor is not None and first <= NEAR_FLOOR * floor
     return f"{BEST}, though the error was at the noise floor from the start" if at else ""
