@@ -41,7 +41,7 @@ def refused(kind, folder, change, said, monkeypatch):
         ('xyz="0 1 0"', 'xyz="nan 0 0"', "shoulder.axis.xyz: not a number"),
         ('xyz="0 1 0"', 'xyz="0 0 0"', "shoulder.axis: an axis without a direction"),
         ('xyz="0 0 0.4"', 'xyz="0 nan 0.4"', "shoulder.origin.xyz: not a number"),
-        ('xyz="0 0 0.4"', 'xyz="0 0.4"', "shoulder.origin.xyz: another count of numbers; expected 3"),
+        ('xyz="0 0 0.4"', 'xyz="0 0.4"', "shoulder.origin.xyz: wrong count of numbers; expected 3"),
         ('lower="-2" upper="2"', 'lower="2" upper="-2"', "shoulder: limits are inverted"),
         ('type="revolute"', 'type="planar"', "shoulder: a joint of an unknown type; got 'planar'; choices"),
         ('type="revolute"', 'type="revolut"', "did you mean 'revolute'"),

@@ -8,12 +8,12 @@ from vispeg.core.notes import note
 
 
 def keep_quiet() -> None:
-    """MuJoCo's warnings become Python's in this process; no file is written."""
+    """Turn MuJoCo's warnings into Python warnings in this process, so that MuJoCo writes no log file."""
     mujoco.set_mju_user_warning(_told)
 
 
 def _told(message: str) -> None:
-    with suppress(Warning):  # called from C, where nothing may be raised
+    with suppress(Warning):  # called from C, where no exception may be raised
         note(f"MuJoCo: {message}")
 
 

@@ -54,7 +54,8 @@ def prepare(
 ) -> Arm:
     """Edit `spec` in place into a torque-driven arm and return its names and limits.
 
-    Sliding joints (grippers) are fixed at their initial position; tendons and equality constraints on them are removed.
+    Sliding joints (grippers) are fixed at their initial position. If joints are fixed, all tendons and the equality
+    constraints on tendons and fixed joints are removed.
     Geoms of the robot collide with geoms that a scene adds, but not with each other.
 
     Args:
@@ -157,7 +158,7 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
 
 
 def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
-    """Fix joints at their initial position, and remove the tendons and equality constraints that need them."""
+    """Fix joints at their initial position; remove all tendons, and equality constraints on tendons or these joints."""
     if not joints:
         return
     gone = {joint.name for joint in joints}

@@ -1,7 +1,7 @@
-"""A bench of one's own: the scene that a robot's own file shows, its arm and whatever else stands in it.
+"""The scene in a robot's own file: the arm and everything else that the file contains.
 
-World frame: the file's. Every body beside the arm is a part, and a thing whose place nobody knows to a tenth of a
-millimetre; shapes of the world itself (a table, a floor) are a part each. Lights and colours are the file's.
+The world frame, lights and colours are those of the file. Every body that does not belong to the arm is a part. It is
+also a `thing`: its true pose is known only roughly. Each shape of the world body (a table, a floor) is a part too.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import mujoco
 from vispeg.robots.model import RobotModel
 from vispeg.robots.scene import Scene, visible
 
-ARM = "arm"  # the part that is the arm with its tool
+ARM = "arm"  # name of the part that is the arm with its tool
 
 
 @lru_cache(maxsize=32)
 def bench(robot: RobotModel) -> Scene:
-    """Give the scene of a robot's own file; the same robot gives the same scene.
+    """Return the scene of a robot's own file; the same robot returns the same scene.
 
     Args:
-        robot: with its tool; its cameras are left out: those of a recording take their place.
+        robot: the robot with its tool. Its cameras are left out, as those of a recording replace them.
     """
     spec = robot.spec()
     for camera in list(spec.cameras):
         spec.delete(camera)
-    spec.visual.quality.offsamples = 0  # a pixel shows one thing, as a ray does
+    spec.visual.quality.offsamples = 0  # without multisampling, so that a pixel shows one geom, as a ray does
     for i, light in enumerate(spec.lights):
         light.name = light.name or f"light{i}"
     for i, body in enumerate(spec.bodies):
@@ -51,7 +51,7 @@ def bench(robot: RobotModel) -> Scene:
 
 
 def shows(scene: Scene) -> bool:
-    """Whether there is more to see than the arm itself."""
+    """Return whether the scene shows more than the arm."""
     return any(part != ARM for part in scene.parts)
 
 
@@ -60,7 +60,7 @@ def _beside(geom: mujoco.MjsGeom) -> bool:
 
 
 def _arm(model: mujoco.MjModel, robot: RobotModel) -> set[int]:
-    """Ids of the arm's bodies: its base with what is fixed to it, and all that its joints move."""
+    """Return the ids of the arm's bodies: its base with all bodies attached to it, and all bodies that joints move."""
     base = model.body(robot.base).id
     out = {base} if base else set()
     for b in range(1, model.nbody):

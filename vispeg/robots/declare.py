@@ -1,4 +1,4 @@
-"""What a user declares of the robot in a cell: the model, where its flange is, what it holds, how it stands."""
+"""A user's declaration of the robot in a cell: its model, flange, tool, limits and home posture."""
 
 from __future__ import annotations
 
@@ -10,27 +10,28 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.core.typed import checked
 
-BANDS = {"iiwa14": (0.35, 0.75)}  # m from the base's axis, where a hole may stand
-REPEATABILITY = {"iiwa14": 0.15, "iiwa7": 0.1, "panda": 0.1, "fr3": 0.1, "ur5e": 0.03, "ur10e": 0.05}  # mm, ISO 9283,
-# by the makers' data sheets: KUKA LBR iiwa, Franka Emika Panda and Research 3, Universal Robots e-Series
-ANYWHERE = (0.1, 2.0)  # m; inverse kinematics says what this arm reaches of it
+BANDS = {"iiwa14": (0.35, 0.75)}  # m, least and greatest distance of a hole from the base's axis
+# mm, ISO 9283, from the data sheets of KUKA LBR iiwa, Franka Emika Panda and Research 3, Universal Robots e-Series
+REPEATABILITY = {"iiwa14": 0.15, "iiwa7": 0.1, "panda": 0.1, "fr3": 0.1, "ur5e": 0.03, "ur10e": 0.05}
+ANYWHERE = (0.1, 2.0)  # m; inverse kinematics finds out what the arm can reach
 
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A robot in a cell. SI units, radians; what is left empty is taken from the robot's own file.
+    """A robot in a cell. SI units, radians; empty fields are taken from the robot's own file.
 
     Attributes:
         model: a robot's name, or a path to an MJCF or URDF, see `vispeg.robots.model.load`.
         tool: the gripper at the flange, see `vispeg.robots.tools`: a name, or the path of an MJCF.
-        without: bodies of the file that are taken off with all they carry, such as a hand.
-        flange: a site or body of the file that the flange is fixed to; the best-named one if empty.
-        flange_pos, flange_quat: the flange in that frame: m, and w x y z. Its z axis points away from the arm.
+        without: bodies of the file to remove with everything attached to them, such as a hand.
+        flange: site or body of the file that the flange is fixed to; if empty, the one with the most likely name.
+        flange_pos, flange_quat: pose of the flange in that frame, m and w x y z. The flange's z axis points away from
+            the arm.
         home: (nj,) the posture from which inverse kinematics starts; solved for the cell if empty.
-        torque_limit, velocity_limit: (nj,) N m and rad/s, in place of what the file states.
-        damping: (nj,) N m s/rad in place of what the file states: some files state the damping of a position servo,
-            which a torque-driven arm does not have.
-        repeatability: pose repeatability (ISO 9283), m, in place of the data sheet's; 0: not stated.
+        torque_limit, velocity_limit: (nj,) N m and rad/s, replacing those of the file.
+        damping: (nj,) N m s/rad, replacing that of the file: some files state the damping of a position servo, which a
+            torque-driven arm does not have.
+        repeatability: pose repeatability (ISO 9283), m, replacing that of the data sheet; 0: not stated.
     """
 
     model: str = "iiwa14"
@@ -67,10 +68,10 @@ class RobotConfig:
 
     @classmethod
     def of(cls, entry: Any, file: str | None = None) -> RobotConfig:
-        """From a world file's `robot`: a name or path alone, or a mapping of these fields.
+        """Read the entry `robot` of a world file: a name or path, or a mapping of these fields.
 
         Raises:
-            UserError: neither; an unknown key, a wrong type, a value that cannot be.
+            UserError: the entry is neither, or has an unknown key, a wrong type or an impossible value.
         """
         if isinstance(entry, str):
             entry = {"model": entry}
@@ -89,12 +90,12 @@ class RobotConfig:
 
     @property
     def repeats_mm(self) -> float | None:
-        """Pose repeatability, mm: as stated, else the data sheet's; None where neither is known."""
+        """Pose repeatability, mm: as stated, else from the data sheet; None if neither is known."""
         return 1e3 * self.repeatability or REPEATABILITY.get(self.model)
 
     def check(self, nj: int, label: str) -> None:
-        """Raise UserError for a list that is not of one number a joint."""
+        """Raise UserError for a list that does not have one number per joint (`nj`); `label` names the robot."""
         for f in fields(self):
             value = getattr(self, f.name)
             if f.type == "tuple[float, ...]" and value and len(value) != nj:
-                raise UserError("not one number a joint", file=label, key=f"robot.{f.name}", expected=nj, got=value)
+                raise UserError("not one number per joint", file=label, key=f"robot.{f.name}", expected=nj, got=value)

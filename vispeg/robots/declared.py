@@ -1,4 +1,4 @@
-"""A tool as a recording states it: mass, centre and diagonal inertia, whether it was given so or by name."""
+"""A tool in the form of a recording: mass, centre of mass and diagonal inertia, also for tools given by name."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from vispeg.robots.model import Tool, load
 
 
 def declared(robot: str, tool: Tool) -> Mapping[str, object] | None:
-    """`tool` in RECORDING.md's form: kg, m and kg m^2 about the centre of mass, along the flange's axes.
+    """Return a tool as `recording.yaml` states it (docs/formats.md); None for no tool.
 
-    The bodies of a named tool are joined by Steiner's theorem; products of inertia, which the form cannot state, are
-    dropped (they vanish for the tools there are).
+    Numbers are in kg, m and kg m^2 about the centre of mass, along the flange's axes. The bodies of a named tool are
+    combined by the parallel axis theorem. Products of inertia are dropped, as the form cannot state them; they are zero
+    for the built-in tools.
     """
     if tool is None or tool == "none":
         return None
@@ -33,7 +34,7 @@ class Carried(TypedDict):
 
 
 def carried(model: mujoco.MjModel) -> Carried:
-    """Return the load at the flange of a compiled arm with a body `tool`, in the same form without a name."""
+    """Return the load at the flange of a compiled arm that has a body `tool`."""
     root = model.body("tool").id
     parts = []
     for b in range(model.nbody):

@@ -1,11 +1,11 @@
-"""Small arms as files: two hinges, a gripper's finger, a mesh that is there and one that is not."""
+"""Write files of a small example arm: two hinges, a gripper's finger, an existing mesh and a missing one."""
 
 from __future__ import annotations
 
 import struct
 from pathlib import Path
 
-CORNERS = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))  # m, of a tetrahedron
+CORNERS = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))  # m, corners of a tetrahedron
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 
 LINK = """  <link name="{0}">
@@ -39,7 +39,7 @@ MJCF = """<mujoco model="small">
 
 
 def write_urdf(folder: Path) -> Path:
-    """Write small.urdf and its mesh; return the former."""
+    """Write small.urdf and its mesh; return the path of small.urdf."""
     _stl(folder)
     links = LINK.format("upper", "skin.stl") + LINK.format("lower", "package://gone/gone.stl")
     links += LINK.format("finger", "gone.dae")
@@ -51,7 +51,7 @@ def write_urdf(folder: Path) -> Path:
 
 
 def write_mjcf(folder: Path) -> Path:
-    """Write small.xml, what it includes and its mesh; return the first."""
+    """Write small.xml, the file that it includes and its mesh; return the path of small.xml."""
     _stl(folder)
     (folder / "more.xml").write_text('<mujoco><option gravity="0 0 -9.81"/></mujoco>\n', encoding="utf-8")
     (folder / "small.xml").write_text(MJCF, encoding="utf-8")

@@ -1,6 +1,6 @@
-"""What stands around the arm: table, floor, wall, distractors, lights; their materials; the solver's options.
+"""The surroundings of the arm (table, floor, wall, distractors, lights), materials, and the solver's options.
 
-Parts share a material and a texture of their own, which is what randomized looks write into.
+Each part has one material and one texture, which randomized looks change.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from vispeg.robots.user_shapes import UserThing, add_seen
 
 G = mujoco.mjtGeom
 CONTACT = {"contype": 1, "conaffinity": 0}
-BELOW = 2.0  # m under the table, where a mesh that is not drawn lies: unlike a shape it cannot be made small
-TEXTURE = 128  # px, every part's texture
+BELOW = 2.0  # m below the table, where unused meshes are put: unlike a primitive shape, a mesh cannot be shrunk
+TEXTURE = 128  # px, side of a part's texture
 SHAPES = (G.mjGEOM_BOX, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_CAPSULE, G.mjGEOM_ELLIPSOID)
 COLOURS = {
     "peg": (0.62, 0.64, 0.67),
@@ -25,7 +25,7 @@ COLOURS = {
     "gripper": (0.30, 0.31, 0.33),
     "distractors": (0.7, 0.5, 0.3),
 }
-# position, direction of each light in m; the first two are on
+# position, m, and direction of each light; the first two are on
 LIGHTS = {
     "key": ((0.2, -0.8, 1.6), (0.3, 0.6, -1.0)),
     "fill": ((0.4, 0.9, 1.5), (0.1, -0.6, -1.0)),
@@ -35,7 +35,7 @@ LIGHTS = {
 
 
 def options(spec: mujoco.MjSpec) -> None:
-    """How the cell is solved and drawn."""
+    """Set the solver's options and the visual settings of the cell."""
     option = spec.option
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -63,7 +63,12 @@ def material(spec: mujoco.MjSpec, part: str, colour: tuple[float, float, float])
 
 
 def room(spec: mujoco.MjSpec, things: Sequence[UserThing] = ()) -> dict[str, tuple[str, ...]]:
-    """Add table, floor, wall and distractors, the user's things where there are any; geom names of each part."""
+    """Add table, floor, wall and distractors; return the geom names of each part.
+
+    Args:
+        spec: the spec of the cell.
+        things: the user's distractors; if empty, the built-in shapes are used.
+    """
     world = spec.worldbody
     world.add_geom(
         name="table", type=G.mjGEOM_BOX, size=(0.6, 0.7, 0.02), pos=(0.45, 0, -0.02), material="table", **CONTACT

@@ -1,7 +1,7 @@
-"""A gripper of a user's own from an MJCF file: its shapes and its inertia at the flange, its joints as they stand.
+"""A user's gripper from an MJCF file: its shapes and inertia at the flange, with joints fixed as in the file.
 
-Frame: the file's world is the flange's frame, z away from the arm. A site named `grasp` says where the upper end of
-what it holds is; its z axis, along the flange's, points out of the gripper.
+The world frame of the file is the flange frame, z away from the arm. A site named `grasp` marks the upper end of the
+held part; its z axis is that of the flange and points out of the gripper.
 """
 
 from __future__ import annotations
@@ -20,21 +20,23 @@ from vispeg.formats.guard import is_file
 from vispeg.robots.arm import compiled
 from vispeg.robots.mjcf import read_mjcf
 
-FILE = re.compile(r"(.+\.(?:xml|mjcf))(?:\+(peg\d+))?", re.IGNORECASE)  # what a tool's name is of a file
+FILE = re.compile(r"(.+\.(?:xml|mjcf))(?:\+(peg\d+))?", re.IGNORECASE)  # a tool that is a file, and the peg it holds
 GRASP = "grasp"
-STRAIGHT = 1e-4  # m and share: by how much the site may miss the flange's axis
+STRAIGHT = 1e-4  # m, and 1 - cos of the angle: greatest deviation of the site from the flange's axis
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True, eq=False)
 class Gripper:
-    """A gripper as a rigid tool, in the flange's frame.
+    """A gripper as a rigid tool, in the flange frame.
 
     Attributes:
-        grasp: height of the upper end of what it holds, m.
-        reach: height of its outermost point, m.
-        mass, com, inertia: kg, (3,) m, (3, 3) kg m^2 about the centre of mass.
-        model, data: its shapes, joints taken out.
+        grasp: z of the upper end of the held part, m.
+        reach: greatest z of the gripper, m.
+        mass: kg.
+        com: (3,) centre of mass, m.
+        inertia: (3, 3) about the centre of mass, kg m^2.
+        model, data: the gripper without joints, and its state, for the shapes.
     """
 
     grasp: float
@@ -46,11 +48,14 @@ class Gripper:
     data: mujoco.MjData
 
     def add(self, spec: mujoco.MjSpec, body: Any) -> None:
-        """Give a body its shapes: those to be seen as gripper0, ...; they touch the scene but not the arm."""
+        """Add the gripper's shapes to a body; they collide with the scene, not with the arm.
+
+        Visible geoms are named `gripper` with the index of the geom in the file.
+        """
         m, quat = self.model, np.empty(4)
         touches = (m.geom_contype | m.geom_conaffinity) != 0
         shown = m.geom_group < 3
-        if (shown & ~touches).any():  # as of arms: where some are for the eye alone, those for contact are not seen
+        if (shown & ~touches).any():  # as for arms: if there are shapes without contact, only these are drawn
             shown &= ~touches
         for g in range(m.ngeom):
             mujoco.mju_mat2Quat(quat, self.data.geom_xmat[g])
@@ -73,10 +78,10 @@ class Gripper:
 
 
 def of(tool: str) -> tuple[Gripper, str] | None:
-    """Give the gripper that a tool's name means, and the peg behind a `+`; None for one that is no file.
+    """Return the gripper of a tool's name, and the peg after a `+` (or ""); None if the name is not a file.
 
     Raises:
-        UserError: no such file, no gripper, no site `grasp` on the flange's axis.
+        UserError: the file is missing, holds no gripper, or has no site `grasp` on the flange's axis.
     """
     match = FILE.fullmatch(tool)
     if match is None:
@@ -88,7 +93,7 @@ def of(tool: str) -> tuple[Gripper, str] | None:
 
 
 def stamp(tool: object) -> int:
-    """When a tool's file was written; 0 for one that is no file."""
+    """Return when a tool's file was last modified, ns; 0 if the tool is not a file."""
     match = FILE.fullmatch(tool) if isinstance(tool, str) else None
     return Path(match[1]).expanduser().stat().st_mtime_ns if match and is_file(match[1]) else 0
 
@@ -101,7 +106,9 @@ def _read(path: Path, stamp: int) -> Gripper:
             spec.delete(element)
     if not any(site.name == GRASP for site in spec.sites):
         expected = f"a site '{GRASP}' at the upper end of what is held, its z axis out of the gripper"
-        raise UserError("no place to hold at", file=path, expected=expected, got=[s.name for s in spec.sites])
+        raise UserError(
+            "no site that marks the held part", file=path, expected=expected, got=[s.name for s in spec.sites]
+        )
     model = compiled(spec, str(path))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

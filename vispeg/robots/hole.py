@@ -1,13 +1,14 @@
-"""A block with a hole in it: wedges around the mouth and plates about them for contact, one smooth mesh to be seen.
+"""A block with a hole: wedges around the mouth and plates around these for contact, and one smooth mesh to be drawn.
 
-Frame: the hole's own, origin at the centre of its mouth, z up and out of it. A regular hole of n sides is exact; a
-round one is a circle's tangent polygon, whose walls stand at the radius and whose corners are at most
-radius (1/cos(pi/n) - 1) further out (Coxeter, Regular Polytopes, 2.8): the clearance is never less than stated.
+The frame of the hole has its origin at the centre of the mouth, z up and out of the hole. A hole with n flat walls is
+exact. A round hole is the polygon around the circle: its walls are at the radius, and its corners at most
+radius (1/cos(pi/n) - 1) further out (Coxeter, Regular Polytopes, 2.8). The clearance is never less than stated.
 
-Every piece that a part bears on is as stiff as a whole surface. Wedges as wide as the block would make its top as many
-times too stiff, so they end in a square about the mouth, and the rest of the top is four plates around it; a block in
-which that square has no room is wedges alone. Where a soft part sinks in, it still meets the sides of pieces: `TOP` is
-one piece, for what is known to stay beside the mouth.
+In contact, each piece that a part touches has the stiffness of a whole surface. If the wedges reached the edge of the
+block, a part on the block's top would touch many of them, and the top would be as many times too stiff. So the wedges
+end at a square around the mouth, and four plates form the rest of the top. A block that is too small for this square
+consists of wedges alone. A soft part that sinks in can still meet the sides of pieces. `TOP` is a single box without a
+hole, for contact that is known to stay away from the mouth.
 """
 
 from __future__ import annotations
@@ -17,28 +18,28 @@ import math
 import mujoco
 import numpy as np
 
-ROUND_ERROR = 2e-5  # m: by how much a corner of a round hole may lie outside its circle
+ROUND_ERROR = 2e-5  # m: greatest distance of a corner of a round hole from its circle
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 WALL, PLATE = "hole_wall", "hole_plate"  # names of the wedges and plates, before their numbers
-TOP = "hole_top"  # a box without a hole, quick to touch; nothing does unless it is given `TOUCHED`
-TOUCHED, UNTOUCHED = 1, 2  # contype; every part of a cell looks for the first alone
-FLAT = 2e-3  # m: of wedge about the bevel, at least, so that no wedge is thinner
+TOP = "hole_top"  # a box without a hole, cheap in contact; it has no contact until its contype is set to `TOUCHED`
+TOUCHED, UNTOUCHED = 1, 2  # contypes; the parts of a cell collide only with the first
+FLAT = 2e-3  # m: width of the wedges' top around the bevel, so that no wedge is too thin
 
 
 def sides(radius: float, error: float = ROUND_ERROR) -> int:
-    """Walls of a round hole of this radius (m), a multiple of 4, with corners no further out than `error` (m)."""
+    """Return the number of walls, a multiple of 4, whose corners are at most `error` (m) outside `radius` (m)."""
     n = math.pi / math.acos(radius / (radius + error))
     return max(16, 4 * math.ceil(n / 4))
 
 
 def polygon(n: int, apothem: float) -> np.ndarray:
-    """Corners (n, 2) of a regular polygon, counterclockwise; its first side faces +x."""
+    """Return the corners (n, 2) of a regular polygon, counterclockwise; its first side faces +x."""
     angle = np.pi * (2 * np.arange(n) - 1) / n
     return apothem / np.cos(np.pi / n) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def cut(outline: np.ndarray, normal: tuple[float, float], reach: float = 0.0) -> np.ndarray:
-    """Give the convex outline (k, 2) where `normal . x >= reach` (Sutherland and Hodgman 1974)."""
+    """Cut a convex outline (n, 2) to the part (k, 2) where `normal . x >= reach` (Sutherland and Hodgman 1974)."""
     above = outline @ np.array(normal) - reach
     out = []
     for p, q, a, b in zip(outline, np.roll(outline, -1, 0), above, np.roll(above, -1), strict=True):
@@ -50,16 +51,17 @@ def cut(outline: np.ndarray, normal: tuple[float, float], reach: float = 0.0) ->
 
 
 def wedge(i: int, n: int, apothem: float, outline: np.ndarray, depth: float, chamfer: float) -> np.ndarray:
-    """Corners (k, 3) in m of wedge i of n, its wall facing the axis.
+    """Return the corners (k, 3), m, of a wedge, one wall of which faces the hole's axis.
 
     Args:
-        i, n: its number, walls of the hole.
-        apothem: distance of a wall from the axis.
-        outline: (m, 2) what the wedges fill, counterclockwise.
-        depth: of the hole.
-        chamfer: height and width of the 45 deg bevel at the mouth; 0 for none.
+        i: number of the wedge, from 0.
+        n: number of walls of the hole.
+        apothem: distance of a wall from the axis, m.
+        outline: (m, 2) outer edge of the wedges, counterclockwise, m.
+        depth: depth of the hole, m.
+        chamfer: height and width of the 45 deg bevel at the mouth, m; 0 for none.
     """
-    start, end = np.pi * (2 * i - 1) / n, np.pi * (2 * i + 1) / n  # the rays that it lies between
+    start, end = np.pi * (2 * i - 1) / n, np.pi * (2 * i + 1) / n  # angles of its two radial sides
     middle = (math.cos(2 * np.pi * i / n), math.sin(2 * np.pi * i / n))
     sector = cut(cut(outline, (-math.sin(start), math.cos(start))), (math.sin(end), -math.cos(end)))
     layers = [(apothem, -depth), (apothem, -chamfer), (apothem + chamfer, 0.0)]
@@ -67,12 +69,21 @@ def wedge(i: int, n: int, apothem: float, outline: np.ndarray, depth: float, cha
 
 
 def add_walls(spec: mujoco.MjSpec, body, n: int, apothem: float, outer: float, depth: float, chamfer: float) -> None:
-    """Add the wedges, the plates and the bottom of the hole to `body`, for contact only (group 3)."""
+    """Add wedges, plates and the bottom of the hole to `body`, for contact only (group 3).
+
+    Args:
+        spec, body: the spec, and the body whose frame is that of the hole.
+        n: number of walls of the hole.
+        apothem: distance of a wall from the axis, m.
+        outer: distance of the block's sides from the axis, m.
+        depth: depth of the hole, m.
+        chamfer: height and width of the 45 deg bevel at the mouth, m; 0 for none.
+    """
     square, block = polygon(4, apothem + chamfer + FLAT), polygon(n, outer)
     fits = np.hypot(*square[0]) < outer
     corners = [wedge(i, n, apothem, square if fits else block, depth, chamfer) for i in range(n // 4)]
     _add(spec, body, corners, WALL)
-    if fits:  # like a windmill's sails, so that none lies upon another
+    if fits:  # four plates like the sails of a windmill, which do not overlap
         sail = cut(cut(block, (1, 0), square[0, 0]), (0, 1), square[0, 1])
         _add(spec, body, [np.concatenate([_at(sail, 0.0), _at(sail, -depth)])], PLATE)
     box = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": (outer, outer, depth / 2), "pos": (0, 0, -depth / 2)}
@@ -88,7 +99,7 @@ def _at(outline: np.ndarray, z: float) -> np.ndarray:
 
 
 def _add(spec: mujoco.MjSpec, body, quarter: list[np.ndarray], name: str) -> None:
-    """Pieces of a quarter of the block, four times about the axis; numbered counterclockwise."""
+    """Add the pieces of a quarter of the block four times around the axis, numbered counterclockwise."""
     for k, corners in enumerate(quarter):
         spec.add_mesh(name=f"{name}{k}", uservert=corners.ravel().tolist())
     for i in range(4 * len(quarter)):
@@ -103,7 +114,10 @@ CONTACT = {"contype": TOUCHED, "conaffinity": 0, "group": 3, "rgba": (0.2, 0.6, 
 
 
 def visual(n: int, apothem: float, outer: float, depth: float, chamfer: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (v, 3) in m and triangles (f, 3) of the block with its hole, faces apart so that edges stay sharp."""
+    """Return vertices (v, 3) in m and triangles (f, 3) of the block with its hole, for drawing.
+
+    Faces share no vertices, so that edges stay sharp. The arguments are as for `add_walls`.
+    """
     m = max(n, 4)
     turn = np.pi * (2 * np.arange(m + 1) - 1) / n  # corners of the polygon
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) / np.cos(np.pi / n)

@@ -1,7 +1,7 @@
-"""The nominal KUKA LBR iiwa 14 R820: a table and the MjSpec built from it.
+"""The nominal KUKA LBR iiwa 14 R820: a table of its links, and the MjSpec built from it.
 
-Numbers as published with MuJoCo Menagerie's `kuka_iiwa_14` (BSD-3-Clause, derived from Drake's model of the arm).
-No armature, damping, friction or elasticity: those are effects.
+The numbers are those of MuJoCo Menagerie's `kuka_iiwa_14` (BSD-3-Clause, derived from Drake's model of the arm). There
+is no armature, damping, friction or elasticity, since these are effects.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ Vec3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Link:
-    """One body of the chain; it turns about its own z axis where `limit` is given.
+    """One body of the chain; it turns about its own z axis if `limit` is given.
 
     Attributes:
         name: body name; `linkN` carries `jointN`.
         pos, quat: pose in the parent, m and (w, x, y, z) before normalisation.
         mass: kg.
-        com: centre of mass, m, in the body.
-        inertia: diagonal, kg m^2, about the centre of mass, along the body's axes.
+        com: centre of mass in the body's frame, m.
+        inertia: diagonal about the centre of mass, along the body's axes, kg m^2.
         limit: the joint moves within +-limit rad; None for the fixed base.
         torque, speed: limits of the joint, N m and rad/s.
     """
@@ -61,7 +61,7 @@ PARTS = (("", GREY), ("_ring", ORANGE))  # mesh file suffix and colour
 
 
 def build() -> mujoco.MjSpec:
-    """Give the bare arm: bodies, hinges and visual meshes; the caller adds actuators and the flange site."""
+    """Return the bare arm: bodies, hinges and visual meshes; the caller adds actuators and the flange site."""
     spec = mujoco.MjSpec()
     spec.modelname = "iiwa14"
     spec.compiler.degree = False

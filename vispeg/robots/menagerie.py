@@ -1,7 +1,7 @@
-"""Robots by name from MuJoCo Menagerie: a checkout that MENAGERIE_ROOT names, or the package `mujoco-menagerie`.
+"""Robots by name from MuJoCo Menagerie: from a checkout in MENAGERIE_ROOT, or by the package `mujoco-menagerie`.
 
-The package downloads a robot when it is first asked for, and keeps it. Short names mean an arm's entry without a hand
-where there is a choice.
+The package downloads a robot at its first use and keeps it. If an arm comes with and without a hand, its short name
+means the one without.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 from vispeg.core.errors import UserError
 from vispeg.core.extras import install
 
-ARMS = {  # short name: FOLDER/ENTRY, and what people call it
+ARMS = {  # short name: FOLDER/ENTRY, and the usual name
     "fr3": ("franka_fr3/fr3", "Franka Research 3"),
     "gen3": ("kinova_gen3/gen3", "Kinova Gen3, 7 joints"),
     "lite6": ("ufactory_lite6/lite6", "UFACTORY Lite 6"),
@@ -36,7 +36,7 @@ HOW = f"{install('menagerie')}, MENAGERIE_ROOT set to a checkout of it, or a pat
 
 
 def folders() -> dict[str, Path]:
-    """Robots of the checkout that MENAGERIE_ROOT names, by folder; empty where it names none."""
+    """Return the robots of the checkout in MENAGERIE_ROOT: path by folder name. Empty without a checkout."""
     root = os.environ.get("MENAGERIE_ROOT")
     if not root or not Path(root).is_dir():
         return {}
@@ -44,14 +44,14 @@ def folders() -> dict[str, Path]:
 
 
 def available() -> list[str]:
-    """Names that `find` takes here without a download, short ones first."""
+    """Return the names that `find` can resolve without a download, short ones first."""
     there = folders()
     return [*(s for s, full in SHORT.items() if full.partition("/")[0] in there), *sorted(there)]
 
 
 def knows(robot: str) -> bool:
-    """Tell whether Menagerie has a robot of that name, here or to be downloaded."""
-    if robot in SHORT:  # asked of every world of a search, so without a look at the disk
+    """Return whether Menagerie has a robot of that name, on this computer or for download."""
+    if robot in SHORT:  # a search asks this for every world, so avoid disk access
         return True
     folder, package = robot.partition("/")[0], _package()
     return (
@@ -62,18 +62,18 @@ def knows(robot: str) -> bool:
 
 
 def state(robot: str) -> str:
-    """Say whether an arm of ARMS is here, downloads when it is first asked for, or is not here."""
+    """Return the state of an arm of ARMS: HERE, DOWNLOADS (it will be downloaded at its first use) or ABSENT."""
     folder, package = SHORT[robot].partition("/")[0], _package()
-    if os.environ.get("MENAGERIE_ROOT") or package is None:  # a checkout stands in the place of what was downloaded
+    if os.environ.get("MENAGERIE_ROOT") or package is None:  # a checkout replaces the downloads
         return HERE if folder in folders() else ABSENT
     return HERE if package.Cache().is_cached(package.get(folder)) else DOWNLOADS
 
 
 def find(robot: str) -> Path | None:
-    """Give the file of a robot's name: a short one, a folder, or FOLDER/ENTRY; None where nobody here knows it.
+    """Return the file of a robot, named by short name, folder or FOLDER/ENTRY; None for an unknown name.
 
     Raises:
-        UserError: a name that Menagerie has, but not here; a folder without that entry.
+        UserError: the robot is known but not available here, its download failed, or its folder lacks the entry.
     """
     folder, _, entry = SHORT.get(robot, robot).partition("/")
     there = folders()
@@ -102,7 +102,7 @@ def _entry(folder: Path, entry: str) -> Path:
 
 
 def _package() -> Any:
-    """Give the package `mujoco-menagerie`; None where it is not installed."""
+    """Return the package `mujoco-menagerie`; None if it is not installed."""
     try:
         import mujoco_menagerie  # type: ignore[import-not-found]
     except ImportError:
@@ -111,7 +111,9 @@ def _package() -> Any:
 
 
 def _downloaded(folder: str) -> Path | None:
-    """Give the folder that the package `mujoco-menagerie` has, or None without the package or for a name it has not.
+    """Return the folder of a robot from the package `mujoco-menagerie`, downloaded if needed.
+
+    None if the package is not installed or does not have the robot.
 
     Raises:
         UserError: the download failed.

@@ -1,4 +1,4 @@
-"""Reads a user's MJCF as an arm: its actuators make way, everything else that it states of the arm stays."""
+"""Read a user's MJCF as an arm: remove its actuators, sensors and keyframes, and keep the rest."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from vispeg.robots.resources import check_resources
 
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
-    """Give the arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the actuators it had.
+    """Return the arm as a spec without actuators, and {joint: (torque limit in N m, inf)} from the removed actuators.
 
-    Damping, armature and friction that the file states are kept. Meshes, height fields and textures that are missing
-    are dropped with the shapes that use them.
+    Damping, armature and friction of the file are kept. Missing meshes, height fields and textures are dropped; geoms
+    of missing meshes and height fields are dropped too.
 
     Raises:
-        UserError: MuJoCo cannot read it, or a moving body's mass would come from a mesh that is missing.
+        UserError: the file is refused by `check_resources` or by MuJoCo, or the mass of a body other than the world
+            depends on a missing mesh.
     """
     check_resources(path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except REFUSALS as error:
         raise UserError(f"MuJoCo cannot read it: {error}", file=path) from error
-    spec.memory, spec.nuserdata, spec.nkey, spec.njmax, spec.nconmax = -1, 0, 0, -1, -1  # of another scene than ours
+    # the sizes in the file are for its own scene
+    spec.memory, spec.nuserdata, spec.nkey, spec.njmax, spec.nconmax = -1, 0, 0, -1, -1
     _strip(spec, path)
     limits = _limits(spec, path)
-    for group in (spec.actuators, spec.sensors, spec.keys):  # they name, or count, what is replaced
+    for group in (spec.actuators, spec.sensors, spec.keys):  # they depend on elements that are replaced
         for element in list(group):
             spec.delete(element)
     return spec, limits
@@ -68,7 +70,10 @@ def _missing(spec: mujoco.MjSpec, base: Path, folder: str, file: str) -> bool:
 
 
 def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
-    """Greatest torque that each joint's own actuator can give, or the joint's `actuatorfrcrange`."""
+    """Return by joint the torque limit, N m, and inf for the speed.
+
+    The limit is the least of what the joint's actuators can give and the joint's own `actuatorfrcrange`.
+    """
     model = compiled(spec, str(path))
     limits: dict[str, float] = {}
     for i in range(model.njnt):
@@ -79,7 +84,7 @@ def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
             continue
         force = model.actuator_forcerange[i].max() if model.actuator_forcelimited[i] else float("inf")
         fixed = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
-        if model.actuator_ctrllimited[i] and fixed:  # a motor: force = gain * ctrl
+        if model.actuator_ctrllimited[i] and fixed:  # a motor, with force = gain * ctrl
             force = min(force, model.actuator_ctrlrange[i].max() * abs(model.actuator_gainprm[i, 0]))
         name = model.joint(int(model.actuator_trnid[i, 0])).name
         torque = float(force) * abs(float(model.actuator_gear[i, 0]))

@@ -1,4 +1,4 @@
-"""A robot as the rest of the project sees it: names, limits, and a fresh MjSpec whenever one is asked for."""
+"""The robot model that the rest of the project uses: names, limits and a function that builds an MjSpec."""
 
 from __future__ import annotations
 
@@ -32,19 +32,20 @@ Tool = str | Mapping[str, Any] | None
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
-    """A fixed-base arm, its declared tool and mounting included. SI units, radians.
+    """A fixed-base arm with its declared tool and mounting. SI units, radians.
 
     Attributes:
         name: short name.
-        source: where its numbers come from.
+        source: origin of the numbers, such as a file.
         joints: hinge joint names, base to tip, (nj,).
-        torque_limit: (nj,) N m, inf where not known.
-        velocity_limit: (nj,) rad/s, inf where not known.
-        range: (nj, 2) rad, infinite where unlimited.
+        torque_limit: (nj,) N m, inf if unknown.
+        velocity_limit: (nj,) rad/s, inf if unknown.
+        range: (nj, 2) lower and upper limit, rad; infinite for an unlimited joint.
         flange: name of the flange site.
-        links: the bodies that the joints turn, (nj,), in the order of `joints`.
-        base: the body that carries the first joint.
-        home: (nj,) rad, a posture to work from; empty where nobody declared one.
+        links: names of the bodies that the joints turn, (nj,), in the order of `joints`.
+        base: name of the body that the first joint is mounted on.
+        build: function that returns a new MjSpec.
+        home: (nj,) rad, posture to start from; empty if none is declared.
     """
 
     name: str
@@ -60,11 +61,14 @@ class RobotModel:
     home: tuple[float, ...] = ()
 
     def spec(self) -> mujoco.MjSpec:
-        """Give a spec of the caller's own, with one motor a joint (named as the joint; N m in, no limits)."""
+        """Return a new spec, which the caller may change.
+
+        It has one motor per joint, of the joint's name, with torque in N m as input and without limits.
+        """
         return self.build()
 
     def compile(self) -> mujoco.MjModel:
-        """`spec()`, compiled."""
+        """Compile `spec()`."""
         return self.spec().compile()
 
 
@@ -77,20 +81,21 @@ def load(
     declared: RobotConfig | None = None,
     moved: tuple[str, ...] | None = None,
 ) -> RobotModel:
-    """Give a robot by name or by file; the same arguments give the same object.
+    """Load a robot by name or from a file; the same arguments return the same object.
 
     Args:
-        robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: a short name (`vispeg
-            robots`), a folder, or FOLDER/ENTRY, see `vispeg.robots.menagerie`.
-        tool: what is at the flange, see `vispeg.robots.tools.attach`.
-        base_tilt: (roll, pitch) of the mounting, rad: the base is turned by Rx(roll) Ry(pitch), so gravity in the base
-            is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
-        declared: flange, limits, damping and home posture in place of what the file states; its model and tool are
-            not looked at.
-        moved: hinges that turn; the others (of a gripper, a torso) are held at rest, and their mass stays. None: all.
+        robot: `iiwa14`, a path to an MJCF or URDF, or a robot of MuJoCo Menagerie: a short name (see `vispeg robots`),
+            a folder, or FOLDER/ENTRY, see `vispeg.robots.menagerie`.
+        tool: the tool at the flange, see `vispeg.robots.tools.attach`.
+        base_tilt: (roll, pitch) of the mounting, rad. The base is turned by Rx(roll) Ry(pitch), so gravity in the base
+            frame is (Rx(roll) Ry(pitch))' (0, 0, -9.81).
+        declared: flange, limits, damping and home posture that replace those of the file; its `model` and `tool` are
+            ignored.
+        moved: names of the hinges that stay movable. The others (of a gripper or a torso) are fixed at their initial
+            position; their mass is kept. None: all stay movable.
 
     Raises:
-        UserError: an unknown robot or tool, or a file that cannot be used.
+        UserError: the robot or tool is unknown, or a file cannot be used.
     """
     key = tool if isinstance(tool, str) or tool is None else _tool_key(tool)
     tilt = np.asarray(base_tilt, float)
@@ -106,15 +111,15 @@ def load(
 def load_for(
     joints: Sequence[str], robot: str | Path, tool: Tool = None, base_tilt: tuple[float, float] = (0.0, 0.0)
 ) -> RobotModel:
-    """Give the robot of a log with these joints: those that the log lacks are held at rest, with one note that names
-    them.
+    """Load the robot of a log; joints that the log lacks are fixed at their initial position, and a note names them.
 
     Args:
-        joints: of the log.
+        joints: names of the joints in the log.
         robot, tool, base_tilt: as for `load`.
 
     Returns:
-        The robot as `load` gives it where the log has all of its joints, or one that the robot has not.
+        The robot. It is the unchanged robot of `load` if the log has all of its joints, no joint, or a joint that the
+        robot does not have.
     """
     whole = load(robot, tool, base_tilt)
     held = [joint for joint in whole.joints if joint not in joints]
@@ -128,7 +133,7 @@ def load_for(
 
 
 def available() -> list[str]:
-    """Names that `load` takes here."""
+    """Return the names that `load` can find on this computer without a download."""
     return [BUILT_IN, *menagerie.available()]
 
 
@@ -173,7 +178,7 @@ def _load(
 
 
 def tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
-    """Gravity (3,) seen from a base that is turned by Rx(roll) Ry(pitch): (Rx Ry)' g."""
+    """Return gravity (3,) in the axes of a base that is turned by Rx(roll) Ry(pitch), angles in rad: (Rx Ry)' g."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -181,20 +186,20 @@ def tilted(gravity: np.ndarray, roll: float, pitch: float) -> np.ndarray:
 
 
 def _tool_key(tool: Mapping[str, Any]) -> str:
-    """Give the numbers of a tool mapping as text, so that equal tools share one cached robot."""
+    """Return the numbers of a tool mapping as text, so that equal tools share one cached robot."""
     mass, com, inertia = tools.stated(tool)
     return json.dumps({"mass_kg": mass, "com_m": com.tolist(), "inertia_kgm2": inertia.tolist()})
 
 
 def check_name(robot: str, file: Path | None = None, key: str | None = None) -> None:
-    """Refuse a robot's name that nobody knows; robot files are asked for where they are read, downloads too.
+    """Check that a robot's name is known. Files and downloads are checked later, when they are read.
 
     Args:
-        robot: a name or a path; empty where the cell says which.
-        file, key: where it stands, for the error.
+        robot: a name or a path; empty if the cell determines the robot.
+        file, key: file and key of the name, for the error message.
 
     Raises:
-        UserError: an unknown name; lists those there are.
+        UserError: the name is unknown; the message lists the known ones.
     """
     named = robot not in ("", BUILT_IN) and Path(robot).suffix.lower() not in (*SUFFIXES, XACRO)
     if named and not menagerie.knows(robot):
@@ -208,7 +213,7 @@ def _unknown(robot: str, file: Path | None = None, key: str | None = None) -> Us
 
 
 def _file(robot: str) -> Path | None:
-    """Give the file that a robot's name means; None for a robot that is built in."""
+    """Return the file of a robot; None for the built-in robot. Raises UserError if there is none."""
     if robot == BUILT_IN:
         return None
     if Path(robot).suffix.lower() in SUFFIXES:

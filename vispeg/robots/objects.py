@@ -1,7 +1,7 @@
-"""A free object on a table as the rest of the project sees it: an MJCF with one body that nothing holds.
+"""A free object on a table: an MJCF with one free body.
 
-Its shapes are heard alone in its contacts (MuJoCo's geom priority): what an effect says of the object is what its
-contacts do, whatever the table's own numbers are.
+The object's shapes have a higher geom priority in MuJoCo than the table. So the object alone determines the parameters
+of its contacts, and an effect on the object acts in full whatever the table's parameters are.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ CUBE = """<mujoco model="cube">
 
 @dataclass(frozen=True, eq=False)
 class ObjectModel:
-    """A rigid body that flies, lands and slides.
+    """A free rigid body, with the attributes that effects expect of a robot.
 
     Attributes:
-        name: of its body.
-        source: the file.
-        free: places of effects on it: its name.
-        joints, links: those of an arm: none.
-        flange: none.
+        name: name of the body.
+        source: path of the file.
+        build: function that returns a new MjSpec.
+        joints, links: empty, as there is no arm.
+        flange: empty.
     """
 
     name: str
@@ -53,18 +53,18 @@ class ObjectModel:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Where effects of contact can act."""
+        """Places where contact effects can act: the body's name."""
         return (self.name,)
 
     def compile(self, step: float) -> mujoco.MjModel:
-        """Give the model with a physics step in s."""
+        """Compile the model with physics step `step`, s."""
         spec = self.build()
         spec.option.timestep = step
         return spec.compile()
 
 
 def is_object(source: str | Path) -> bool:
-    """Whether a file is an MJCF with a free body and no other joint; False where it cannot be read."""
+    """Return whether a file is an MJCF with a free body and no other joint; False if it cannot be read."""
     path = Path(source)
     if path.suffix.lower() not in SUFFIXES or not is_file(path):
         return False
@@ -83,10 +83,11 @@ def _example(folder: Path) -> Path:
 
 @enrol("MJCF of an object", _example)
 def load_object(source: str | Path) -> ObjectModel:
-    """Give the object of an MJCF file.
+    """Load the free object in an MJCF file.
 
     Raises:
-        UserError: unreadable, no free body or more than one, other joints, or a body without a name, mass or shape.
+        UserError: the file cannot be read, does not have exactly one joint, which is free, or the body lacks a name, a
+            mass or a collision shape.
     """
     path = Path(source).expanduser()
     if not is_file(path):
@@ -107,7 +108,9 @@ def load_object(source: str | Path) -> ObjectModel:
         raise UserError("the free body has no name", file=path, expected="a name, which recordings refer to")
     shapes = [geom for geom in body.geoms if geom.contype or geom.conaffinity]
     if not shapes or model.body(body.name).mass[0] <= 0:
-        raise UserError(f"body '{body.name}' can touch nothing", file=path, expected="a collision shape and a mass")
+        raise UserError(
+            f"body '{body.name}' lacks a shape or a mass", file=path, expected="a collision shape and a mass"
+        )
     most = max((geom.priority for geom in spec.geoms), default=0)
     for geom in shapes:
         geom.priority = most + 1

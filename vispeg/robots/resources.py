@@ -10,9 +10,9 @@ from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB, read_text
 from vispeg.formats.xml_tree import read_xml
 
-ELEMENTS = 20_000  # after `replicate`; arms have some hundreds
+ELEMENTS = 20_000  # greatest number of elements, copies included; arms have some hundreds
 COPIES = ("replicate", "composite", "flexcomp")
-LARGEST = 16_384  # of a picture's or field's side
+LARGEST = 16_384  # greatest value of the attributes in SIDES
 SIDES = {
     "texture": ("width", "height"),
     "hfield": ("nrow", "ncol"),
@@ -24,11 +24,11 @@ NAMES = ("name", "class", "childclass", "file", "prefix", "content", "meshdir", 
 
 
 def check_resources(path: Path) -> None:
-    """Look through an MJCF and the files that it includes.
+    """Check an MJCF and the files that it includes.
 
     Raises:
-        UserError: a file that cannot be read or includes itself, one that is no regular file, NaN or an infinite number
-            anywhere but in a range, a range that inverts, too many copies, too large a picture.
+        UserError: a file cannot be read, is not a regular file or includes itself; a number is NaN, or infinite outside
+            of a range; a range is inverted; there are too many elements; a size or number of iterations is too large.
     """
     total = _file(path, path.resolve().parent, ())
     if total > ELEMENTS:
@@ -36,10 +36,10 @@ def check_resources(path: Path) -> None:
 
 
 def _file(path: Path, base: Path, above: tuple[Path, ...]) -> float:
-    """Give the number of elements in a file, those that it includes and copies counted."""
+    """Return the number of elements in a file, including copies and the files that it includes."""
     if path.resolve() in above:
         raise UserError("includes itself", file=path)
-    read_text(path, 64 * MB)  # MuJoCo knows UTF-8 only
+    read_text(path, 64 * MB)  # checks for UTF-8, the only encoding that MuJoCo reads
     root = read_xml(path)
     if not above and root.tag != "mujoco":
         raise UserError("not an MJCF", file=path, expected="<mujoco> (a URDF is called .urdf)", got=f"<{root.tag}>")
@@ -69,10 +69,10 @@ def _numbers(text: str, key: str, path: Path) -> None:
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
-        return  # a name, or for MuJoCo to judge
+        return  # a name, or an error that MuJoCo will report
     if any(math.isnan(x) or (math.isinf(x) and not key.endswith("range")) for x in numbers):
         raise UserError("is not finite", file=path, key=key, expected="finite numbers", got=text)
-    if key.endswith("range") and len(numbers) == 2 and numbers[0] > numbers[1]:  # MuJoCo takes it for no limit
+    if key.endswith("range") and len(numbers) == 2 and numbers[0] > numbers[1]:  # MuJoCo would take this as no limit
         raise UserError("limits are inverted", file=path, key=key, expected="low <= high", got=text)
 
 
@@ -80,4 +80,4 @@ def _whole(text: str | None) -> float:
     try:
         return float(text or 0)
     except ValueError:
-        return 0.0  # for MuJoCo to judge
+        return 0.0  # MuJoCo will report the error

@@ -1,8 +1,10 @@
-"""Scenes: an arm and what stands around it. `build` makes the peg cell: arm, gripper, peg, fixture with a hole, table,
-background, lights and places for distractors; `vispeg.robots.bench` makes the scene that a robot's own file shows.
+"""Scenes: an arm with its surroundings.
 
-World frame of the peg cell: the robot's base, z up; the table's top is z = 0. Parts share a material and a texture of
-their own, which is what randomized looks write into. Shapes for contact are in group 3 and are never rendered.
+`build` makes the peg cell: arm, gripper, peg, fixture with a hole, table, background, lights and distractors.
+`vispeg.robots.bench` makes the scene in a robot's own file.
+
+The world frame of the peg cell is the robot's base, z up; the table's top is at z = 0. Each part has one material and
+one texture, which randomized looks change. Shapes for contact are in geom group 3 and are never rendered.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ from vispeg.robots.scene_config import SceneConfig
 from vispeg.robots.user_shapes import UserShape, UserThing
 
 G = mujoco.mjtGeom
-GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N a finger)
-OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names in the cell
+GRIP = 120.0  # N, friction that holds the peg between the fingers (a Schunk MEG 50 closes with up to 100 N per finger)
+OURS = {*COLOURS, "finger_left", "finger_right", "peg_tip", "peg_slip", "hole", "wrench"}  # names that the cell uses
 CAMERAS = ("wrist_wide", "wrist_crop", "external")
-FIXTURE = "fixture"  # the body of a cell that may stand on springs
+FIXTURE = "fixture"  # the body that may be mounted on springs
 PEG_IN_HOLE: dict[str, Any] = {
     "goal": "hole",
     "tip_site": "peg_tip",
@@ -40,30 +42,31 @@ PEG_IN_HOLE: dict[str, Any] = {
     "tilt": "hole_tilt",
     "slip": "peg_slip",
 }
-POSED = ("peg_tip", "hole"), ("fixture", "peg")  # sites and bodies of the peg cell that labels give the poses of
+POSED = ("peg_tip", "hole"), ("fixture", "peg")  # sites and bodies of the peg cell whose poses are labels
 
 
 @dataclass(frozen=True, eq=False)
 class Scene(RobotModel):
-    """A robot and what stands around it: everything a RobotModel is, and what a camera sees.
+    """A robot with its surroundings: a RobotModel, and everything that a camera sees.
 
-    A scene with a task also says what the arm holds and where that goes. A scene without one leaves all of that empty.
+    A scene with a task also describes the held part and the goal. A scene without a task leaves these attributes empty.
 
     Attributes:
-        nominal: the arm with what it carries alone: what a controller knows.
-        parts: geom names of each part that can be seen.
-        things: bodies whose place nobody knows exactly: what stands about, what the gripper holds.
-        dressed: parts with a material of their own name, which looks write into.
-        lights, cameras: names.
-        config: of the task's shapes; None without a task.
-        tip: height of the tip below the flange, m.
-        target: nominal place of the goal, base frame, m.
-        goal, tip_site: names of the sites that the task brings together, z of both along the way in.
-        wall, plate: what names of the goal's pieces begin with: around its mouth, and beside it.
-        top: geom that is all of them without the mouth; touched only where a diagnosis of contact says so.
-        held, fixture: bodies of what the gripper holds and of what the goal is part of.
-        offset, tilt: effects that move the goal and turn it: where the fixture really stands.
-        slip: slide joint of the held part in the gripper; "" where it cannot slip.
+        nominal: the arm with its tool alone, as the controller knows it.
+        parts: by name of each visible part, its geom names.
+        things: bodies whose pose is known only roughly: objects in the scene, and the held part.
+        dressed: parts that have a material of the part's name, which looks change.
+        lights, cameras: names of lights and cameras.
+        config: configuration of the cell; None without a task.
+        tip: distance of the held part's tip from the flange along the flange's z axis, m.
+        target: nominal position of the goal, base frame, m.
+        goal, tip_site: names of the sites that the task brings together; the z axes of both are along the insertion.
+        wall, plate: prefixes of the names of the goal's geoms, around its mouth and beside it.
+        top: name of one geom that replaces all of these except for the mouth; it has contact only if a contact
+            diagnosis enables it.
+        held, fixture: names of the body that the gripper holds, and of the body that the goal is part of.
+        offset, tilt: names of the effects that shift and turn the goal, to the fixture's true pose.
+        slip: name of the slide joint of the held part in the gripper; empty if it cannot slip.
     """
 
     nominal: RobotModel = field(default=None)  # type: ignore[assignment]
@@ -88,19 +91,19 @@ class Scene(RobotModel):
 
     @property
     def posed(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Sites and bodies whose poses belong to a picture's labels."""
+        """Names of the sites and of the bodies whose poses are labels of a picture."""
         return tuple(s for s in (self.tip_site, self.goal) if s), self.things
 
 
 def build(config: SceneConfig | None = None, cameras: tuple[str, ...] = CAMERAS) -> Scene:
-    """Give the cell for a configuration; equal configurations give the same object.
+    """Build the peg cell of a configuration; equal configurations return the same object.
 
     Args:
-        config: its geometry; by default the default cell.
-        cameras: names of those that stand in it, which effects of cameras find as their places.
+        config: the configuration; default: `SceneConfig()`.
+        cameras: names of the cell's cameras, which are the places of camera effects.
 
     Raises:
-        UserError: geometry that cannot be, mesh files that cannot be used.
+        UserError: the geometry is impossible, or a mesh file or the robot cannot be used.
     """
     config = config or SceneConfig()
     return _build(config, cameras, *user_cell.shapes(config, config.robot.tool), user_cell.things(config))
@@ -122,7 +125,7 @@ def _build(
         arm, tip = user_cell.hold(config, config.robot, peg)
     spec = arm.spec()
     furniture.options(spec)
-    for group in (spec.lights, spec.cameras):  # of the robot's file: the cell has its own
+    for group in (spec.lights, spec.cameras):  # remove those of the robot's file, as the cell has its own
         for element in list(group):
             spec.delete(element)
     for part, colour in COLOURS.items():
@@ -134,7 +137,7 @@ def _build(
     furniture.lights(spec)
     _sensors(spec)
     base: dict[str, Any] = {f.name: getattr(arm, f.name) for f in fields(RobotModel)}
-    # a square peg is declared with its round sister's mass and inertia
+    # a square peg is declared with the mass and inertia of the round peg of the same size
     extra: dict[str, Any] = {
         "config": config,
         "nominal": arm,
@@ -148,19 +151,19 @@ def _build(
 
 
 def _check_names(robot: RobotConfig) -> None:
-    """Raise UserError for a robot with a part of a name that the cell gives to one of its own."""
+    """Raise UserError if an element of the robot has a name that the cell uses."""
     spec = load(robot.model, declared=robot).spec()
     _say_flange(spec, robot)
     for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):
         for element in getattr(spec, kind):
             if element.name in OURS:
-                what = f"the robot has a part named '{element.name}', as the cell has"
+                what = f"the robot has a part named '{element.name}', a name that the cell uses"
                 expected = "another name in the robot's file, or a model without `cell`: its scene is the file's own"
                 raise UserError(what, file=robot.model, key=kind, expected=expected)
 
 
 def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
-    """Warns where the tool is fixed in the last link's origin, and the file has other frames further out."""
+    """Warn if the tool is fixed to the last link's origin although the file has frames further out."""
     link = spec.site("flange").parent
     still = list(spec.site("flange").pos) == [0.0, 0.0, 0.0] and len(link.joints) > 0
     further = [b.name for b in link.bodies if any(b.pos) and not len(b.joints) and b.name not in ("", "tool")]
@@ -171,9 +174,10 @@ def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
 
 
 def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Names of the arm's geoms that are seen, without its tool's; those without a name get one.
+    """Return the names of the arm's visible geoms without those of the tool; geoms without a name get one.
 
-    Files differ in the group of their shapes for contact: in a body with shapes that do not collide, the others are.
+    Files differ in the geom group of shapes for contact. If a body has shapes without contact, only these are taken as
+    visible, and the others are moved to group 3.
     """
     tool = spec.body("tool")
     held = {g.name for body in ((tool, *tool.bodies) if tool else ()) for g in body.geoms}
@@ -189,11 +193,11 @@ def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
 
 
 def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
-    """Colours gripper and peg, gives the peg its contact and the joint along which it can slip."""
+    """Set the colours of gripper and peg, the peg's contact and the joint along which it can slip; return the parts."""
     gripper = tuple(geom.name for geom in spec.body("tool").geoms if geom.group < 3)
     for name in gripper:
         spec.geom(name).material = "gripper"
-        spec.geom(name).rgba = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default: the material's colour shows
+        spec.geom(name).rgba = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default, with which the material's colour is drawn
     peg, body = spec.geom("peg"), spec.body("peg")
     if config.shape == "square" and not config.peg_mesh:
         r, half = peg.size[0], peg.size[1]
@@ -231,13 +235,13 @@ def _fixture(spec: mujoco.MjSpec, config: SceneConfig, block: UserShape | None) 
 
 
 def _sensors(spec: mujoco.MjSpec) -> None:
-    """Wrench between flange and tool in the flange frame (N, N m), and the net contact force of the tool, peg included,
-    on what it touches (world, N).
+    """Add sensors: the wrench between flange and tool in the flange frame (N, N m), and the net contact force of the
+    tool with its peg on what it touches (world frame, N).
     """
     spec.body("tool").add_site(name="wrench", group=4)
     for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrench")
-    exists, force, net = 1, 2, 3  # bits of what is reported; mjtConDataField and the reduction of the net force
+    exists, force, net = 1, 2, 3  # bits of mjtConDataField, and the reduction that sums contacts to a net force
     spec.add_sensor(
         name="contact",
         type=mujoco.mjtSensor.mjSENS_CONTACT,

@@ -1,4 +1,4 @@
-"""What a cell is built from: the robot, the peg, the hole, their contact."""
+"""The configuration of a cell: the robot, the peg, the hole and their contact."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from vispeg.robots import hole, user_cell
 from vispeg.robots.declare import RobotConfig
 from vispeg.robots.user_cell import PegGeometry
 
-OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # settings that are no numbers of the built-in shapes
+OTHERS = ("robot", "mesh_scale", "mesh_concavity", "peg_density")  # not dimensions of the built-in shapes
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneConfig(PegGeometry):
-    """What the cell is built from; see PegGeometry for the shapes.
+    """The configuration of a cell; see PegGeometry for the shapes.
 
     Attributes:
-        robot: the arm, its flange, its tool.
+        robot: the arm, its flange and its tool.
         solref: time constant (s) and damping ratio of the peg's contacts.
+
+    Raises:
+        UserError: a value is impossible, the hole is out of reach, or a mesh file cannot be used.
     """
 
     robot: RobotConfig = RobotConfig()
@@ -37,7 +40,7 @@ class SceneConfig(PegGeometry):
             "chamfer": (-1e-9, 0.01, "m"),
             "friction": (-1e-9, 3.0, ""),
             "block": (0.0, 0.2, "m"),
-            "mesh_scale": (0.0, 1000.0, "m a unit"),
+            "mesh_scale": (0.0, 1000.0, "m per unit"),
             "mesh_concavity": (0.0099, 1.0, ""),
             "peg_density": (10.0, 25000.0, "kg/m3"),
         }
@@ -47,7 +50,7 @@ class SceneConfig(PegGeometry):
                 expected = f"{max(low, 0):g} to {high:g} {unit}".rstrip()
                 raise UserError("impossible geometry", key=key, expected=expected, got=value)
         if not self.peg_mesh and not round(self.diameter * 1e3, 6).is_integer():
-            raise UserError("a peg's diameter is whole millimetres", key="diameter", got=self.diameter)
+            raise UserError("a peg's diameter must be a whole number of mm", key="diameter", got=self.diameter)
         if not self.hole_mesh and self.apothem + self.chamfer >= self.block:
             raise UserError(
                 "the hole is wider than its fixture", key="block", expected=f"> {self.apothem:g}", got=self.block
@@ -69,13 +72,13 @@ class SceneConfig(PegGeometry):
                 got=self.fixture,
             )
 
-        user_cell.things(self)  # raises where a file cannot be used
-        if self.peg_mesh or self.hole_mesh:  # last, for it takes meshes apart
+        user_cell.things(self)  # raises UserError if a file cannot be used
+        if self.peg_mesh or self.hole_mesh:  # last, as decomposing meshes is slow
             object.__setattr__(self, "clearance_mm", user_cell.fitted(self, self.robot.tool))
 
     @property
     def gap(self) -> float:
-        """The clearance, m."""
+        """The clearance in diameter, m."""
         return 1e-3 * self.clearance_mm
 
     @property

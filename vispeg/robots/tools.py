@@ -1,6 +1,6 @@
-"""What can hang at the flange: a stated inertia, or a named gripper with or without a peg.
+"""Tools at the flange: a stated inertia, or a gripper with or without a peg.
 
-Frames: a tool's own frame is the flange frame, z outwards.
+The frame of a tool is the flange frame, z away from the arm.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from vispeg.core.errors import UserError
 from vispeg.robots import gripper
 
 STEEL = 7850.0  # kg/m^3
-PEG_LENGTH, GRASP = 0.08, 0.105  # m: length of a peg, height of its top end above the flange
-GRIPPER = 0.7, 0.10  # kg in all, m: length of the housing
+PEG_LENGTH, GRASP = 0.08, 0.105  # m: length of a peg, distance of its upper end from the flange
+GRIPPER = 0.7, 0.10  # kg with fingers; m, length of the housing
 FINGER_MASS, FINGER_SIZE = 0.04, (0.012, 0.020, 0.045)  # kg, m
 HOUSING = (0.080, 0.050, GRIPPER[1])  # m
-CELL = "meg50+peg16"  # what the arm of the default cell holds
+CELL = "meg50+peg16"  # the tool in the default cell
 NAMES = ("none", "meg50", "meg50+peg40")
 KEYS = ("mass_kg", "com_m", "inertia_kgm2")
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
@@ -30,7 +30,15 @@ BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 
 @dataclass(frozen=True)
 class Shape:
-    """A homogeneous box (full lengths x, y, z in m) or upright cylinder (radius, length), `pos` in the flange frame."""
+    """A homogeneous box or a cylinder along z.
+
+    Attributes:
+        name: name of the geom.
+        size: full lengths x, y and z of a box, or radius and length of a cylinder, m.
+        pos: centre in the flange frame, m.
+        mass: kg.
+        rgba: colour, 0 to 1.
+    """
 
     name: str
     size: tuple[float, ...]
@@ -40,7 +48,7 @@ class Shape:
 
     @property
     def inertia(self) -> np.ndarray:
-        """Diagonal (3,), kg m^2, about the shape's own centre."""
+        """Diagonal of the inertia (3,) about the shape's own centre, kg m^2."""
         if len(self.size) == 2:
             r, h = self.size
             across = self.mass * (3 * r * r + h * h) / 12
@@ -50,7 +58,7 @@ class Shape:
 
 
 def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | None) -> None:
-    """Welds a tool to the flange site: a body `tool`, and `peg` in it where one is held.
+    """Attach a tool to the flange site: a body `tool`, with a body `peg` in it if one is held.
 
     Args:
         spec: the arm, changed in place.
@@ -76,7 +84,11 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
 
 
 def stated(tool: Mapping[str, Any]) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass (kg), centre of mass (3,) (m) and diagonal inertia (3,) (kg m^2) of a tool mapping, checked."""
+    """Check a tool mapping; return mass, kg, centre of mass (3,), m, and diagonal inertia (3,), kg m^2.
+
+    Raises:
+        UserError: an unknown or missing key, or an impossible value.
+    """
     if not isinstance(tool, Mapping):
         raise UserError("not a tool", key="tool", expected="none, a name or a mapping", got=tool)
     for key in tool:
@@ -110,7 +122,7 @@ def _numbers(tool: Mapping[str, Any], key: str, size: int) -> np.ndarray:
 
 
 def hold(tool: str) -> tuple[float, float]:
-    """Heights in the flange's frame of the upper end of what a gripper holds, and of its own outermost point, m."""
+    """Return z in the flange frame of the held part's upper end and of the gripper's outermost point, m."""
     if (own := gripper.of(tool)) is not None:
         return own[0].grasp, own[0].reach
     return GRASP, GRIPPER[1] + FINGER_SIZE[2]
@@ -142,7 +154,7 @@ def _peg(body: Any, diameter: float, grasp: float) -> None:
 
 
 def _gripper(grip: float) -> list[Shape]:
-    """Housing and two fingers closed on something of radius `grip` (m)."""
+    """Return the housing and two fingers that are closed on a part of radius `grip` (m)."""
     dark = (0.18, 0.19, 0.21, 1.0)
     mass, length = GRIPPER
     x, z = grip + FINGER_SIZE[0] / 2, length + FINGER_SIZE[2] / 2
@@ -154,7 +166,7 @@ def _gripper(grip: float) -> list[Shape]:
 
 
 def _solid(body: Any, shapes: list[Shape]) -> None:
-    """Give a body these shapes as geoms and their joint inertia; they touch the scene but not the arm."""
+    """Add these shapes to a body as geoms, with their combined inertia; they collide with the scene, not the arm."""
     mass = sum(s.mass for s in shapes)
     com = np.sum([s.mass * np.array(s.pos) for s in shapes], axis=0) / mass
     inertia = np.zeros((3, 3))
@@ -177,7 +189,7 @@ def _solid(body: Any, shapes: list[Shape]) -> None:
 
 
 def _set(body: Any, mass: float, com: np.ndarray, inertia: np.ndarray) -> None:
-    """Write mass (kg), centre of mass (3,) and inertia (3, 3) about it, off-diagonal only where needed."""
+    """Set a body's mass, kg, centre of mass (3,), m, and inertia (3, 3) about it, kg m^2."""
     body.mass, body.ipos, body.explicitinertial = mass, com, True
     off = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     if np.abs(off).max() > 1e-12 * np.trace(inertia):

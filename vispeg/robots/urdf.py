@@ -1,7 +1,7 @@
-"""Reads a URDF as a rigid arm, whether or not its meshes are there.
+"""Read a URDF as a rigid arm, even if meshes are missing.
 
-What is taken: links, inertias, hinges, limits, and those shapes whose files are found. `<dynamics>` (damping, friction)
-is not: the numbers found there are rarely measured, and friction is an effect, found from recordings.
+Links, inertias, joints, limits, and shapes whose files are found are used. `<dynamics>` (damping, friction) is ignored:
+its numbers are rarely measured, and friction is an effect that is identified from recordings.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from vispeg.robots.arm import REFUSALS
 from vispeg.robots.urdf_check import check_urdf
 
 READABLE = (".stl", ".obj", ".msh")
-SPECK = 1e-9, 1e-12  # kg, kg m^2: what a massless link between joints gets, as MuJoCo asks for some
+SPECK = 1e-9, 1e-12  # kg, kg m^2: given to a massless link between joints, as MuJoCo requires some inertia
 LEAST = 1e-15  # kg m^2: mjMINVAL, below which MuJoCo refuses a moment of inertia
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-# what the rest of this module relies on: fuse nothing, so that massless frames (flange, tool0) stay, and keep shapes;
-# and no mass is guessed from shapes unless the file asks for it
+# OURS are always set: links are not fused, so that massless frames (flange, tool0) stay, and visual shapes are kept.
+# USUAL holds unless the file says otherwise: no mass is computed from shapes.
 OURS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
 USUAL = {"inertiafromgeom": "false"}
 
 
 def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]]:
-    """Give the arm as a spec, and {joint: (effort limit in N m, velocity limit in rad/s)} where the file states them.
+    """Return the arm as a spec, and {joint: (torque limit in N m, velocity limit in rad/s)} where the file states them.
+
+    A limit of 0 or less counts as unknown and is returned as inf.
 
     Raises:
-        UserError: not a URDF, or MuJoCo cannot read it.
+        UserError: the file is not a URDF, needs xacro, has impossible values, or MuJoCo cannot read it.
     """
     root = read_xml(path)
     if root.tag != "robot":
@@ -77,19 +79,19 @@ def _limits(joint: ET.Element, path: Path) -> tuple[float, float]:
             value = float(text) if text else 0.0
         except ValueError as error:
             raise UserError("not a number", file=path, key=f"{joint.get('name')}.{key}", got=text) from error
-        values.append(value if value > 0.0 else float("inf"))  # 0 is how exporters write "not known"
+        values.append(value if value > 0.0 else float("inf"))  # exporters write 0 for an unknown limit
     return values[0], values[1]
 
 
 def _refuse_xacro(root: ET.Element, path: Path) -> None:
-    """Raise UserError for a file that is a program which writes a URDF."""
+    """Raise UserError for a xacro file, which is a macro source from which a URDF is generated."""
     if any(str(element.tag).startswith("xacro:") for element in root.iter()):
         out = path.name.partition(".")[0] + ".urdf"
         raise UserError("needs xacro", file=path, expected=f"its result: xacro {path.name} > {out}")
 
 
 def _options(root: ET.Element, path: Path) -> dict[str, str]:
-    """Give what the file tells MuJoCo's compiler. Raises UserError: a number that is not finite."""
+    """Return the options of MuJoCo's compiler in the file. Raises UserError for a number that is not finite."""
     out: dict[str, str] = {}
     for compiler in root.findall("mujoco/compiler"):
         out |= compiler.attrib
@@ -104,11 +106,11 @@ def _options(root: ET.Element, path: Path) -> dict[str, str]:
 
 
 def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
-    """Replace inertias that MuJoCo refuses by those of its own cures, and name the links.
+    """Correct inertias that MuJoCo refuses, as its own options would, and name the links in a note.
 
-    `balanceinertia` gives all three moments their mean where the largest exceeds the sum of the others, `boundinertia`
-    raises what is too small; a moment below zero is raised too, which neither of them does. What the file asks for
-    itself is not said.
+    As with `balanceinertia`, all three moments become their mean if the largest exceeds the sum of the others. As with
+    `boundinertia`, moments that are too small are raised; unlike there, also negative ones. Corrections that the file
+    requests itself are not mentioned in the note.
     """
     asked = {"balance": options.get("balanceinertia") == "true", "bound": float(options.get("boundinertia", "0")) > 0}
     said: list[str] = []
@@ -134,14 +136,14 @@ def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
         if (small and not asked["bound"]) or (unequal and not asked["balance"]):
             said.append(f"{link.get('name')} ({'too small' if small else 'A + B < C'})")
     if said:
-        cure = "mended as MuJoCo's balanceinertia and boundinertia do"
-        note(f"{path}: inertias that no body has are {cure}: {', '.join(said)}")
+        cure = "corrected as by MuJoCo's balanceinertia and boundinertia"
+        note(f"{path}: impossible inertias are {cure}: {', '.join(said)}")
 
 
 def _strip(root: ET.Element, path: Path, meshes: str) -> None:
-    """Make mesh paths absolute; drop shapes whose file is missing or of a kind that MuJoCo does not read.
+    """Make mesh paths absolute; drop shapes whose file is missing or has a format that MuJoCo does not read.
 
-    `meshes` is the file's own `meshdir`, where a mesh is looked for by its path or by its name alone.
+    `meshes` is the `meshdir` that the file states, in which meshes are looked for too, by path and by name alone.
     """
     for link in root.iter("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
@@ -159,10 +161,10 @@ def _strip(root: ET.Element, path: Path, meshes: str) -> None:
 
 
 def locate(name: str, folder: Path) -> Path | None:
-    """Give the file that a URDF's `filename` means, or None.
+    """Return the file of a URDF's `filename`, or None if it does not exist.
 
-    `package://NAME/rest` is looked for in every folder of ROS_PACKAGE_PATH and in `folder` and those above it, as
-    `NAME/rest` or, inside the package itself, as `rest`.
+    `package://NAME/rest` is looked for as `NAME/rest` in each folder of ROS_PACKAGE_PATH, in `folder` and in the
+    folders above it; and as `rest` in those of these folders that are called NAME.
     """
     folder = folder.resolve()
     if name.startswith("package://"):

@@ -1,4 +1,4 @@
-"""Check names, joint types and numbers of a URDF before MuJoCo reads it, because MuJoCo accepts anything."""
+"""Check names, joint types and numbers of a URDF before MuJoCo reads it, because MuJoCo does not check them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from vispeg.core.errors import UserError
 
 JOINTS = ("revolute", "continuous", "prismatic", "fixed")
-LINKS = 1000
-LARGEST = 1e6  # kg, m, kg m^2, rad: what is larger is a mistake
+LINKS = 1000  # greatest number of links, and of joints
+LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
 NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -26,7 +26,7 @@ NUMBERS = {
 
 
 def check_urdf(root: ET.Element, path: Path) -> None:
-    """Raise UserError for a name given twice, a joint of another kind, or a number that no arm has."""
+    """Raise UserError for a missing or repeated name, a joint type not in JOINTS, or an impossible number."""
     for tag in ("link", "joint"):
         names: set[str] = set()
         for element in root.findall(tag):
@@ -74,7 +74,7 @@ def _numbers(element: ET.Element, key: str, count: int, where: str, path: Path) 
         return [1.0] * count if element.tag == "axis" else []
     values = [_number(word, where, path) for word in text.split()]
     if len(values) != count:
-        raise UserError("another count of numbers", file=path, key=where, expected=count, got=text)
+        raise UserError("wrong count of numbers", file=path, key=where, expected=count, got=text)
     if any(abs(value) > LARGEST for value in values):
         raise UserError("too large for an arm", file=path, key=where, expected=f"at most {LARGEST:g}", got=text)
     return values

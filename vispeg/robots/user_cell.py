@@ -1,4 +1,4 @@
-"""Cells whose peg or hole comes from a mesh file: placement, load of the gripper, clearance."""
+"""Cells with a peg or a hole from a mesh file: position of the fixture, load of the gripper, clearance."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ SAME = 0.1  # relative tolerance of the stated clearance against that of the sha
 LEVELS = 24  # heights at which the outlines of peg and hole are compared
 FLIP = np.array([1.0, -1.0, -1.0])  # mesh files have z up, the flange has z down
 PEG_CONTACT = {"contype": 0, "conaffinity": 1}
-WIDTH = 0.005, 0.08  # m, smallest and largest peg that the gripper holds
-MOST_THINGS = 40  # meshes of distractors: every compiled cell holds them all, shown or not
+WIDTH = 0.005, 0.08  # m, least and greatest width of a peg that the gripper holds
+MOST_THINGS = 40  # greatest number of distractor meshes: every compiled cell has all of them, visible or not
 
 
 @dataclass(frozen=True, kw_only=True)
 class PegGeometry:
-    """The peg, its hole and what holds it; lengths in m unless named otherwise.
+    """The peg, its hole and the fixture; lengths in m unless stated otherwise.
 
     Attributes:
-        clearance_mm: diameter of the hole less diameter of the peg (for a square: width less width), mm; where none is
-            stated, 3, or with a hole from a file the measured one.
+        clearance_mm: diameter of the hole minus diameter of the peg (widths if square), mm. Default: 3, or the measured
+            clearance for a hole from a file.
         shape: `round` or `square`.
-        diameter: of the peg (its width, if square).
-        depth: of the hole.
-        chamfer: of the hole's mouth, at 45 deg.
+        diameter: diameter of the peg (width if square).
+        depth: depth of the hole.
+        chamfer: width and height of the chamfer at the hole's mouth, at 45 deg.
         friction: sliding friction of the peg in the hole.
         fixture: position of the centre of the hole's mouth, base frame.
         block: half the width of the fixture.
-        peg_mesh, hole_mesh: mesh files instead of the built-in shapes, see `vispeg.robots.user_shapes`; a fixture
-            from a file stands on the table at its `fixture`'s x and y.
+        peg_mesh, hole_mesh: mesh files that replace the built-in shapes, see `vispeg.robots.user_shapes`. A fixture
+            from a file stands on the table, at x and y of `fixture`.
         mesh_scale: m per unit of these files.
-        mesh_concavity: how finely meshes that are not convex are taken apart (CoACD's threshold; smaller is finer).
+        mesh_concavity: threshold of CoACD in the decomposition of meshes that are not convex; smaller is finer.
         hole_origin: centre of the hole's mouth in its file's units; if empty, the middle of its top.
-        peg_density: of a peg from a file, kg/m^3.
-        distractor_meshes: mesh files of the things that the effect `distractors` puts on the table, in place of the
-            built-in shapes; in their own size.
+        peg_density: density of a peg from a file, kg/m^3.
+        distractor_meshes: mesh files of the objects that the effect `distractors` puts on the table, instead of the
+            built-in shapes; they keep their own size.
     """
 
     clearance_mm: float = None  # type: ignore[assignment]
@@ -70,7 +70,7 @@ Geometry = TypeVar("Geometry", bound=PegGeometry)
 
 
 def shapes(config: PegGeometry, tool: str) -> tuple[UserShape | None, UserShape | None]:
-    """Load peg and hole block from their files; None for one that is built in.
+    """Load peg and hole block from their files; None for a built-in one.
 
     Raises:
         UserError: unusable files, or a peg that the gripper cannot hold; checked before the convex decomposition of a
@@ -115,7 +115,7 @@ def _holdable(extent: np.ndarray, config: PegGeometry, tool: str) -> None:
 
 
 def grasp(config: PegGeometry, tool: str) -> float:
-    """Return the upper end of the peg above the flange, m. Raises UserError: a built-in peg is too short."""
+    """Return the distance from flange to the peg's upper end, m. Raises UserError if a built-in peg is too short."""
     upper, outermost = tools.hold(tool)
     if not config.peg_mesh and tools.PEG_LENGTH < outermost - upper + config.depth - 1e-9:
         raise UserError(
@@ -138,7 +138,7 @@ def placed(config: Geometry, block: UserShape | None) -> Geometry:
 
 
 def _below(config: PegGeometry, block: UserShape) -> float:
-    """Return how far a block reaches below the mouth of its hole, m. Raises UserError: less than the hole's depth."""
+    """Return how far a block reaches below the mouth of its hole, m. Raises UserError if the hole is deeper."""
     below = -float(block.vertices[:, 2].min())
     if below < config.depth:
         raise UserError("the hole is deeper than its mesh", key="depth", expected=f"< {below:g}", got=config.depth)
@@ -157,8 +157,9 @@ def arm_with(robot: RobotConfig, peg: str) -> RobotModel:
 
 
 def hold(config: PegGeometry, robot: RobotConfig, peg: UserShape) -> tuple[RobotModel, float]:
-    """Return the arm with this peg in its gripper, which the controller's model includes, and the tip's distance from
-    the flange, m.
+    """Return the arm with this peg in its gripper, and the distance of the peg's tip from the flange, m.
+
+    The controller's model includes the peg.
     """
     width, length = float(peg.extent[0]), float(peg.extent[2])
     arm, density = arm_with(robot, f"peg{round(1000 * width)}"), config.peg_density

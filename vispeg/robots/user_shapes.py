@@ -1,12 +1,13 @@
-"""Pegs, holes and things on the table given as mesh files: read, measured, taken apart into convex pieces for contact.
+"""Pegs, holes and distractors from mesh files: read, measured, and decomposed into convex pieces for contact.
 
-Frames: files of peg and hole are drawn as assembled, z up and out of the hole. A peg's axis is its file's z axis, its
-tip its lowest point; the centre of a hole's mouth is the middle of its mesh's bounding box at the top, or a stated
-origin. A thing on the table stands on its lowest point, z up.
+Mesh files of peg and hole have the orientation of the assembled state, z up and out of the hole. A peg's axis is the z
+axis of its file, and its tip is its lowest point. The centre of a hole's mouth is a stated origin, or the top centre of
+the mesh's bounding box. A distractor stands on its lowest point, z up.
 """
 
-# trimesh loads anything; what is not a mesh is refused before these lines.
-# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+# trimesh returns objects of many types; everything that is not a mesh is refused at run time.
+# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false, reportIndexIssue=false,
+# reportGeneralTypeIssues=false, reportArgumentType=false
 
 from __future__ import annotations
 
@@ -26,20 +27,22 @@ from vispeg.core.errors import UserError
 from vispeg.core.extras import missing
 from vispeg.core.files import write_bytes_atomic
 
-FLAT = 0.06  # m, height of a thing on the table, which the gripper moves over
-FAR = 0.02  # m: what lies further from a peg is no wall of its hole; the greatest clearance is 20 mm
-CONVEX = 1e-6  # share of its hull's volume that a convex mesh may lack
+FLAT = 0.06  # m, greatest height of a distractor on the table, as the gripper moves over it
+FAR = 0.02  # m: walls further from a peg are ignored, as the greatest clearance is 20 mm
+CONVEX = 1e-6  # greatest share of the hull's volume that a convex mesh may lack
 MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 @dataclass(frozen=True, eq=False)
 class UserShape:
-    """A closed mesh in m about its own origin (a peg's tip, a hole's mouth), axes as in its file.
+    """A closed mesh; its origin is a peg's tip or the centre of a hole's mouth, its axes are those of the file.
 
     Attributes:
-        vertices, faces: (v, 3) m and (f, 3).
-        pieces: corners (k, 3) m of convex pieces that fill it; one if it is convex itself.
-        volume, com, inertia: m^3, (3,) m, and (3, 3) about the centre for unit density, m^5.
+        vertices, faces: (v, 3) m, and vertex indices (f, 3).
+        pieces: corners (k, 3) m of the convex pieces that fill the mesh; a single one for a convex mesh.
+        volume: m^3.
+        com: (3,) centre of mass, m.
+        inertia: (3, 3) about the centre of mass for unit density, m^5.
     """
 
     vertices: np.ndarray
@@ -51,11 +54,11 @@ class UserShape:
 
     @property
     def extent(self) -> np.ndarray:
-        """Size (3,) along its axes, m."""
+        """Size (3,) along the axes, m."""
         return np.ptp(self.vertices, axis=0)
 
     def section(self, z: float) -> np.ndarray:
-        """Its outline at a height in m: the ends (n, 2, 2) of segments, m."""
+        """Return the outline at height `z`, m: the x and y of the ends of n segments, (n, 2, 2) m."""
         import trimesh
 
         mesh = trimesh.Trimesh(self.vertices, self.faces, process=False)
@@ -63,7 +66,14 @@ class UserShape:
         return np.asarray(segments)[..., :2]
 
     def add(self, spec: mujoco.MjSpec, body, name: str, place, contact: dict, visual: dict) -> None:
-        """Add geom `name` to be seen and `name`_piece0.. for contact; `place` maps (n, 3) into the body's frame."""
+        """Add a visible geom `name`, and geoms `name`_piece0, ... for contact, to a body.
+
+        Args:
+            spec, body: the spec and its body.
+            name: name of the visible geom.
+            place: function that maps points (n, 3) to the body's frame.
+            contact, visual: further attributes of the geoms for contact, and of the visible one.
+        """
         add_seen(spec, body, name, place(self.vertices), self.faces, visual)
         for i, piece in enumerate(self.pieces):
             spec.add_mesh(name=f"{name}_piece{i}", uservert=place(piece).ravel().tolist())
@@ -73,10 +83,10 @@ class UserShape:
 
 @dataclass(frozen=True, eq=False)
 class UserThing:
-    """A mesh that is seen and not touched: the middle of its bottom is the origin, z up, m.
+    """A mesh that is drawn but has no contact. Its origin is at the middle of its bottom, z up.
 
     Attributes:
-        vertices, faces: (v, 3) m and (f, 3).
+        vertices, faces: (v, 3) m, and vertex indices (f, 3).
     """
 
     vertices: np.ndarray
@@ -86,8 +96,8 @@ class UserThing:
 def add_seen(
     spec: mujoco.MjSpec, body: Any, name: str, vertices: np.ndarray, faces: np.ndarray, visual: Mapping[str, Any]
 ) -> None:
-    """Add geom `name`, a mesh (v, 3) m with faces (f, 3) that is seen and touches nothing."""
-    corners = vertices[faces].reshape(-1, 3)  # faces apart, so that edges stay sharp
+    """Add a geom `name` to a body: a mesh (v, 3) m with faces (f, 3) that is drawn but has no contact."""
+    corners = vertices[faces].reshape(-1, 3)  # faces share no vertices, so that edges stay sharp
     spec.add_mesh(
         name=name,
         uservert=corners.ravel().tolist(),
@@ -98,10 +108,11 @@ def add_seen(
 
 
 def thing(file: str, key: str, scale: float) -> UserThing:
-    """Read a mesh that stands about, whose surface may have gaps.
+    """Read the mesh of a distractor, whose surface may have gaps. The arguments are as for `read`.
 
     Raises:
-        UserError: not a mesh, or too large for a thing that the gripper moves over.
+        UserError: the file is missing or not a mesh, or the mesh has an impossible size or is so high that the gripper
+            would hit it.
     """
     return _thing(*_found(file, key), key, scale)
 
@@ -121,30 +132,30 @@ def _thing(file: str, stamp: int, key: str, scale: float) -> UserThing:
 def read(
     file: str, key: str, scale: float, concavity: float, origin: tuple[float, ...] = (), tip: bool = False
 ) -> UserShape:
-    """Give the shape in a mesh file (STL, OBJ, PLY, OFF, GLB).
+    """Read a peg or a hole from a mesh file (STL, OBJ, PLY, OFF, GLB).
 
     Args:
-        file: its path.
-        key: under which a user gave it, for errors.
+        file: path of the file.
+        key: key under which the user stated it, for error messages.
         scale: m per unit of the file.
         concavity: threshold of CoACD (Wei et al., ACM Trans. Graphics 41(4), 2022), 0.01 (fine) to 1.
-        origin: (3,) in the file's units; if empty, the top centre, or the tip.
-        tip: whether it is a peg.
+        origin: (3,) origin of the shape in the file's units; if empty, the top centre of a hole, the tip of a peg.
+        tip: whether the mesh is a peg.
 
     Raises:
-        UserError: not a mesh, not watertight, or of a size that no peg or fixture has.
+        UserError: the file is missing or not a mesh, or the mesh is not watertight or has an impossible size.
     """
     return _read(*_found(file, key), key, scale, concavity, origin, tip)
 
 
 def size(file: str, key: str, scale: float) -> np.ndarray:
-    """Size (3,) along its axes of a mesh in a file, m, before it is taken apart. Raises UserError: as `read`."""
+    """Return the size (3,) of a mesh in a file along its axes, m. Raises UserError as `read` does."""
     low, high = _mesh(*_found(file, key), key, scale).bounds
     return high - low
 
 
 def _found(file: str, key: str) -> tuple[str, int]:
-    """Path of a file, and when it was written: an edited file is read again."""
+    """Return a file's path and when it was last modified, ns, so that an edited file is read again."""
     path = Path(file).expanduser()
     if not path.is_file():
         raise UserError("no such mesh", file=file, key=key)
@@ -153,14 +164,14 @@ def _found(file: str, key: str) -> tuple[str, int]:
 
 @lru_cache(maxsize=16)
 def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) -> Any:
-    """Give the mesh of a file, in m; `closed` refuses one with gaps."""
+    """Return the mesh in a file, in m; with `closed`, raise UserError for a surface with gaps."""
     import trimesh
 
     data = Path(file).read_bytes()
     try:
         mesh = trimesh.load(io.BytesIO(data), file_type=Path(file).suffix.lstrip(".").lower(), force="mesh")
         mesh.merge_vertices(merge_norm=True, merge_tex=True)
-    except Exception as error:  # whatever the reader of that format raises
+    except Exception as error:  # readers of the formats raise all kinds of errors
         raise UserError("cannot be read as a mesh", file=file, key=key, got=str(error)[:80]) from error
     if not len(mesh.faces):
         raise UserError("holds no triangles", file=file, key=key)
@@ -172,7 +183,9 @@ def _mesh(file: str, stamp: int, key: str, scale: float, closed: bool = True) ->
     low, high = mesh.bounds
     if not 0.002 <= (high - low).max() <= 0.4:
         hint = "2 to 400 mm at its longest (mesh_scale is m per unit of the file: 0.001 for mm)"
-        raise UserError("no size for a part of the cell", file=file, key=key, expected=hint, got=(high - low).round(6))
+        raise UserError(
+            "impossible size of a part of the cell", file=file, key=key, expected=hint, got=(high - low).round(6)
+        )
     return mesh
 
 
@@ -198,13 +211,13 @@ def _read(
 
 
 def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: str, key: str) -> tuple[np.ndarray, ...]:
-    """Convex pieces by CoACD, kept in the user's cache."""
+    """Return the convex pieces by CoACD, from the user's cache under `digest` if they are there."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vispeg" / "pieces" / f"{digest}.npz"
     if cache.is_file():
         try:
             with np.load(cache, allow_pickle=False) as cached:
                 return tuple(cached[f"piece{i}"] for i in range(len(cached.files)))
-        except (OSError, ValueError, KeyError):  # a damaged file is made anew
+        except (OSError, ValueError, KeyError):  # a damaged file is written again
             pass
     try:
         import coacd
@@ -220,7 +233,11 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
 
 
 def play(peg: np.ndarray, block: np.ndarray) -> float:
-    """Least distance between two outlines, segments (n, 2, 2) and (m, 2, 2) in m; negative where they overlap."""
+    """Return the least distance between the outlines of peg and block, m; negative if they overlap.
+
+    Args:
+        peg, block: ends of the outlines' segments, (n, 2, 2) and (m, 2, 2) m.
+    """
     if not len(peg) or not len(block):
         return np.inf
     low, high = block.min(axis=1), block.max(axis=1)
@@ -233,7 +250,7 @@ def play(peg: np.ndarray, block: np.ndarray) -> float:
 
 
 def _apart(points: np.ndarray, segments: np.ndarray) -> float:
-    """Least distance of points (n, 2) to segments (m, 2, 2)."""
+    """Return the least distance of points (n, 2) from segments (m, 2, 2)."""
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     length = np.maximum((along**2).sum(axis=1), 1e-24)
     least = np.inf
@@ -245,7 +262,10 @@ def _apart(points: np.ndarray, segments: np.ndarray) -> float:
 
 
 def _within(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """(n,) whether points (n, 2) lie within the area that segments (m, 2, 2) enclose: a ray crosses an odd number."""
+    """Return whether points (n, 2) are inside the area that segments (m, 2, 2) enclose, (n,) bool.
+
+    A ray from a point inside crosses an odd number of segments.
+    """
     (x0, y0), (x1, y1) = outline[:, 0].T, outline[:, 1].T
     odd = np.zeros(len(points), bool)
     for k, (x, y) in enumerate(points):
@@ -255,11 +275,13 @@ def _within(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
 
 
 def gap(model: mujoco.MjModel, flange: np.ndarray) -> float:
-    """Least distance (m, negative if they overlap) between the contact shapes of the bodies `peg` and `fixture`.
+    """Return the least distance, m, between the contact shapes of the bodies `peg` and `fixture`.
+
+    It is negative if they overlap.
 
     Args:
-        model: a compiled cell.
-        flange: (3,) where a flange that looks straight down holds the peg, world frame, m.
+        model: a compiled model with these bodies.
+        flange: (3,) position of the flange, world frame, m; its z axis points straight down.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -28,10 +28,8 @@ WRENCH_HZ = 20.0  # bandwidth of the wrench: above it, torque noise exceeds the 
 STILL, AIR = 0.45, 1.0  # s at an episode's start during which the arm is at rest, and in free air
 LINEAR = 0.01  # assumed nonlinearity of a torque sensor, as a share of the range of the joint's torque
 BLOCK = 0.04  # s over which noise is averaged, to reveal errors that do not average out
-MOSTLY, QUANTILE = (
-    0.9,
-    2.71,
-)  # quantile of squared block means to use, and its value for chi squared (1 degree of freedom)
+# quantile of the squared block means that is used, and its value for chi squared with one degree of freedom
+MOSTLY, QUANTILE = 0.9, 2.71
 PRIOR = np.repeat([100.0, 10.0], 3)  # N, N m: 1-sigma prior of the wrench, for directions that torques do not show
 BLIND = 0.2  # share of the prior: a direction with a larger posterior uncertainty counts as unobserved
 
