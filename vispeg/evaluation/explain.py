@@ -1,7 +1,7 @@
-"""Why trials fail: their starts in simulation, the article's rules, and what each named effect explains.
+"""Explain why trials fail: replay their starts in simulation, apply the article's rules, price each named effect.
 
-A trial's start is played again over the model's uncertainty, so a trial is compared with the mean over its replays.
-The trial is the unit of every comparison of success; replays of one start are no independent trials.
+Each trial's start is replayed several times over the model's uncertainty, and the trial is compared with the mean over
+its replays. The trial is the unit of every comparison of success: replays of one start are not independent.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from vispeg.trials.trial import Trial
 
 FORMAT = "vispeg-explain/1"
 CLOSED, OPEN, TOGETHER = "closed loop", "open loop", "all together"
-FEWEST = 10  # trials; of fewer, even none that fails leaves 30 % open
-TRACKING = 2.0  # deg: the article's rule is 2 to 3 on any joint
-LATE = 0.02  # s: the article's delays are 0 to 20 ms
-LIGHT = 1.0  # N: a peak force under it is none, and no other is so many times it
-DELAYS = np.arange(0, 41)  # samples that are tried
+FEWEST = 10  # trials; with fewer, even if none fails, the failure rate may be 30 %
+TRACKING = 2.0  # deg, largest difference of a joint; the article's rule is 2 to 3 on any joint
+LATE = 0.02  # s, largest delay; the article's delays are 0 to 20 ms
+LIGHT = 1.0  # N, smallest simulated peak force that another is compared with
+DELAYS = np.arange(0, 41)  # delays to try, in samples
 
 
 def seeds_of(trial: int, replays: int, seed: int = 0) -> list[int]:
-    """Give the seeds of a trial's replays, the same for every kind of replay, so that they are pairs."""
+    """Return the seeds of a trial's replays; they are the same for every kind of replay, so that replays pair."""
     start = FIRST_SEED + 100_000 * seed + trial * replays
     return list(range(start, start + replays))
 
@@ -52,23 +52,23 @@ def summarise(
     parted: Sequence[senses.Parting] = (),
     repeats: float = senses.ASSUMED,
 ) -> ExplainRecord:
-    """Gather what explain.json holds.
+    """Return the content of explain.json.
 
     Args:
-        policy: its name.
-        trials: of the robot.
-        played: of each kind (`CLOSED`, `OPEN`, a cause's label) the replays, trial by trial, of each as many.
-        replayed: of each trial one replay of its actions, kept as a trial.
-        causes: by label the effects that were played besides.
-        notes: what else is to be known.
-        parted: of each trial how its actions move with simulation's senses; none where that was not asked.
+        policy: the policy's name.
+        trials: the robot's trials.
+        played: kind of replay (`CLOSED`, `OPEN`, a cause's label) -> episodes, trial by trial, as many for each trial.
+        replayed: one replay of each trial's actions, kept as a trial.
+        causes: label -> effects that were added in the replays of that kind.
+        notes: further notes for the record.
+        parted: for each trial, how its actions move with simulated senses; empty if that was not asked for.
         repeats: the arm's pose repeatability, mm.
     """
     y = np.array([t.said.outcome.success for t in trials], float)
     won = {kind: np.array([e.success for e in some]).reshape(len(y), -1) for kind, some in played.items()}
     mean = {kind: each.mean(axis=1) for kind, each in won.items()}
     tried = [_episode(policy, t, i) for i, t in enumerate(trials)]
-    once = [replace(e, train_seed=0) for e in played[CLOSED][:: won[CLOSED].shape[1]]]  # replays of a start are alike
+    once = [replace(e, train_seed=0) for e in played[CLOSED][:: won[CLOSED].shape[1]]]  # the first replay of each trial
     kinds = part(_ends(once, "simulation"), _ends(tried, "robot"), stream(0, "categories", policy))
     measures = compare_measures(once, tried)
     tests: dict[tuple[str, str], Hypothesis | Difference] = {("gap", ""): _difference(mean[CLOSED], y)}
@@ -118,7 +118,7 @@ def summarise(
 
 
 def _shown(exchanged: Sequence[Sense]) -> str:
-    """Give the sense whose moment is shown: the pictures where there are any, for people see them, else the first."""
+    """Return the sense whose moment is shown: pictures if there are any, since people can see them, else the first."""
     names = [row["sense"] for row in exchanged]
     return senses.PICTURES if senses.PICTURES in names else names[0]
 
@@ -130,29 +130,32 @@ def _episode(policy: str, trial: Trial, number: int) -> Episode:
 
 
 def _ends(episodes: Sequence[Episode], side: str) -> dict[int, dict[Hashable, str]]:
-    """Return how one network's episodes end; a trial and its replay are not paired, as the world's draws differ."""
+    """Return how one network's episodes end, as `categories.Ends`.
+
+    A trial and its replay get different keys and so do not pair, because the draws of the world differ.
+    """
     return {0: {(side, i): e.category for i, e in enumerate(episodes)}}
 
 
 def _difference(first: np.ndarray, second: np.ndarray) -> Difference:
-    """Success by trial (n,) on two sides; the trial is the unit."""
+    """Compare success per trial (n,) on two sides; the trial is the unit."""
     sides: list[Rows] = [{0: {i: float(x) for i, x in enumerate(side)}} for side in (first, second)]
     return replace(statistics.difference(sides[0], sides[1], same_networks=True), discordant=None)
 
 
 def everything(causes: Collection[str]) -> str:
-    """Give the kind of replay that has all causes."""
+    """Return the kind of replay that has all causes."""
     return TOGETHER if TOGETHER in causes else next(iter(causes), CLOSED)
 
 
 def _alone(first: np.ndarray, second: np.ndarray) -> Interval:
-    """Give a difference by itself, 95 %."""
+    """Return a difference of success with its own 95 % interval, outside the page's family of tests."""
     d = _difference(first, second)
     return Estimate(d.value, *d.interval(statistics.ALPHA), d.n).to_json()
 
 
 def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: Sequence[Sense]) -> list[str]:
-    """Give the rules and senses that speak and are of what these effects do."""
+    """Return the rules that are broken and the senses that differ, where they point to what these effects do."""
     told = {sign for e in effects for sign in _shows(e.effect)}
     return [
         *(f"{r['rule']} {r['value']:.3g} {r['unit']}" for r in rules if r["speaks"] and r["points_to"] in told),
@@ -165,7 +168,7 @@ def _signs(effects: Sequence[EffectInstance], rules: Sequence[Rule], exchanged: 
 
 
 def _shows(name: str) -> set[str]:
-    """Give the rules' and senses' words for what an effect does."""
+    """Return the names, as used by rules (`points_to`) and senses, of what an effect changes."""
     family = effect(name).family
     if family in ("camera", "appearance"):
         return {senses.PICTURES}
@@ -177,9 +180,7 @@ def _shows(name: str) -> set[str]:
 
 
 def _rate(each: np.ndarray) -> Interval:
-    """Give the mean over trials (n,) with the interval of as many single episodes, for replays of a start are no
-    more.
-    """
+    """Return the mean over trials (n,) with the interval of n single episodes: replays of a start add no trials."""
     found = wilson(round(float(each.sum())), len(each)).to_json()
     return {**found, "value": float(each.mean())}
 
@@ -197,7 +198,7 @@ def _row(trial: Trial, closed: np.ndarray, opened: np.ndarray) -> TrialRow:
 def _verdict(
     gap: Decision, mean: Mapping[str, np.ndarray], failed: np.ndarray, causes: Sequence[Cause]
 ) -> tuple[str, str]:
-    """(`gap`, `policy`, `none` or CANNOT_TELL; a sentence)."""
+    """Return the verdict (`gap`, `policy`, `none` or CANNOT_TELL) and a sentence."""
     n, count = len(failed), int(failed.sum())
     if n < FEWEST:
         return CANNOT_TELL, f"these trials cannot tell: {n}, and {FEWEST} are the fewest"
@@ -250,7 +251,7 @@ def _cause(
 
 
 def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequence[Measure]) -> list[Rule]:
-    """Give the article's rules of thumb, each with its number here."""
+    """Return the article's rules of thumb, each with its number here."""
     followed = [f for f in map(_followed, trials, replayed) if f is not None]
     rules: list[Rule] = []
     if followed:
@@ -259,7 +260,7 @@ def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequenc
         joint, late = trials[0].recording.joints[worst], float(np.median([late for _, late in followed]))
         rules.append(
             _rule(
-                f"joints from where the same actions bring them in simulation: {joint}",
+                f"distance of {joint} from where the same actions bring it in simulation",
                 float(apart[worst]),
                 TRACKING,
                 "deg",
@@ -271,7 +272,7 @@ def _rules(trials: Sequence[Trial], replayed: Sequence[Trial], measures: Sequenc
         if m["measure"] == "peak_force":
             off = abs(m["second"] - m["first"]) / max(m["first"], LIGHT)
             rules.append(
-                {**_rule("peak force off the simulated one", off, 0.5, "of it", "contact"), "speaks": m["apart"]}
+                {**_rule("peak force differs from the simulated", off, 0.5, "of it", "contact"), "speaks": m["apart"]}
             )
     return rules
 
@@ -281,7 +282,10 @@ def _rule(rule: str, value: float, limit: float, unit: str, points_to: str) -> R
 
 
 def _followed(trial: Trial, replay: Trial) -> tuple[np.ndarray, float] | None:
-    """RMS distance (nj,) deg of the joints, before either touches; the delay that fits best, s."""
+    """Return the joints' RMS distance (nj,) deg between trial and replay, and the delay of the robot that fits best, s.
+
+    Only samples before either of them makes contact count. None where these are too few.
+    """
     sides = []
     for t in (trial, replay):
         rec, start = t.recording, int(np.searchsorted(t.recording.time, t.steps.time[0] - 1e-9))

@@ -1,4 +1,4 @@
-"""The folder of an evaluation: new, one in which the same was stopped, or one whose result may be replaced."""
+"""Prepare the folder of an evaluation: a new one, one with a stopped run to resume, or one to replace."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from vispeg.formats.json_data import read_json
 def workplace(
     out: str | Path | None, result: str, overwrite: bool = False, inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[Path]:
-    """Give the folder that `prepare` makes, kept from other processes while the body runs; a temporary one without
-    `out`.
+    """Yield the folder that `prepare` makes, locked against other processes while the body runs.
+
+    Without `out` it is a temporary folder.
     """
     if out is None:
         with TemporaryDirectory(prefix="vispeg-") as folder:
@@ -32,7 +33,7 @@ def workplace(
 
 
 def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> None:
-    """Raise UserError where `out` is something else than a folder of such results, or is among the inputs."""
+    """Raise UserError where `out` is no folder for such results, or is one of the inputs or above one."""
     kind = Path(result).stem
     apart(out, inputs)
     if out.is_file() or (out.is_dir() and not untouched(out) and _kind(out) not in (kind, "")):
@@ -40,25 +41,28 @@ def refuse(out: Path, result: str, inputs: Iterable[str | Path | None] = ()) -> 
 
 
 def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> Path:
-    """Make the folder, or clear a finished result in it away.
+    """Make the folder, or delete a finished result in it; return it.
+
+    A stopped run without a result is kept, so that it can be resumed.
 
     Args:
-        out: where.
-        result: name of the file that stands there once all is done.
-        overwrite: whether a finished result is replaced.
-        inputs: what is read; `out` may be none of it, nor a folder above.
+        out: the folder.
+        result: name of the file that a finished run has written.
+        overwrite: whether a finished result may be deleted.
+        inputs: files and folders that the run reads; `out` may be none of them, nor a folder above one.
 
     Raises:
-        UserError: a finished result is there and `overwrite` is False, or files of something else are, or nothing can
+        UserError: there is a finished result and `overwrite` is False, the folder holds something else, or it cannot
             be written.
     """
     refuse(out, result, inputs)
     kind = Path(result).stem
     page = out / ("suite.html" if kind == "compare" else f"{kind}.html")
-    done = (out / result).exists() and (page.exists() or holds(out) is None)  # the page comes last; once it had others
+    # a run writes its page last; folders without a marker are of versions that named the page otherwise
+    done = (out / result).exists() and (page.exists() or holds(out) is None)
     if done and not overwrite:
         raise UserError("exists already; name another folder or pass --overwrite", file=out / result)
-    if done:  # a new run, so nothing of the old one is continued
+    if done:  # the new run must not continue the old one
         for old in (page.name, result, "episodes.jsonl", "run.json"):
             with written(out / old):
                 (out / old).unlink(missing_ok=True)
@@ -69,8 +73,9 @@ def prepare(out: Path, result: str, overwrite: bool, inputs: Iterable[str | Path
 
 
 def _kind(out: Path) -> str | None:
-    """Return the kind of run in a folder by its marker; "" if written by a version without markers, None if it holds no
-    run.
+    """Return the kind of run in a folder, from its marker.
+
+    It is "" for a run by a version without markers, and None where there is no run.
     """
     if (marked := holds(out)) is not None:
         return marked

@@ -1,7 +1,7 @@
-"""The transfer gap: success of every policy in every world, losses, their factors, and what is undecided.
+"""Compute the transfer gap: every policy's success in every world, its losses, their factors, and what is undecided.
 
-`gap` asks everything first (`_Asked`), has all of it decided together (`vispeg.evaluation.statistics.decide`), and then
-writes the rows.
+`gap` first collects all tests (`_Asked`), then decides them together (`vispeg.evaluation.statistics.decide`), and then
+makes the rows.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from vispeg.evaluation.table import BLIND, Cell, Table, rows
 
 FORMAT = "vispeg-gap/2"
 NO_BLIND = f"no blind control: add a {BLIND} policy"
-SHARED = "What policies lose, one against another, and how they fail share the 5 % alike."
+SHARED = "Three questions share the 5 % equally: what policies lose, how they compare, and how they fail."
 RULE = f"{statistics.RULE} {SHARED}"
-Key = tuple[str, ...]  # of a question: its kind, then policies, worlds, categories
+Key = tuple[str, ...]  # of a test: its kind, then policies, worlds, categories, see `_Asked.tests`
 
 
 def gap(
@@ -53,16 +53,16 @@ def gap(
     scripted: Collection[str] = (EXPERT,),
     homes: Mapping[str, Collection[str]] | None = None,
 ) -> GapRecord:
-    """Gather everything that a gap report shows, ready for JSON.
+    """Return everything that a gap report shows, as JSON data.
 
     Args:
         episodes: records of policies in worlds, with controls.
-        reference: the world that losses count from.
-        worlds: the order of worlds in tables; empty: the order in which they come.
-        seed: of the permutation tests.
-        notes: what else is to be known about the episodes.
-        scripted: policies that were not trained, and so have no training seeds.
-        homes: policy -> hashes of the worlds that it was trained in, of policies of which that is known.
+        reference: the world against which losses are measured.
+        worlds: the order of worlds in tables; empty for the order of the episodes.
+        seed: seed of the random tables in the tests of kinds of failure.
+        notes: further notes about the episodes.
+        scripted: names of policies that were not trained and have no training seeds.
+        homes: policy -> hashes of the worlds that it was trained in, for policies of which these are known.
 
     Returns:
         {format, reference, worlds, joint, factors, policies, success, gaps, attribution, comparisons, prediction,
@@ -109,7 +109,11 @@ def gap(
 
 
 def joint_of(worlds: Sequence[str], reference: str) -> tuple[str | None, list[str]]:
-    """Find the world named by joining others' names (`VNP`), the one of most factors, and its factors (V, N, P)."""
+    """Find the world whose name joins the names of most other worlds.
+
+    Returns:
+        Its name and those of its factors, such as `VNP` and V, N, P; None and none without such a world.
+    """
     others = [w for w in worlds if w != reference]
     best: tuple[str | None, list[str]] = (None, [])
     for joint in others:
@@ -127,12 +131,14 @@ def joint_of(worlds: Sequence[str], reference: str) -> tuple[str | None, list[st
 
 @dataclass(frozen=True)
 class _Asked:
-    """Everything that a page asks of its episodes: one family of tests.
+    """All the tests of a page: one family.
 
     Attributes:
         tests: by ("gap", policy, world), ("pair", world, first, second), ("beyond", policy), ("failures", policy,
             world, category or "") and ("measure", policy, world, measure).
-        partings, measured: of a policy and world, what the last two kinds of tests belong to.
+        partings: (policy, world) -> the comparison of failures behind the "failures" tests, and the number of episodes
+            on each side.
+        measured: (policy, world) -> the comparisons behind the "measure" tests.
     """
 
     tests: dict[Key, Hypothesis | Difference] = field(default_factory=dict)
@@ -143,7 +149,14 @@ class _Asked:
     def of(
         cls, table: Table, worlds: Sequence[str], joint: Sequence[str], scripted: Collection[str], seed: int
     ) -> _Asked:
-        """Ask; `worlds` with the reference first, `joint` the combined world and its factors."""
+        """Collect the tests.
+
+        Args:
+            table: the episodes.
+            worlds: names of the worlds, the reference first.
+            joint: the combined world, then its factors; empty without one.
+            scripted, seed: as for `gap`.
+        """
         asked, reference, policies = cls(), worlds[0], table.policies
         for policy in policies:
             for world in worlds[1:]:
@@ -160,7 +173,7 @@ class _Asked:
         return asked
 
     def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
-        """Return a policy's loss of success, its kinds of failure, and on a robot its duration and peak force."""
+        """Add the tests of a policy's loss of success, of its kinds of failure and, on a robot, of time and force."""
         cells = [Cell(policy, reference), Cell(policy, world)]
         networks = table.networks(cells)
         if not networks:
@@ -171,7 +184,7 @@ class _Asked:
         kinds = part(ends[0], ends[1], stream(seed, "categories", policy, world))
         self.partings[policy, world] = kinds, [len(first), len(second)]
         self.tests.update({("failures", policy, world, name): test for name, test in kinds.tests.items()})
-        if not table.hashes[world]:  # between simulations the tables of success show both
+        if not table.hashes[world]:  # a robot; for simulations the tables of success show time and force
             self.measured[policy, world] = compare_measures(first, second)
             for m in self.measured[policy, world]:
                 self.tests["measure", policy, world, m.name] = Hypothesis(m.p)
@@ -217,7 +230,7 @@ def _success(table: Table, policy: str, world: str, control: str) -> list[Succes
     if not rows:
         return []
     episodes, estimate = table.all(cell), statistics.rate(rows)
-    one = len(rows) == 1  # of several networks, more episodes are not the cure
+    one = len(rows) == 1  # with several networks, more episodes would not help
     return [
         {
             "policy": policy,
@@ -259,9 +272,9 @@ def _gap(table: Table, decision: Decision, key: Key, reference: str, home: Mappi
 
 
 def _worth(table: Table, policy: str, reference: str, world: str) -> Worth | None:
-    """Return the value of simulation for one network's robot trials; None if they do not share its starts.
+    """Return the value of simulation for one network's robot trials; None if these do not share its starts.
 
-    A trial whose number is a simulated episode's seed had that one's start set up: no trial is the millionth.
+    A trial with the number of a simulated episode's seed (FIRST_SEED or more) had that episode's start set up.
     """
     cells = [Cell(policy, reference), Cell(policy, world)]
     networks = table.networks(cells)
@@ -315,7 +328,10 @@ def _attribution(
 
 
 def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, world: str) -> list[PredictionRow]:
-    """One world over policies: each counts once, however many networks of it there are."""
+    """Return the row on how success in the reference predicts success in a world; none with fewer than two policies.
+
+    Each policy is one point, the mean over its networks.
+    """
     points: list[Point] = []
     means: dict[str, np.ndarray] = {}
     networks: dict[str, list[tuple[float, float]]] = {}
@@ -359,8 +375,10 @@ def _prediction(table: Table, decided: Mapping[Key, Decision], reference: str, w
 def _noise(
     networks: Mapping[str, Sequence[tuple[float, float]]], episodes: Mapping[str, Sequence[Rows]]
 ) -> list[np.ndarray]:
-    """How well each policy's two rates are known: from the spread of networks of one policy, pooled over policies,
-    where any has several, else from the episodes.
+    """Return the covariance (2, 2) of each policy's two measured rates.
+
+    If a policy has several networks, it comes from the spread of networks within policies, pooled over policies; else
+    from the episodes.
     """
     free = sum(len(each) - 1 for each in networks.values())
     if free:
@@ -371,7 +389,7 @@ def _noise(
 
 
 def _order(decided: Mapping[Key, Decision], world: str, policies: Sequence[str]) -> np.ndarray:
-    """(n, n): 1 where the first policy succeeds more beyond doubt, -1 where less, else 0."""
+    """Return (n, n): 1 where policy i is found to succeed more than policy j, -1 where less, 0 where undecided."""
     order = np.zeros((len(policies), len(policies)))
     for i, a in enumerate(policies):
         for j, b in enumerate(policies):
@@ -420,7 +438,7 @@ def _notes(table: Table, decided: Mapping[Key, Decision], order: Sequence[str], 
                 f"{policy} has {min(counts)} to {max(counts)} episodes a world; comparisons use the shared seeds"
             )
         mine = [row for cell, by_seed in table.cells.items() if cell.policy == policy for row in by_seed.values()]
-        cut = [e.clipped for row in mine for e in row.values() if e.clipped >= 0]  # NaN: nobody counted
+        cut = [e.clipped for row in mine for e in row.values() if e.clipped >= 0]  # without NaN, where not counted
         if any(cut):
             notes.append(
                 f"{policy} asked for more than the controller takes in {np.mean(cut):.1%} of an episode's steps"
@@ -442,12 +460,12 @@ def _of_networks(policy: str, networks: int) -> list[str]:
     if networks == 1:
         said = "has one training seed: seeds were not varied, so the figures are of this network, not of the recipe"
     else:
-        said = f"has {networks} training seeds: from {FEWEST_NETWORKS} on a difference of the recipe is stated"
+        said = f"has {networks} training seeds: a statement on the recipe needs {FEWEST_NETWORKS} or more"
     return [f"{policy} {said}"]
 
 
 def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, reference: str, world: str) -> list[str]:
-    """Which networks and episodes a gap is of, where not of all."""
+    """Return notes on the networks and episodes behind a gap, where these are not all."""
     here, there = (list(table.rows(Cell(policy, w))) for w in (reference, world))
     decision = decided.get(("gap", policy, world))
     if decision is None:
@@ -455,7 +473,7 @@ def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, refe
         return [f"{policy}: of training seeds {tried}, played in {world}, none was played in {reference}"]
     lines, shared = [], [str(t) for t in here if t in there]
     if here != there:
-        said = "is compared by the networks of both sides alone: training seed "
+        said = "is compared over the networks played on both sides only: training seed "
         lines.append(f"{policy} in {world} {said}" + ", ".join(shared))
     if table.hashes[world] and not decision.paired:
         said = "did not play the same seeds, so they are compared as independent samples"

@@ -1,4 +1,4 @@
-"""What one worker does in one go: a policy in a world, on a handful of seeds."""
+"""Jobs of an evaluation: one policy in one world on some seeds, the unit of work of a worker process."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from vispeg.render.image_kinds import MODES
 from vispeg.task.registry import scene_of
 from vispeg.task.world_file import load_world
 
-# of evaluation; training's are drawn below 2^31 at random: of two thousand episodes one meets one of 500 here in one
-# run of two thousand
+# First seed of an evaluation. Training draws its seeds at random below 2^31: one training in two thousand, of two
+# thousand episodes each, meets any of 500 evaluation seeds.
 FIRST_SEED = 1_000_000
-STATE_ROWS, IMAGE_ROWS = 50, 20
+STATE_ROWS, IMAGE_ROWS = 50, 20  # episodes side by side, without and with images
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Pushes:
     """A push in every episode, drawn from the episode's seed.
 
     Attributes:
-        force: N, range of the force.
-        duration: s.
-        start: s since the episode began, range of the push's beginning.
+        force: range of the force, N.
+        duration: duration of the push, s.
+        start: range of the push's beginning, s after that of the episode.
     """
 
     force: tuple[float, float] = (20.0, 60.0)
@@ -38,7 +38,7 @@ class Pushes:
     start: tuple[float, float] = (0.3, 3.0)
 
     def draw(self, seed: int) -> tuple[list[float], float, float]:
-        """Force (3,) N, horizontal, any direction; beginning and duration in s."""
+        """Return the force (3,) N, horizontal in any direction, and the push's beginning and duration, s."""
         import math
 
         rng = stream(seed, "push")
@@ -53,15 +53,15 @@ class Job:
     Attributes:
         entrant: the policy.
         world: the world file's path or built-in name.
-        world_name, world_hash: under which the episodes stand.
-        seeds: of the episodes.
+        world_name, world_hash: the world's name and hash in the episodes' records.
+        seeds: seeds of the episodes.
         control, configuration: as in Episode.
-        pushes: or None.
-        profile: whether force profiles are kept.
-        rows: episodes side by side.
-        dump: folder for episodes that diverge, to be played again.
-        trials: folder in which each episode becomes a trial, or None.
-        replays: how the episodes begin, and what acts, where they play trials again.
+        pushes: pushes in the episodes, or None.
+        profile: whether to record force profiles.
+        rows: number of episodes side by side.
+        dump: folder for episodes that diverge, to be replayed; None to keep none.
+        trials: folder in which each episode is kept as a trial, or None.
+        replays: starts and actions of trials to replay, or None.
         remainder: torques that disturb the arm in every episode, or None.
     """
 
@@ -81,27 +81,27 @@ class Job:
     remainder: Remainder | None = None
 
     def keys(self) -> list[tuple[str, int, str, str, str, int]]:
-        """Give the keys of the episodes that it makes, see Episode."""
+        """Return the keys of the job's episodes, see Episode."""
         e = self.entrant
         return [(e.name, e.train_seed, self.world_name, self.control, self.configuration, s) for s in self.seeds]
 
     def split(self, size: int) -> list[Job]:
-        """Split a job into pieces of `size` seeds."""
+        """Split the job into jobs of up to `size` seeds."""
         pieces = [self.seeds[i : i + size] for i in range(0, len(self.seeds), size)]
         return [replace(self, seeds=piece, rows=min(self.rows, max(2, len(piece)))) for piece in pieces]
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A world with changes, before it is a file.
+    """A world with changes, before it is written as a file.
 
     Attributes:
         world: built-in name or path.
-        name: under which its episodes stand.
+        name: the world's name in the episodes' records.
         configuration: as in Episode.
-        changes, task: what is changed, see `overlay`.
+        changes, task: changed effects and task settings, see `overlay`.
         pushes: as in Job.
-        control: as in Job; one that is a change of the world adds it.
+        control: as in Job; `GOAL_fixed` adds its change to the world.
     """
 
     world: str
@@ -116,12 +116,12 @@ class Setting:
 def make_jobs(
     who: Sequence[Entrant], settings: Sequence[Setting], seeds: Sequence[int], folder: Path, profile: bool = False
 ) -> list[Job]:
-    """Give a job for every policy in every setting; changed worlds are written into `folder`.
+    """Return a job for every policy in every setting; write changed worlds into `folder`.
 
-    A control on images is left out for policies that see none. Rows are few where images are rendered.
+    Controls on images are left out for policies without images.
 
     Raises:
-        UserError: a modality that this installation does not have, a world that cannot be.
+        UserError: a modality that this installation does not have, or an invalid world.
     """
     jobs, seeing = [], {e.modality: has_eyes(e) for e in who}
     for s in settings:
@@ -141,12 +141,12 @@ def make_jobs(
 
 
 def has_eyes(who: Entrant) -> bool:
-    """Whether a policy looks at images.
+    """Return whether a policy sees images.
 
     Raises:
         UserError: a modality that this installation does not have.
     """
-    if who.modality in MODES:  # others are looked up where networks are
+    if who.modality in MODES:  # only other modalities need an import of `vispeg.learn`
         return bool(MODES[who.modality])
     from vispeg.learn.modalities import modality
 
@@ -154,6 +154,6 @@ def has_eyes(who: Entrant) -> bool:
 
 
 def seeds_of(episodes: int, seed: int = 0) -> list[int]:
-    """Held-out seeds; `seed` shifts them so that another draw shares none."""
+    """Return the held-out seeds of an evaluation; another `seed` gives other ones, if `episodes` is below 100,000."""
     start = FIRST_SEED + 100_000 * seed
     return list(range(start, start + episodes))

@@ -1,8 +1,8 @@
-"""Policies that LeRobot saved, played by LeRobot itself in a process of its own (`vispeg.interface.lerobot`).
+"""Play policies that LeRobot saved, with LeRobot itself in a separate process (`vispeg.interface.lerobot`).
 
-A policy sees what a rendered dataset calls `observation.state` (or of it the joints alone) and
-`observation.images.CAMERA` (docs/datasets.md). What its action means is told by the names that the dataset of its
-training gives the action, see `vispeg.interface.actions`.
+A policy sees the values that a rendered dataset calls `observation.state`, or only the joint angles among them, and
+`observation.images.CAMERA` (docs/datasets.md). The meaning of its action follows from the names that its training's
+dataset gives the action's entries, see `vispeg.interface.actions`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from vispeg.interface.terms import MEASURED
 from vispeg.render.image_kinds import RGB
 
 STATE, ACTION = "observation.state", "action"
-READ = 12  # readings behind the joints': tip, velocity, force, torque
-WITHIN = ("pretrained_model", "last", "checkpoints", "")  # folders in a training's own
+READ = 12  # entries of the state after the joint angles: tip, velocity, force, torque, 3 each
+WITHIN = ("pretrained_model", "last", "checkpoints", "")  # names of folders inside a training's folder
 
 
 def folder_of(text: str) -> Path:
@@ -40,19 +40,20 @@ def run_of(folder: Path) -> str:
 
 
 class LeRobot:
-    """A policy's folder, as `lerobot-train` writes it (`checkpoints/last/pretrained_model`).
+    """A policy from a folder that `lerobot-train` wrote (`checkpoints/last/pretrained_model`).
 
     Args:
-        folder: with config.json and model.safetensors.
+        folder: folder with config.json and model.safetensors.
 
     Attributes:
-        obs_mode: `rgb`, or `proprio` of a policy without pictures.
-        measured: it asks for readings in SI units.
-        task: the cameras that it sees, and their size.
-        action_names, action_width: of the numbers of an action; () and None where the folder does not say.
+        obs_mode: `rgb`, or `proprio` for a policy without images.
+        measured: True, since it asks for readings in SI units.
+        task: the cameras that it sees, and the size of their images.
+        action_names: names of an action's entries; () where the folder does not state them.
+        action_width: length of an action; None where the folder does not state it.
 
     Raises:
-        UserError: not such a folder; pictures of several sizes; nothing that runs LeRobot.
+        UserError: not such a folder, images of several sizes, or no way to run LeRobot.
     """
 
     measured = True
@@ -83,16 +84,20 @@ class LeRobot:
         self._process = LeRobotProcess(f"{PREFIX}{folder}", "policy", str(folder.resolve()))
 
     def feels(self, joints: int) -> bool:
-        """Whether it asks for more of the robot's state than the angles of its joints."""
+        """Return whether it reads more of the robot's state than the joint angles."""
         return self.state not in (None, (joints,))
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Episodes begin in `rows` (n,) bool, None: in all."""
+        """Begin new episodes in all n rows, or only in those where `rows` (n,) is True."""
         for row in range(n) if rows is None else np.flatnonzero(rows).tolist():
             self._process.ask({"row": row})
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return actions (n, k) for n episodes."""
+        """Return actions (n, k) for n episodes.
+
+        Raises:
+            UserError: the policy was trained with another state than this robot has.
+        """
         state = obs[MEASURED]
         if self.state == (state.shape[1] - READ,):
             state = state[:, :-READ]
@@ -108,7 +113,7 @@ class LeRobot:
 
 
 def _action_names(folder: Path) -> tuple[str, ...]:
-    """Names that the dataset of a policy's training gives the numbers of an action; () where it is not there."""
+    """Return the names of an action's entries in the dataset of a policy's training; () if that is not there."""
     root = _stated(folder / "train_config.json", "dataset", "root")
     return entries(_stated(Path(root) / INFO, "features", ACTION, "names")) if isinstance(root, str) else ()
 

@@ -1,4 +1,4 @@
-"""Reading the lists that suites and stress tests are made of."""
+"""Read the files with the lists of suites and stress tests."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ HERE = Path(__file__).parent
 
 
 def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> list[Mapping[str, object]]:
-    """Give the entries under `key` of a file of format `form`, each with a `name` of its own.
+    """Return the entries under `key` of a file of format `form`.
+
+    Args:
+        path: the file.
+        form: its format.
+        key: key of the list.
+        allowed: keys that an entry may have.
 
     Raises:
-        UserError: naming file, entry and key for anything else.
+        UserError: no entries, or an entry without a name of its own or with an unknown key; names file and entry.
     """
     entries = form.read(path).get(key)
     if not isinstance(entries, list) or not entries:

@@ -1,4 +1,4 @@
-"""Success records of a real robot: a CSV that a person can type, or the trials that `vispeg run` kept."""
+"""Read success records of a real robot: a CSV that a person can type, or the trials that `vispeg run` kept."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Trials:
     """A real robot's trials.
 
     Attributes:
-        episodes: one a trial.
-        notes: what was assumed about them, for the result.
+        episodes: one per trial.
+        notes: what was assumed about them, to be stated with the result.
     """
 
     episodes: list[Episode] = field(default_factory=list)
@@ -50,21 +50,24 @@ def read_csv(
     policies: Mapping[str, Collection[int]] | None = None,
     configurations: Collection[str] = (),
 ) -> Trials:
-    """Read columns policy, seed, outcome and, where there are, configuration, category, modality, train_seed, time,
-    peak_force.
+    """Read a CSV of trials, one row per trial.
+
+    Its columns are policy, seed and outcome, and optionally configuration, category, modality, train_seed, time (s) and
+    peak_force (N).
 
     Args:
-        path: the CSV, first row its heads, one row a trial. `outcome` is success or failure (also 1/0, true/false,
-            yes/no); `seed` is the trial's number, or the simulated episode's seed where the same start and goal were
-            set up. A failure's `category` is one of the task's categories or a word of one's own.
-        world: the name under which these records stand in tables.
-        policies: the names that are known, with their training seeds; none: any. Where the file does not tell the
-            training seed, it is the policy's only one; of several the lowest is taken, and a note says so.
-        configurations: the names that are known; empty: any.
+        path: the CSV; its first row names the columns. `outcome` is success or failure (also 1/0, true/false, yes/no).
+            `seed` is the trial's number, or the simulated episode's seed where the same start and goal were set up. A
+            failure's `category` is one of the task's categories or a word of the user's own.
+        world: the name of the robot's world in tables.
+        policies: known names with their training seeds; none to accept any name. A row without a training seed gets
+            the policy's lowest one; if there are several, a note says so.
+        configurations: known names; empty to accept any.
 
     Raises:
-        UserError: a file that cannot be read, a missing or unknown column, an unknown policy, configuration or outcome,
-            a seed that is not a whole number, an outcome that contradicts its category, a trial that stands twice.
+        UserError: the file cannot be read; a column is missing, unknown or repeated; a policy, configuration or outcome
+            is unknown; a seed is not a whole number; an outcome contradicts its category; a trial is there twice; or
+            there is no trial.
     """
     path, seeds_of = Path(path), {name: sorted(seeds) for name, seeds in (policies or {}).items()}
     try:
@@ -109,13 +112,16 @@ def read_measured(
 ) -> Trials:
     """Read a CSV (`read_csv`), or a folder of trials (`vispeg.trials.trial`).
 
+    Shadow trials, in which the policy did not move the arm, are left out; a note counts them.
+
     Args:
-        path: of either.
+        path: the CSV or the folder.
         world, policies: as in `read_csv`.
-        digests: of the known policies -> name and training seed; a trial's policy is told by it where it can be.
+        digests: digest of each known policy -> its name and training seed; a trial with one of these digests gets them.
 
     Raises:
-        UserError: as `read_csv`; of a folder without trials, or a trial that cannot be, or one whose policy is unknown.
+        UserError: as `read_csv`; a folder without trials that moved the arm, an invalid trial, an unknown policy, or
+            the same trial twice.
     """
     if not Path(path).is_dir():
         return read_csv(path, world, policies)
@@ -175,7 +181,7 @@ def _episode(
         raise UserError("unknown outcome", **where, got=cell["outcome"], choices=OUTCOMES)
     success = OUTCOMES[outcome]
     category = cell.get("category") or ("success" if success else "failure")
-    if category.lower() in task(FIRST).categories:  # a user's own word stays as it is
+    if category.lower() in task(FIRST).categories:  # a user's own word keeps its case
         category = category.lower()
     if (category == "success") != success:
         raise UserError("outcome and category contradict each other", **where, got=f"{outcome}, {category}")
@@ -200,7 +206,7 @@ def _episode(
 def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
     try:
         value = int(text)
-    except ValueError:  # no number, or one of thousands of digits
+    except ValueError:  # not a number, or one with thousands of digits
         value = LAST_SEED + 1
     if abs(value) > LAST_SEED:
         raise UserError(f"{name} is not a number", **where, expected="a whole number", got=text)
@@ -208,7 +214,7 @@ def _whole(text: str, name: str, where: Mapping[str, Any]) -> int:
 
 
 def _real(text: str, name: str, where: Mapping[str, Any]) -> float:
-    """Give the number, NaN where there is none."""
+    """Return the number in a cell; NaN if the cell is empty."""
     if text.lower() in ("", "nan"):
         return math.nan
     try:

@@ -1,7 +1,8 @@
-"""Whether a robot takes as long and presses as hard as the simulation: medians on both sides, and a test of ranks.
+"""Compare time and peak force on a robot with those in simulation: medians on both sides, and a rank test.
 
-After the two sources: on the paper's robot an insertion took longer than in simulation, because it searched longer;
-the article holds a peak force that is more than half away from the simulated one to be the contact model's fault.
+The two sources (docs/sources.md) give the reasons. On the paper's robot an insertion took longer than in simulation,
+because it searched longer. The article blames the contact model if the peak force differs from the simulated one by
+more than half.
 """
 
 from __future__ import annotations
@@ -17,14 +18,21 @@ from vispeg.evaluation.schema.gap import Measure
 from vispeg.evaluation.statistics import CANNOT_TELL, Decision, by_ranks
 from vispeg.evaluation.table import rows
 
-APART = 0.5  # of the simulated peak force
+APART = 0.5  # largest difference of the peak force, as a share of the simulated one
 UNITS = {"time": "s", "peak_force": "N"}
 NAMES = {"time": "successes take", "peak_force": "the peak force is"}
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Medians of a measure on both sides, and the finite values behind them; `p` of `statistics.by_ranks`."""
+    """A measure on both sides.
+
+    Attributes:
+        name: `time` (s) or `peak_force` (N).
+        first, second: medians.
+        n: number of values on each side.
+        p: p-value of `statistics.by_ranks`; None where no test can be made.
+    """
 
     name: str
     first: float
@@ -33,7 +41,7 @@ class Measured:
     p: float | None
 
     def decided(self, decision: Decision) -> Measure:
-        """Give a row with what the page's family decides; `apart`: a peak force that differs, by more than half."""
+        """Return a row with the page's decision; `apart` marks a peak force found to differ, by more than half."""
         apart = self.name == "peak_force" and decision.certain and abs(self.second - self.first) > APART * self.first
         return {
             "measure": self.name,
@@ -49,9 +57,9 @@ class Measured:
 
 
 def compare(first: Sequence[Episode], second: Sequence[Episode]) -> list[Measured]:
-    """Compare the time of the successes and the peak force of all episodes, in the simulation and on the robot.
+    """Compare time of successes and peak force of all episodes, in simulation (`first`) and on the robot (`second`).
 
-    Without a value on a side a measure is left out.
+    A measure without a value on one of the sides is left out.
     """
     measures = []
     for name in UNITS:

@@ -1,7 +1,8 @@
-"""What can be expected of a transfer before anything is built: the article's table and signs, with a task's numbers.
+"""Estimate, before anything is built, how well a task will transfer: the article's table and signs with its numbers.
 
-The rates are the article's ("Sim-to-Real Transfer Success Rate by Task Type": published results and its author's own
-data), no measurement of this project; the signs are its tips 6 and 15, and its section on skipping simulation.
+The success rates are the article's ("Sim-to-Real Transfer Success Rate by Task Type": published results and its
+author's own data), not measurements of this project. The signs are its tips 6 and 15 and its section on skipping
+simulation.
 """
 
 from __future__ import annotations
@@ -12,13 +13,20 @@ from typing import TypedDict
 
 WELL, EFFORT, NOT = "transfers well", "transfers with effort", "does not transfer well"
 SUBMILLIMETRE = 1.0  # mm: "sub-millimeter tolerances" do not transfer well yet
-FEWEST_DEMONSTRATIONS, A_DAY = 1_000, 500  # of fewer that are needed, or more that a day gives: skip simulation
+FEWEST_DEMONSTRATIONS, A_DAY = 1_000, 500  # skip simulation if fewer are needed in all, or a day gives as many or more
 COARSE = "simulation for the approach, 50 to 200 real demonstrations for the contact (`combine`, `finetune`)"
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the article's table: rates in %, of the task as it was trained, and with randomization and sysid."""
+    """A row of the article's table, rates of success in %.
+
+    Attributes:
+        task: the kind of task.
+        simulated: rate in simulation.
+        naive: range of the rate on a robot, without further techniques.
+        techniques: range of the rate on a robot, with randomization and system identification.
+    """
 
     task: str
     simulated: int
@@ -31,7 +39,15 @@ PRECISION = Row("precision assembly (< 0.5 mm)", 88, (5, 15), (30, 50))
 
 
 class Sign(TypedDict):
-    """One of the article's signs: what it looks at, the number here, from where on it speaks, what follows."""
+    """One of the article's signs against simulation.
+
+    Keys:
+        sign: what it looks at.
+        here: the number or answer for this task.
+        speaks_from: the number or answer from which on it applies.
+        speaks: whether it applies here.
+        follows: what to do then.
+    """
 
     sign: str
     here: str
@@ -41,7 +57,7 @@ class Sign(TypedDict):
 
 
 class Outlook(TypedDict):
-    """What `vispeg plan --json` prints."""
+    """The output of `vispeg plan --json`."""
 
     verdict: str
     why: str
@@ -60,16 +76,16 @@ def outlook(
     a_day: int | None = None,
     build_days: float | None = None,
 ) -> Outlook:
-    """Say what can be expected of a task, and which of the article's signs speak.
+    """Return what to expect of a task's transfer, and which of the article's signs apply.
 
     Args:
-        tolerance_mm: width of the goal less that of the part; None of a task without one.
-        repeatability_mm: pose repeatability of the robot, ISO 9283.
+        tolerance_mm: width of the goal minus that of the part, mm; None for a task without a tolerance.
+        repeatability_mm: pose repeatability of the robot (ISO 9283), mm.
         soft: whether a part deforms, flows or is granular.
-        varies: whether success hangs on a property that varies from object to object, such as surface friction.
-        demonstrations: that would teach the task on the robot alone; None: not known.
-        a_day: demonstrations that can be recorded in a day; None: not known.
-        build_days: to build and calibrate the simulation; None: not known.
+        varies: whether success depends on a property that varies from object to object, such as surface friction.
+        demonstrations: number that would teach the task on the robot alone; None if not known.
+        a_day: number of demonstrations that can be recorded in a day; None if not known.
+        build_days: days to build and calibrate the simulation; None if not known.
     """
     fine = tolerance_mm is not None and tolerance_mm < SUBMILLIMETRE
     coarse_arm = fine and repeatability_mm > SUBMILLIMETRE
@@ -120,5 +136,5 @@ def _sign(sign: str, here: str, speaks_from: str, speaks: bool, follows: str) ->
 
 
 def _near(row: Row, tolerance_mm: float) -> bool:
-    """Tell whether a tolerance is a row's; one between 0.5 and 1 mm lies between the two."""
+    """Return whether a row applies to a tolerance; between 0.5 and 1 mm both do."""
     return tolerance_mm >= 0.5 if row is INSERTION else tolerance_mm < SUBMILLIMETRE

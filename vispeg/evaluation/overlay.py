@@ -1,4 +1,4 @@
-"""A world with a few things changed, written as a world file of its own, so that it has a hash and can be run again."""
+"""Write a changed world as a world file of its own, so that it has a hash and can be run again."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.core.files import write_text_atomic
 from vispeg.task.registry import scene_of
 from vispeg.task.world_file import FORMAT, WorldFile, load_world
 
-HELD = "held"  # a place: the part that the gripper of the world's cell holds
+HELD = "held"  # stands for the place of the part that the gripper of the world's cell holds
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,10 @@ class Change:
     """An effect set to values.
 
     Attributes:
-        effect: its name.
-        params: a number or a distribution a parameter, as in a world file.
-        where: the place, or "*": wherever the base world has the effect, else everywhere; HELD: what the gripper holds.
+        effect: the effect's name.
+        params: parameter -> number or distribution, as in a world file.
+        where: the effect's place; HELD for the part that the gripper holds; "*" for the places that the effect has in
+            the base world, or all places if it has none there.
     """
 
     effect: str
@@ -35,10 +36,17 @@ class Change:
 def overlay(
     base: str | Path, name: str, folder: Path, changes: Sequence[Change] = (), task: Mapping[str, Any] | None = None
 ) -> WorldFile:
-    """Write `folder`/NAME.yaml, based on `base`, and load it. Without a change, the base itself is loaded.
+    """Write `folder`/NAME.yaml, based on `base`, and load it. Without changes, load the base itself.
+
+    Args:
+        base: file or built-in name of the world to change.
+        name: name of the changed world, and of its file.
+        folder: for the file.
+        changes: effects to set.
+        task: task settings to replace.
 
     Raises:
-        UserError: as `load_world`: unknown effects, places, parameters, task keys, values out of bounds.
+        UserError: as `load_world`: unknown effects, places, parameters or task keys, or values out of bounds.
     """
     world = load_world(base)
     if not changes and not task:

@@ -1,19 +1,21 @@
 """Policies of a user's own: objects, functions, `MODULE:NAME` of either, and what other tools saved.
 
-A policy is a function of the observation, or an object with `act(obs)`; what has `predict`, as Stable-Baselines3's
-models do, acts without exploring. Observations are arrays (n, ...) by key, actions (n, d) within +-1. An object may
-have `reset(n, rows)`, called when episodes begin: n are played side by side, `rows` (n,) bool is those that begin, or
-None for all. One whose `reset` takes no rows plays one episode at a time. `obs_mode` says what it observes (default:
-`state`), `task` which settings of the task it was made for, such as {"stack": 1}; `measured = True` asks for readings
-in SI units (n, nj + 12) beside it, see `vispeg.task.environments.vector.TaskVec`.
+A policy is a function of the observation, an object with `act(obs)`, or an object with `predict`, such as a model of
+Stable-Baselines3, which is called with `deterministic=True`. Observations are arrays (n, ...) by key, actions (n, d)
+within +-1. An object may have:
 
-`action` says what the numbers of an action mean, of `vispeg.interface.actions.KINDS`, where they are no offset within
-+-1; behind any text `?action=KIND` says so in its place.
+* `reset(n, rows)`, called when episodes begin. n episodes are played side by side; `rows` (n,) bool marks those that
+  begin, None all. A policy whose `reset` takes no rows plays one episode at a time.
+* `obs_mode`: what it observes (default: `state`).
+* `task`: the settings of the task that it was made for, such as {"stack": 1}.
+* `measured = True`: also pass it readings in SI units, (n, nj + 12), see `vispeg.task.environments.vector.TaskVec`.
+* `action`: the kind of its actions, one of `vispeg.interface.actions.KINDS`, where they are not offsets within +-1.
+  `?action=KIND` at the end of a text that names a policy states the same.
 
-A module is named as gymnasium names environments; naming it runs its code. Of a file by Stable-Baselines3 nothing is
-executed, see `vispeg.learn.sb3_policy`. An ONNX file says in its metadata what its numbers mean, as `vispeg export`
-writes it (docs/formats.md), whatever trained it; it is played by ONNX Runtime. `lerobot:FOLDER` is what LeRobot saved,
-see `vispeg.evaluation.lerobot`.
+A module is named as gymnasium names environments; loading it runs its code. Nothing in a file by Stable-Baselines3 is
+executed, see `vispeg.learn.sb3_policy`. The metadata of an ONNX file state what its inputs and outputs mean, as
+`vispeg export` writes them (docs/formats.md); ONNX Runtime plays it, whichever tool trained it. `lerobot:FOLDER` is a
+policy that LeRobot saved, see `vispeg.evaluation.lerobot`.
 """
 
 from __future__ import annotations
@@ -47,21 +49,21 @@ FILES = (".zip", ".onnx")
 
 
 def is_file(text: str) -> bool:
-    """Tell whether a text names a file by Stable-Baselines3, or one in ONNX."""
+    """Return whether a text names a .zip by Stable-Baselines3 or an ONNX file."""
     return Path(text).suffix.lower() in FILES
 
 
 def is_own(text: str) -> bool:
-    """Whether a text names such a file, a folder of LeRobot's, or a module's policy."""
+    """Return whether a text names a user's own policy: such a file, a folder of LeRobot's, or `MODULE:NAME`."""
     text = split(text)[0]
     return is_file(text) or text.startswith(PREFIX) or (MODULE.fullmatch(text) is not None and not Path(text).exists())
 
 
 def made(source: Any) -> Any:
-    """Give the policy that a text names, or an object is; a class is called.
+    """Return the policy that `source` names or is; a class is instantiated without arguments.
 
     Raises:
-        UserError: no such module or file, a class that cannot be made, or nothing that acts.
+        UserError: no such module or file, a class that cannot be instantiated, or an object that cannot act.
     """
     target = source = split(source)[0] if isinstance(source, str) else source
     if isinstance(source, str) and source.lower().endswith(".zip"):
@@ -86,7 +88,7 @@ def made(source: Any) -> Any:
 
 
 def called(text: str) -> str:
-    """Return the name under which the policy that a text names stands in tables, if nobody gives it another."""
+    """Return the default name in tables of the policy that a text names."""
     text = split(text)[0]
     if is_file(text):
         return Path(text).stem
@@ -94,7 +96,7 @@ def called(text: str) -> str:
 
 
 def origin(source: Any) -> Path | None:
-    """Give the file that a policy named by a text is in; None for an object."""
+    """Return the file or folder of a policy that is named by a text; None for an object."""
     if not isinstance(source, str):
         return None
     source = split(source)[0]
@@ -115,10 +117,12 @@ def _imported(text: str) -> Any:
 
 
 def acts(source: Any, target: Any) -> str | None:
-    """Give the kind of a policy's actions as `source`, the text that names it, or the policy itself states it.
+    """Return the kind of a policy's actions; None where nothing states it.
+
+    `?action=KIND` in `source`, the text that names the policy, comes before the policy's own attribute `action`.
 
     Raises:
-        UserError: an unknown kind, or another than an exported policy states.
+        UserError: an unknown kind, or a kind stated for an exported policy, whose file states it.
     """
     stated, kind = split(source)[1] if isinstance(source, str) else None, getattr(target, "action", None)
     if isinstance(target, Exported):
@@ -130,10 +134,10 @@ def acts(source: Any, target: Any) -> str | None:
 
 
 def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
-    """Return the observations of a policy, and the task settings that it was made for.
+    """Return a policy's observation mode, and the task settings that it was made for.
 
     Raises:
-        UserError: no such observation or setting; one that reads the ground truth.
+        UserError: no such mode or setting, or a policy that reads the ground truth.
     """
     if isinstance(target, Exported):
         return target.interface.modality, _stated(target.interface)
@@ -151,7 +155,7 @@ def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
 
 
 def _stated(i: Interface) -> dict[str, Any]:
-    """Give the settings of the task that an interface was written for, those of `vispeg.learn.meta.INTERFACE`."""
+    """Return the task settings (`vispeg.learn.meta.INTERFACE`) that an interface states."""
     task = {"name": i.task, "stack": i.stack, "dof": i.dof, "policy_period": i.policy_period_s}
     task |= {"offset": i.offset_m, "turn": i.turn_rad}
     if i.images:
@@ -161,7 +165,7 @@ def _stated(i: Interface) -> dict[str, Any]:
 
 
 def made_in(target: Any) -> MadeIn:
-    """Give the world that a policy says it was trained in; nothing where it does not say."""
+    """Return the world that a policy states it was trained in, as entries of a record; empty if it states none."""
     if not isinstance(target, Exported):
         return worlds()
     return worlds({"world": target.interface.world, "world_hash": target.interface.world_hash})
@@ -188,13 +192,13 @@ def _of_space(space: Mapping[str, Any], name: str) -> tuple[str, dict[str, Any]]
 
 
 class Own:
-    """A user's policy behind the interface of `vispeg.learn.policy.Policy`.
+    """Wrap a user's own policy in the interface of `vispeg.learn.policy.Policy`.
 
     Args:
-        target: what acts.
-        name: for errors.
-        mode: what it observes.
-        actions: what its numbers mean.
+        target: the user's policy.
+        name: its name, for errors.
+        mode: its observation mode.
+        actions: the meaning of its actions.
     """
 
     meta: Mapping[str, Any] = {}
@@ -212,7 +216,7 @@ class Own:
             self._call(begin, *(n, rows)[: places(begin)])
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """See Policy. Raises UserError: no actions (n, d) of finite numbers came back."""
+        """See Policy. Raises UserError where the policy fails or does not return finite actions (n, d)."""
         n, widths = len(obs[POLICY]), self.actions.widths
         hidden = (PRIVILEGED,) if getattr(self.target, "measured", False) else (PRIVILEGED, MEASURED)
         seen = {key: value for key, value in obs.items() if key not in hidden}
@@ -245,7 +249,7 @@ class Own:
         return self.actions.offset(actions, self.actions.seen(obs[MEASURED][:, :nj])).astype(np.float32)
 
     def _fitted(self, key: str, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Give the part of an observation as the policy's space has it."""
+        """Return the observation at `key` in the type of the policy's space. Raises UserError where it cannot fit."""
         assert self._space is not None
         wanted, value = self._space[key], obs.get(key)
         if value is not None and kind_of(key) is DEPTH and wanted.dtype == np.uint8:
@@ -266,7 +270,7 @@ class Own:
 
 
 def places(function: Callable[..., Any]) -> int:
-    """How many arguments by place a function takes."""
+    """Return the number of positional arguments that a function takes; 2 for one with `*args`."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     parameters = inspect.signature(function).parameters.values()
     if any(p.kind == inspect.Parameter.VAR_POSITIONAL for p in parameters):
@@ -275,13 +279,13 @@ def places(function: Callable[..., Any]) -> int:
 
 
 def plays_alone(target: Any) -> bool:
-    """Whether a policy begins all of its episodes at once, so that it can play only one at a time."""
+    """Return whether a policy's `reset` takes no rows, so that it can play only one episode at a time."""
     begin = getattr(target, "reset", None)
     return callable(begin) and not hasattr(target, "observation_space") and places(begin) < 2
 
 
 def _where(error: Exception) -> str:
-    """Give an error of the user's code in a line, with its place."""
+    """Return an error of the user's code as one line, with its file and line."""
     at = traceback.extract_tb(error.__traceback__)[-1]
     text = (str(error).splitlines() or [""])[0]
     place = "" if at.filename.startswith("<frozen") else f" at {Path(at.filename).name}:{at.lineno}"

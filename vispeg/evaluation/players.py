@@ -1,4 +1,4 @@
-"""Policies ready to play: from their folder, the scripted expert, or the user's own, behind the same interface."""
+"""Load policies to play, all with the same interface: from a folder, the scripted expert, or a user's own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.task.scripted import Scripted
 
 
 def player(who: Entrant, config: Any) -> Any:
-    """Give the policy of an entrant (see `vispeg.learn.policy.Policy`) for an environment of TaskConfig `config`."""
+    """Return an entrant's policy (see `vispeg.learn.policy.Policy`) for an environment with TaskConfig `config`."""
     if who.source is not None:
         return own_player(who, config)
     if str(who.path) == EXPERT:
@@ -28,10 +28,11 @@ def player(who: Entrant, config: Any) -> Any:
 
 
 def own_player(who: Entrant, config: TaskConfig) -> own.Own:
-    """Give a policy of the user's own, its actions turned into what the task's controller takes.
+    """Return a user's own policy, whose actions are converted to the offsets that the task's controller accepts.
 
     Raises:
-        UserError: as `vispeg.interface.actions.Actions`, or a task whose actions are its own.
+        UserError: as `vispeg.interface.actions.Actions`; or the task defines its own actions and the policy's are not
+            offsets.
     """
     target, task = own.made(who.source), task_of(config)
     scene, kind = task.cell(config), own.acts(who.source, target)
@@ -45,10 +46,10 @@ def own_player(who: Entrant, config: TaskConfig) -> own.Own:
 
 
 def ready(policies: Policies) -> list[Entrant]:
-    """Give the entrants of these policies, each opened once, before anything is written.
+    """Return the entrants of these policies; load each policy's folder once, so that errors come before any output.
 
     Raises:
-        UserError: as `entrants`; a policy that cannot be played.
+        UserError: as `entrants`, or a policy that cannot be loaded.
     """
     who = entrants(policies)
     for e in who:

@@ -1,9 +1,9 @@
-"""Next steps by what they can gain and the hours that they cost.
+"""Rank next steps by what they can gain and the hours that they cost.
 
-A gain is what a paired replay says is lost, all of which the step would win back at most. Hours of a machine are
-measured; those of a person are stated by whoever asks. Their defaults follow from the article of practitioners (see
-docs/sources.md): 500 demonstrations in a day of eight hours are a minute each, a contact task takes 50 to 200 of them,
-and two hours for the joints of an arm of seven are 17 minutes a recording.
+A step can gain at most the loss of success that paired replays found. A machine's hours are measured; a person's are
+stated by the user. Their defaults follow from the practitioners' article (docs/sources.md): 500 demonstrations in a day
+of eight hours take a minute each, a contact task takes 50 to 200 of them, and two hours for an arm of seven joints make
+17 minutes per recording.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from vispeg.evaluation.schema.estimate import Interval
 from vispeg.evaluation.schema.explain import Step
 
 HOUR, MINUTE = 3600.0, 60.0
-TWICE = 2  # a recording to fit, one to judge on
+TWICE = 2  # recordings: one to fit, one to judge on
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Prices:
     """Hours of work for the possible next steps.
 
     Attributes:
-        demonstrations: number that would be recorded.
-        minutes_per_demonstration: setting up and doing one, min.
-        minutes_per_recording: setting up a motion, min.
-        training_hours: duration of fine-tuning, h; None: from the policy's own training log.
+        demonstrations: number to record.
+        minutes_per_demonstration: time to set up and do one, min.
+        minutes_per_recording: time to set up a recorded motion, min.
+        training_hours: duration of fine-tuning, h; None for that in the policy's own training log.
     """
 
     demonstrations: int = 50
@@ -39,7 +39,7 @@ class Prices:
     training_hours: float | None = None
 
     def check(self) -> None:
-        """Raise UserError for a number that cannot be."""
+        """Raise UserError for a number that is not positive and finite."""
         for name in ("demonstrations", "minutes_per_demonstration", "minutes_per_recording", "training_hours"):
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
@@ -48,7 +48,7 @@ class Prices:
 
 @dataclass(frozen=True)
 class Training:
-    """Hours of a training, and where the number is from; None where nothing says it."""
+    """Hours of a training (None where not known), and a phrase on where the number comes from."""
 
     hours: float | None
     source: str
@@ -83,18 +83,18 @@ def steps(
     motion: Mapping[str, Any] | None,
     commands: Mapping[str, str],
 ) -> list[Step]:
-    """Give the next steps, the one first that gains most an hour; those without a price last.
+    """Return the next steps, ordered by gain per hour; steps of unknown hours come last.
 
     Args:
-        prices: of a person's work.
-        training: of fine-tuning.
-        gap: success from the trials' starts in simulation less that of the robot.
-        left: the same with all causes in simulation.
-        causes: what all causes cost together; None: there are none.
-        remainder: what the unexplained torque costs; None: not played.
-        trial_s: median length of a trial, s.
-        motion: `next_experiment` of the diagnosis.
-        commands: of `record`, `demonstrations`, `causes` and `remainder`, where there is one.
+        prices: hours of a person's work.
+        training: hours of fine-tuning.
+        gap: success from the trials' starts in simulation minus that of the robot.
+        left: the same difference with all causes in the simulation.
+        causes: loss of success due to all causes together; None if there are none.
+        remainder: loss of success due to the unexplained torque; None if not played.
+        trial_s: median duration of a trial, s.
+        motion: `next_experiment` of the diagnosis, or None.
+        commands: command of each of `record`, `demonstrations`, `causes` and `remainder`, where there is one.
     """
     seconds = float((motion or {}).get("duration_s") or trial_s)
     name = str((motion or {}).get("motion") or "a motion in free air")
@@ -131,7 +131,7 @@ def _step(step: str, gain: Interval, hours: float | None, source: str, command: 
 
 
 def ranked(made: Sequence[Step]) -> list[Step]:
-    """Order steps by what they gain an hour; those of which that is not known last, the greatest gain first."""
+    """Return the steps ordered by gain per hour; those without one come last, ordered by gain."""
 
     def key(s: Step) -> tuple[bool, float, float]:
         gain = (s["gain"] or {}).get("value") or 0.0

@@ -1,4 +1,4 @@
-"""Episode records: one line of JSON an episode, appended as episodes end, so that a killed evaluation goes on."""
+"""Episode records: one line of JSON per episode, appended as episodes end, so that a killed evaluation can resume."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from vispeg.formats.format import enrol
 from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
 
-LARGEST = 2_000_000_000  # bytes of a file of episodes
-LAST_SEED = 2**62
+LARGEST = 2_000_000_000  # largest file of episodes, bytes
+LAST_SEED = 2**62  # largest seed
 
 
 @dataclass(frozen=True)
@@ -29,17 +29,19 @@ class Episode:
         train_seed: seed of its training.
         world: the world's name.
         world_hash: SHA-256 of the world's content; "" for a measured target.
-        seed: of the episode; the same seed is the same start, goal and draw in every world and for every policy.
-        success, category: the outcome; one of the task's categories, or a user's own word for a real robot's failure.
-        time: s, duration of the episode.
-        peak_force: N, largest contact force.
-        lateral_error: m, distance of the tip from the goal's axis at the end.
-        depth: m, depth of the tip below the goal's plane at the end.
-        control: "" or the control it was run under (see `vispeg.evaluation.controls`).
-        configuration: "" or the named configuration of a suite, a sweep's value, a hard position.
-        force_profile: N, contact force at the policy's rate, or None.
+        seed: seed of the episode; the same seed gives the same start, goal and draw in every world and for every
+            policy.
+        success: whether the episode succeeded.
+        category: how it ended: one of the task's categories, or a user's own word for a real robot's failure.
+        time: duration of the episode, s.
+        peak_force: largest contact force, N.
+        lateral_error: distance of the tip from the goal's axis at the end, m.
+        depth: depth of the tip below the goal's plane at the end, m.
+        control: the control (see `vispeg.evaluation.controls`), "" for none.
+        configuration: name of a suite's configuration, a sweep's value or a hard position, "" for none.
+        force_profile: contact force at the policy's rate, N, or None.
         video: path of a video relative to the record's folder, or None.
-        clipped: share of the steps in which the action asked for more than the controller takes.
+        clipped: share of the steps in which the action exceeded what the controller accepts.
     """
 
     policy: str
@@ -62,11 +64,11 @@ class Episode:
 
     @property
     def key(self) -> tuple[str, int, str, str, str, int]:
-        """Key of an episode: policy, training seed, world, control, configuration, seed."""
+        """What identifies an episode: policy, training seed, world, control, configuration, seed."""
         return self.policy, self.train_seed, self.world, self.control, self.configuration, self.seed
 
     def to_json(self) -> str:
-        """One line; NaN becomes null."""
+        """Return the episode as one line of JSON; NaN becomes null."""
         row = {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(self).items()}
         if self.force_profile is not None:
             row["force_profile"] = [float(f) for f in self.force_profile]
@@ -74,12 +76,12 @@ class Episode:
 
 
 def append(path: str | Path, episodes: Iterable[Episode]) -> None:
-    """Add episodes to a JSON-lines file, which is made if it is not there; whole lines in one write, then synced.
+    """Append episodes to a JSON-lines file in one write; make the file if there is none.
 
-    A half-written last line that a killed run left behind is cut off first.
+    A half-written last line of a killed run is cut off first.
 
     Raises:
-        UserError: it cannot be written.
+        UserError: the file cannot be written.
     """
     path = Path(path)
     text = "".join(e.to_json() + "\n" for e in episodes)
@@ -101,7 +103,7 @@ def _example(folder: Path) -> Path:
 
 @enrol("episodes (JSON lines)", _example)
 def read(path: str | Path) -> list[Episode]:
-    """Give the episodes of a JSON-lines file, in order; a half-written last line is left out.
+    """Return the episodes of a JSON-lines file, in order; a half-written last line is left out.
 
     Raises:
         UserError: the file cannot be read, a line is not an episode, or two lines are the same episode with different
@@ -121,11 +123,11 @@ def read(path: str | Path) -> list[Episode]:
 
 
 def read_all(paths: Iterable[str | Path]) -> list[Episode]:
-    """Give the episodes of several files; one may be in two files.
+    """Return the episodes of several files; an episode that is in several is returned once.
 
     Raises:
-        UserError: as `read`; no episode at all; one world name under two hashes; an episode with different outcomes in
-            two files.
+        UserError: as `read`; no episode at all, a world's name with two hashes, or an episode with different outcomes
+            in two files.
     """
     by_key: dict[tuple[Any, ...], Episode] = {}
     source: dict[tuple[Any, ...], str | Path] = {}
@@ -136,7 +138,7 @@ def read_all(paths: Iterable[str | Path]) -> list[Episode]:
                 key = f"{e.policy} (training seed {e.train_seed}) in {e.world}, seed {e.seed}"
                 first = f"{other.category} as in {source[e.key]}"
                 raise UserError(
-                    "an episode ends otherwise than in another file", file=path, key=key, expected=first, got=e.category
+                    "an episode ends differently in another file", file=path, key=key, expected=first, got=e.category
                 )
             source.setdefault(e.key, path)
     if not by_key:
@@ -146,7 +148,11 @@ def read_all(paths: Iterable[str | Path]) -> list[Episode]:
 
 
 def check_worlds(episodes: Iterable[Episode]) -> dict[str, str]:
-    """World (and configuration, and control) -> hash. Raises UserError where one name stands for two worlds."""
+    """Return the hash of each world, by `WORLD / CONFIGURATION / CONTROL` without empty parts.
+
+    Raises:
+        UserError: one name stands for two worlds.
+    """
     hashes: dict[str, str] = {}
     for e in episodes:
         name = " / ".join(filter(None, (e.world, e.configuration, e.control)))  # a control may fix the goal
@@ -161,13 +167,15 @@ def _end_of_last_line(path: Path) -> int:
 
 
 def measure(key: str, value: Any, where: Mapping[str, Any]) -> float:
-    """Give a measured number of an episode. Raises UserError for what is none, not finite, or negative where that
-    cannot be.
+    """Return a measured number of an episode.
 
     Args:
-        key: what it is; all but `depth` (which is negative above the goal's plane) are 0 or more.
-        value: as it was read.
+        key: its name; only `depth` may be negative, above the goal's plane.
+        value: the value that was read.
         where: `file` and `key` for the error.
+
+    Raises:
+        UserError: not a finite number, or a negative one where it must not be.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
         raise UserError(f"{key} is not a number", **where, expected="a finite number", got=value)

@@ -1,4 +1,4 @@
-"""Which episodes to film (failures of every kind, seeds that succeed in one world alone), and their films."""
+"""Choose the episodes to film (failures of every kind, seeds that succeed in one world only), and film them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,18 @@ from vispeg.task.result import EpisodeResult
 def film_seeds(
     jobs: Sequence[Job], episodes: Sequence[Episode], worlds: Sequence[str], folder: Path, most: int
 ) -> list[Film]:
-    """Films `most` seeds a policy (its first training seed), each in all of `worlds`, the first and the last of a gap.
+    """Film up to `most` seeds of each policy (its first training seed), each seed in all of `worlds`.
 
-    Seeds that succeed in the first world and fail in the last come first, then those that fail in the last, in the
-    first, and in neither; of failures every category in turn. The stills show all sides at the step at which the last
-    one ended, or at the last step of one that was done before.
+    Seeds that succeed in the first world and fail in the last come first, then the others that fail in the last, then
+    those that fail in the first, then the rest. Failures take turns over the categories. The stills of all sides are
+    of the step at which the side in the last world ended; a side that ended before is shown at its end.
+
+    Args:
+        jobs: the jobs that were played.
+        episodes: their episodes.
+        worlds: names of the worlds; usually the reference and the target of a gap.
+        folder: for the files.
+        most: largest number of seeds per policy.
     """
     films: list[Film] = []
     by = {(e.policy, e.train_seed, e.world, e.seed): e for e in episodes if not e.control and not e.configuration}
@@ -44,12 +51,12 @@ def film_seeds(
 
 
 def _like(job: Job, world: str, jobs: Sequence[Job]) -> Job:
-    """Give the job of the same network in another world."""
+    """Return the job of the same network in another world, without a control."""
     return next(j for j in jobs if j.entrant == job.entrant and j.world_name == world and not j.control)
 
 
 def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
-    """All seeds, in the order of `film_seeds`."""
+    """Return all seeds in the order of `film_seeds`."""
     groups = (
         [row[-1] for row in played.values() if row[0].success],
         [row[-1] for row in played.values()],
@@ -60,7 +67,10 @@ def _worth_seeing(played: Mapping[int, Sequence[Episode]]) -> list[int]:
 
 
 def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path, most: int) -> list[Film]:
-    """Films up to `most` failures a policy, every category in turn; for the page as `film_seeds`, with one side."""
+    """Film up to `most` failures of each policy in each world, taking turns over the categories.
+
+    The result is as that of `film_seeds`, with one side per film.
+    """
     films: list[Film] = []
     for world in dict.fromkeys(j.world_name for j in jobs):
         for job in _first(jobs, world):
@@ -73,7 +83,7 @@ def film_failures(jobs: Sequence[Job], episodes: Sequence[Episode], folder: Path
 
 
 def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> Side:
-    """Write a clip's video and stills at `step` into `folder`; name relative to its parent."""
+    """Write a clip's video and its stills at `step` into `folder`; return the record, with paths from its parent."""
     step = min(step, len(clip.frames) - 1)
     view = None if clip.views is None else write_image(folder / f"{stem}-view.png", clip.views[step])
     return {
@@ -90,7 +100,7 @@ def _relative(path: Path | None, folder: Path) -> str | None:
 
 
 def _first(jobs: Sequence[Job], world: str) -> list[Job]:
-    """One uncontrolled job a policy in `world`: its first training seed."""
+    """Return for each policy its first job in `world` without a control or a configuration."""
     chosen: dict[str, Job] = {}
     for job in jobs:
         if job.world_name == world and not job.control and not job.configuration:
@@ -100,14 +110,14 @@ def _first(jobs: Sequence[Job], world: str) -> list[Job]:
 
 @dataclass(frozen=True)
 class Clip:
-    """One episode.
+    """One filmed episode.
 
     Attributes:
-        frames: (T, H, W, 3) uint8 from outside, one a policy step; on them where the policy thinks the tip to be and
-            where it is, if it says.
-        views: (T, h, w, 3) uint8, what the policy's cameras saw, side by side; None for policies that see nothing.
-        category: how it ended this time.
-        time: s, how long it took.
+        frames: (T, H, W, 3) uint8, outside views, one per policy step and one at the end. If the policy estimates the
+            tip's position, the estimate and the truth are written on them.
+        views: (T, h, w, 3) uint8, the images of the policy's cameras side by side; None for policies without images.
+        category: how the episode ended when it was filmed.
+        time: duration of the episode, s.
     """
 
     frames: np.ndarray
@@ -117,7 +127,7 @@ class Clip:
 
     @property
     def together(self) -> np.ndarray:
-        """Frames with the views below them, scaled to the same width (T, H', W, 3)."""
+        """Frames with the views below them, scaled to the same width, (T, H', W, 3)."""
         if self.views is None:
             return self.frames
         import cv2
@@ -129,10 +139,10 @@ class Clip:
 
 
 def film(job: Job, seed: int) -> Clip:
-    """Plays one seed of a job with a picture at every policy step.
+    """Play one seed of a job and film it, one frame per policy step.
 
     Raises:
-        UserError: nothing renders on this machine.
+        UserError: nothing on this machine can render.
     """
     from vispeg.learn.play import thoughts
 
@@ -145,7 +155,7 @@ def film(job: Job, seed: int) -> Clip:
     frames, views = [], []
     record: EpisodeResult | None = None
     while True:
-        action = policy.act(obs)  # also on the last observation, for what it thinks of it
+        action = policy.act(obs)  # also on the last observation, for the policy's estimate
         frames.append(thoughts(env.render()[0], obs, policy))
         views.append(_view(obs))
         if record:
@@ -158,7 +168,7 @@ def film(job: Job, seed: int) -> Clip:
 
 
 def _view(obs: dict[str, np.ndarray]) -> np.ndarray | None:
-    """Give the images of row 0 side by side (h, w, 3) uint8, or None."""
+    """Return the images of row 0 side by side, (h, w, 3) uint8; None without images."""
     images = [picture_of(key, obs[key][0]) for key in sorted(obs) if kind_of(key) is not None]
     if not images:
         return None

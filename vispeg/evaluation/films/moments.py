@@ -1,4 +1,4 @@
-"""An episode step by step, as whoever draws it needs it: how the cell stands, what the policy sees and feels."""
+"""Play an episode step by step for drawing: the cell's state, the policy's images, the force at the wrist."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vispeg.evaluation.entrants import Entrant
 from vispeg.render.image_kinds import kind_of, picture_of
 from vispeg.task.environments.vector import TaskVec
 
-MOST = 400  # steps of an episode that are played
+MOST = 400  # largest number of steps in an episode
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,13 @@ class Moment:
     """A step of an episode.
 
     Attributes:
-        time: s since it began.
-        qpos, bodies: of the cell, see Snapshot.
-        pictures: what the policy sees, key -> (H, W, 3) uint8.
+        time: time since the episode began, s.
+        qpos, bodies: state of the cell, see Snapshot.
+        pictures: key -> image that the policy sees, (H, W, 3) uint8.
         force: (3,) N at the wrist, base axes.
-        offset: (3,) mm, the tip in the goal's frame; `estimate` what the policy takes it for, None where it has none.
-        outcome: how the episode ended; "" before.
+        offset: (3,) mm, the tip in the goal's frame.
+        estimate: (3,) mm, the policy's estimate of `offset`; None without one.
+        outcome: how the episode ended; "" before its end.
     """
 
     time: float
@@ -42,11 +43,12 @@ class Moment:
 
 @contextmanager
 def stage(who: Entrant, world: str) -> Iterator[tuple[Any, Any, str]]:
-    """Give an environment of one row, the policy, and the name of the world that it plays in.
+    """Yield an environment of one row, the policy, and the name of the world that it plays in.
 
     Args:
         who: a policy, or the scripted one.
-        world: a name or a file; "" is the one that the policy was trained in, at the settings that it was made for.
+        world: a name or a file; "" for the world that the policy was trained in, with the settings it was made for
+            (`nominal` for the scripted one).
 
     Raises:
         UserError: no such policy or world, a policy that does not fit the world, or torch is not installed.
@@ -71,15 +73,15 @@ def stage(who: Entrant, world: str) -> Iterator[tuple[Any, Any, str]]:
 
 
 def moments(env: Any, policy: Any, seed: int) -> Iterator[Moment]:
-    """Plays the episode of a seed; the last moment has its outcome.
+    """Play the episode of a seed and yield its moments; the last one has the outcome.
 
     Args:
         env: a vector environment of one row without autoreset.
         policy: see `vispeg.learn.policy.Policy`.
-        seed: of the episode.
+        seed: seed of the episode.
 
     Raises:
-        UserError: the episode has no end.
+        UserError: the episode has not ended after MOST steps.
     """
     obs, _ = env.reset(seed=[seed])
     policy.reset(1)
@@ -88,7 +90,7 @@ def moments(env: Any, policy: Any, seed: int) -> Iterator[Moment]:
         yield _moment(env, obs, policy, step)
         obs, _, terminated, truncated, infos = env.step(action)
         if terminated[0] or truncated[0]:
-            policy.act(obs)  # for what it thinks of the end
+            policy.act(obs)  # for the policy's estimate at the end
             yield _moment(env, obs, policy, step + 1, str(infos["record"][0]["category"]))
             return
     raise UserError("the episode has no end", key="steps", expected=f"at most {MOST}")

@@ -1,4 +1,4 @@
-"""Frames to an H.264 video, which every browser plays."""
+"""Write frames as an H.264 video, which every browser plays, and single images."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 
-FPS = 6.25  # as many as the policy's steps a second
+FPS = 6.25  # frames per second, the policy's default rate
 
 
 def write_video(path: Path, frames: np.ndarray) -> Path:
@@ -20,7 +20,7 @@ def write_video(path: Path, frames: np.ndarray) -> Path:
     """
     if frames.ndim != 4 or frames.shape[-1] != 3 or frames.dtype != np.uint8 or not len(frames):
         raise UserError("not a video", expected="(T, H, W, 3) uint8", got=f"{frames.shape} {frames.dtype}")
-    frames = frames[:, : frames.shape[1] // 2 * 2, : frames.shape[2] // 2 * 2]  # 4:2:0 wants even sides
+    frames = frames[:, : frames.shape[1] // 2 * 2, : frames.shape[2] // 2 * 2]  # yuv420p needs even sides
     program, target = ffmpeg(), path.with_suffix(".mp4")
     if program is None:
         raise UserError("no ffmpeg here", expected="ffmpeg, see `vispeg doctor`", file=target)
@@ -37,7 +37,7 @@ def write_video(path: Path, frames: np.ndarray) -> Path:
 
 
 def ffmpeg() -> str | None:
-    """Give the ffmpeg that imageio-ffmpeg brings, or this machine's; None without either."""
+    """Return the path of the ffmpeg that imageio-ffmpeg brings, or of this machine's; None without either."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     try:
@@ -47,11 +47,11 @@ def ffmpeg() -> str | None:
 
 
 def write_image(path: Path, image: np.ndarray) -> Path:
-    """Write an RGB image (H, W, 3) uint8, as its suffix says: .png, or .jpg, which is smaller."""
+    """Write an RGB image (H, W, 3) uint8 in the format of the path's suffix, .png or .jpg; return the path."""
     import cv2
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, 90] if path.suffix == ".jpg" else []  # PNG warns of keys that it does not know
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 90] if path.suffix == ".jpg" else []  # the PNG writer warns of a quality
     ok, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), quality)
     if not ok:
         raise UserError("not a picture", got=image.shape)
