@@ -75,7 +75,7 @@ def depth(
     finally:
         renderer.aim(aimed)
     offset = {left.name: -full["baseline"] / 2, right.name: full["baseline"] / 2}
-    gray = [_seen(shots[c.name], c, offset[c.name], full, rng) for c in (left, right)]
+    gray = [_eye_image(shots[c.name], c, offset[c.name], full, rng) for c in (left, right)]
     d = _match(gray[0], gray[1], span, int(full["window"]))[:, span:-MARGIN]
     fine = np.divide(np.float32(left.fx * full["baseline"]), d, out=np.zeros_like(d), where=d > 0)
     return _median(fine, scale)
@@ -106,12 +106,12 @@ def eyes(camera: Camera, scale: int, baseline: float, nearest: float) -> tuple[C
         cy=(camera.cy + 0.5) * scale - 0.5,
         distortion=PINHOLE,
     )
-    beside = camera.rotation @ np.array([baseline, 0.0, 0.0])
-    right = left.moved(name=f"{camera.name} right eye", pos=tuple((np.array(camera.pos) + beside).tolist()))
+    shift = camera.rotation @ np.array([baseline, 0.0, 0.0])
+    right = left.moved(name=f"{camera.name} right eye", pos=tuple((np.array(camera.pos) + shift).tolist()))
     return left, right, span
 
 
-def _seen(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
+def _eye_image(shot: Shot, eye: Camera, offset: float, p: Mapping[str, float], rng: np.random.Generator) -> np.ndarray:
     """Return the grey image (H, W) uint8 of one eye, which is `offset` m to the right of the projector."""
     import cv2
 

@@ -15,7 +15,7 @@ from vispeg.robots.declare import RobotConfig
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 LARGEST = 1e6  # kg, m, kg m^2, rad: larger numbers are taken for mistakes
-REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # what MuJoCo raises for a bad model
+REFUSALS = (ValueError, TypeError, RuntimeError, MemoryError, mujoco.FatalError)  # MuJoCo's errors for a bad model
 FLANGE_WORDS = ("flange", "tool0", "attachment", "ee")  # best first
 Limits = Mapping[str, tuple[float, float]]  # joint -> (N m, rad/s)
 FREE = (np.inf, np.inf)
@@ -56,6 +56,7 @@ def prepare(
 
     Sliding joints (grippers) are fixed at their initial position. If joints are fixed, all tendons and the equality
     constraints on tendons and fixed joints are removed.
+
     Geoms of the robot collide with geoms that a scene adds, but not with each other.
 
     Args:
@@ -66,14 +67,15 @@ def prepare(
         moved: hinges that stay movable; the others are fixed, as sliding joints are. None: all stay movable.
 
     Raises:
-        UserError: not a fixed-base arm with hinges; a declared flange that is not rigidly attached to the last link.
+        UserError: the robot is not a fixed-base arm with hinges, or the declared flange is not rigidly attached to the
+            last link.
     """
-    _take_off(spec, declared.without, label)
+    _remove_bodies(spec, declared.without, label)
     _hinges_only(spec, label)
     for i, joint in enumerate(spec.joints, start=1):
         joint.name = joint.name or f"joint{i}"
     if moved is not None:
-        _hold(spec, [joint for joint in spec.joints if joint.name not in moved])
+        _fix(spec, [joint for joint in spec.joints if joint.name not in moved])
     for i, joint in enumerate(spec.joints, start=1):
         joint.parent.name = joint.parent.name or f"link{i}"
     for pair in list(spec.pairs):
@@ -110,11 +112,11 @@ def compiled(spec: mujoco.MjSpec, label: str) -> mujoco.MjModel:
         model = spec.copy().compile()
     except REFUSALS as error:
         raise UserError(f"MuJoCo cannot compile it: {error}", file=label) from error
-    _sound(model, label)
+    _check_numbers(model, label)
     return model
 
 
-def _sound(model: mujoco.MjModel, label: str) -> None:
+def _check_numbers(model: mujoco.MjModel, label: str) -> None:
     """Raise UserError for a body or joint with a number that is not finite or implausibly large."""
     if not np.isfinite(model.opt.gravity).all():
         raise UserError("gravity is not finite", file=label, got=model.opt.gravity.tolist())
@@ -132,7 +134,7 @@ def _sound(model: mujoco.MjModel, label: str) -> None:
                 raise UserError(f"implausible {key}", file=label, key=name or kind, expected=expected, got=got)
 
 
-def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
+def _remove_bodies(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
     """Delete the named bodies with their subtrees, and everything that refers to them."""
     for name in names:
         body = spec.body(name)
@@ -143,7 +145,7 @@ def _take_off(spec: mujoco.MjSpec, names: Sequence[str], label: str) -> None:
 
 
 def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
-    _stand(spec)
+    _fix_free_bodies(spec)
     slides = [j for j in spec.joints if j.type == SLIDE]
     for joint in spec.joints:
         if joint.type not in (HINGE, SLIDE):
@@ -152,12 +154,12 @@ def _hinges_only(spec: mujoco.MjSpec, label: str) -> None:
     if carrying:  # fingers of a gripper carry no hinge, so fixing them does not change how the arm moves
         named = ", ".join(sorted(name or "without a name" for name in carrying))
         note(f"{label}: sliding joints that carry others are fixed at their initial position: {named}")
-    _hold(spec, slides)
+    _fix(spec, slides)
     if not list(spec.joints):
         raise UserError("no hinge joint", file=label, expected="an arm with revolute (hinge) joints")
 
 
-def _hold(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
+def _fix(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint]) -> None:
     """Fix joints at their initial position; remove all tendons, and equality constraints on tendons or these joints."""
     if not joints:
         return
@@ -177,7 +179,7 @@ def _carries(joint: mujoco.MjsJoint) -> bool:
     return any(j.type == HINGE for j in joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))
 
 
-def _stand(spec: mujoco.MjSpec) -> None:
+def _fix_free_bodies(spec: mujoco.MjSpec) -> None:
     """Fix free bodies without other joints, such as parts on a bench, at the pose in the file."""
     for joint in [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]:
         if len(list(joint.parent.find_all(mujoco.mjtObj.mjOBJ_JOINT))) == 1 and len(list(spec.joints)) > 1:
@@ -199,7 +201,7 @@ def _flange(spec: mujoco.MjSpec, model: mujoco.MjModel, last: int) -> str:
     """
     if any(s.name == "flange" for s in spec.sites):
         return "flange"
-    beyond = f"link{model.njnt + 1}"  # Franka's link8 behind seven joints
+    beyond = f"link{model.njnt + 1}"  # such as Franka's link8 after seven joints
     rigid = int(model.body_weldid[last])
     while rigid:
         bodies = np.flatnonzero(model.body_weldid == rigid)

@@ -34,7 +34,7 @@ def bench(robot: RobotModel) -> Scene:
         body.name = body.name or f"body{i}"
     for i, geom in enumerate(spec.worldbody.geoms):
         geom.name = geom.name or f"ground{i}"
-    drawn = (*visible(spec), *(g.name for g in spec.geoms if g.group < 3 and g.name and _beside(g)))
+    drawn = (*visible(spec), *(g.name for g in spec.geoms if g.group < 3 and g.name and _of_world_or_tool(g)))
     model = spec.compile()
     parts: dict[str, tuple[str, ...]] = {ARM: ()}
     things: list[str] = []
@@ -55,7 +55,7 @@ def shows(scene: Scene) -> bool:
     return any(part != ARM for part in scene.parts)
 
 
-def _beside(geom: mujoco.MjsGeom) -> bool:
+def _of_world_or_tool(geom: mujoco.MjsGeom) -> bool:
     return geom.parent.name in ("world", "tool")
 
 

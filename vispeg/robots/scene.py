@@ -131,7 +131,7 @@ def _build(
     for part, colour in COLOURS.items():
         furniture.material(spec, part, colour)
     parts = {"arm": visible(spec)}
-    parts |= _hand(spec, config)
+    parts |= _gripper_and_peg(spec, config)
     parts |= _fixture(spec, config, block)
     parts |= furniture.room(spec, things)
     furniture.lights(spec)
@@ -153,7 +153,7 @@ def _build(
 def _check_names(robot: RobotConfig) -> None:
     """Raise UserError if an element of the robot has a name that the cell uses."""
     spec = load(robot.model, declared=robot).spec()
-    _say_flange(spec, robot)
+    _warn_of_flange(spec, robot)
     for kind in ("bodies", "geoms", "sites", "joints", "materials", "textures", "meshes"):
         for element in getattr(spec, kind):
             if element.name in OURS:
@@ -162,7 +162,7 @@ def _check_names(robot: RobotConfig) -> None:
                 raise UserError(what, file=robot.model, key=kind, expected=expected)
 
 
-def _say_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
+def _warn_of_flange(spec: mujoco.MjSpec, robot: RobotConfig) -> None:
     """Warn if the tool is fixed to the last link's origin although the file has frames further out."""
     link = spec.site("flange").parent
     still = list(spec.site("flange").pos) == [0.0, 0.0, 0.0] and len(link.joints) > 0
@@ -192,7 +192,7 @@ def visible(spec: mujoco.MjSpec) -> tuple[str, ...]:
     return tuple(g.name for g in seen)
 
 
-def _hand(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
+def _gripper_and_peg(spec: mujoco.MjSpec, config: SceneConfig) -> dict[str, tuple[str, ...]]:
     """Set the colours of gripper and peg, the peg's contact and the joint along which it can slip; return the parts."""
     gripper = tuple(geom.name for geom in spec.body("tool").geoms if geom.group < 3)
     for name in gripper:

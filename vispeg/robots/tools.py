@@ -68,7 +68,7 @@ def attach(spec: mujoco.MjSpec, flange: str, tool: str | Mapping[str, Any] | Non
             inertia_kgm2 (3,) about the centre of mass along the flange axes, name (optional)}.
 
     Raises:
-        UserError: an unknown name, a missing key, or an inertia that no solid body has.
+        UserError: the name is unknown, a key is missing, or the inertia is impossible.
     """
     if tool is None or tool == "none":
         return

@@ -48,7 +48,7 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     limits = {j.get("name", ""): _limits(j, path) for j in root.iter("joint") if j.find("limit") is not None}
     options = _options(root, path)
     _strip(root, path, options.get("meshdir", ""))
-    _mend(root, path, options)
+    _correct_inertias(root, path, options)
     for old in root.findall("mujoco"):
         root.remove(old)
     compiler = USUAL | {key: text for key, text in options.items() if key != "meshdir"} | OURS
@@ -105,7 +105,7 @@ def _options(root: ET.Element, path: Path) -> dict[str, str]:
     return out
 
 
-def _mend(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
+def _correct_inertias(root: ET.Element, path: Path, options: Mapping[str, str]) -> None:
     """Correct inertias that MuJoCo refuses, as its own options would, and name the links in a note.
 
     As with `balanceinertia`, all three moments become their mean if the largest exceeds the sum of the others. As with

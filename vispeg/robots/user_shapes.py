@@ -6,8 +6,7 @@ the mesh's bounding box. A distractor stands on its lowest point, z up.
 """
 
 # trimesh returns objects of many types; everything that is not a mesh is refused at run time.
-# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false, reportIndexIssue=false,
-# reportGeneralTypeIssues=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
 
 from __future__ import annotations
 
@@ -244,12 +243,12 @@ def play(peg: np.ndarray, block: np.ndarray) -> float:
     near = ((low <= peg.max((0, 1)) + FAR) & (high >= peg.min((0, 1)) - FAR)).all(axis=1)
     if not near.any():
         return FAR
-    least = min(_apart(peg.reshape(-1, 2), block[near]), _apart(block[near].reshape(-1, 2), peg))
-    overlap = _within(peg[:, 0], block).any() or _within(block[near][:, 0], peg).any()
+    least = min(_distance(peg.reshape(-1, 2), block[near]), _distance(block[near].reshape(-1, 2), peg))
+    overlap = _inside(peg[:, 0], block).any() or _inside(block[near][:, 0], peg).any()
     return -least if overlap else least
 
 
-def _apart(points: np.ndarray, segments: np.ndarray) -> float:
+def _distance(points: np.ndarray, segments: np.ndarray) -> float:
     """Return the least distance of points (n, 2) from segments (m, 2, 2)."""
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     length = np.maximum((along**2).sum(axis=1), 1e-24)
@@ -261,7 +260,7 @@ def _apart(points: np.ndarray, segments: np.ndarray) -> float:
     return least
 
 
-def _within(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
+def _inside(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Return whether points (n, 2) are inside the area that segments (m, 2, 2) enclose, (n,) bool.
 
     A ray from a point inside crosses an odd number of segments.

@@ -1,8 +1,8 @@
 """Estimate the wrench between flange and tool from joint torques, for arms without a wrist sensor.
 
-The torque that the arm's links need for the measured motion is subtracted from the measured torque; the rest holds the
-tool: `J' W = tau - (M ddq + c + g)`, for a 7-joint arm seven equations for six unknowns, solved by weighted least
-squares. Torque errors (friction after the sensor, hysteresis) enter W through the same matrix, so that the accuracy of
+The torque that the arm's links need for the measured motion is subtracted from the measured torque; the rest is due
+to the wrench W on the tool: `J' W = tau - (M ddq + c + g)`. For a 7-joint arm these are seven equations for six
+unknowns, solved by weighted least squares. Torque errors (friction after the sensor, hysteresis) enter W through the same matrix, so that the accuracy of
 W depends on direction and posture. Source: De Luca and Mattone 2005, Sensorless robot collision detection and hybrid
 force/motion control, ICRA; its observer is not needed offline, where accelerations are known.
 """
@@ -153,12 +153,12 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
     """Estimate the 1-sigma error (nj,) N m of joint torques that persists for longer than a block.
 
     It combines the sensor's nonlinearity and the torque residual of the first motion in free air (a high quantile, as
-    friction appears only while a joint moves). Both are scaled up if the residual is larger in the null space of J',
+    friction appears only while a joint moves). Both are scaled up if the residual is larger in the null space of J,
     the combinations of torques that no wrench at the flange can cause.
     """
     assert rec.tau is not None
     linear = LINEAR * (np.nanquantile(rec.tau, 0.99, axis=0) - np.nanquantile(rec.tau, 0.01, axis=0))
-    off, across, weights = [], [], []
+    air_means, null_means, weights = [], [], []
     blind = np.linalg.svd(np.swapaxes(jac, 1, 2))[0][:, :, 6:]  # (n, nj, nj - 6), torques that no wrench causes
     size = max(1, round(BLOCK * rec.rate_hz))
     for rows in episodes(rec.time):
@@ -166,15 +166,15 @@ def _steady(rec: Recording, residual: np.ndarray, jac: np.ndarray, white: np.nda
         zero = residual[rows[clock <= STILL]].mean(axis=0)
         air = rows[(clock > STILL) & (clock <= AIR)]
         if len(air):  # short episodes have no such samples
-            off.append(_blocks(residual[air] - zero, size))
-        beside = np.einsum("njk,nj->nk", blind[rows], residual[rows] - zero)
-        across.append(_blocks(beside, size))
+            air_means.append(_blocks(residual[air] - zero, size))
+        null_part = np.einsum("njk,nj->nk", blind[rows], residual[rows] - zero)
+        null_means.append(_blocks(null_part, size))
         weights.append(_blocks((blind[rows] ** 2).sum(axis=2), size))
     noise = white**2 / size
-    moved = np.concatenate(off) if off else np.zeros((1, residual.shape[1]))
+    moved = np.concatenate(air_means) if air_means else np.zeros((1, residual.shape[1]))
     free = np.maximum(np.quantile(moved**2, MOSTLY, axis=0) - QUANTILE * noise, 0.0)
     square = linear**2 + free
-    measured = float(np.sum(np.concatenate(across) ** 2))
+    measured = float(np.sum(np.concatenate(null_means) ** 2))
     weight = np.concatenate(weights).sum(axis=0)
     expected = float(weight @ square)
     extra = measured - float(weight @ noise)

@@ -17,7 +17,7 @@ TRIES, ITERATIONS, EXACT = 200, 60, 1e-6  # random starts, steps from each, pose
 TURN = np.pi  # rad: joints are searched within +-TURN of the middle of their range, if it is wider; unlimited ones of 0
 CLEAR = 0.10  # m: least height of moving links above the table's top, z = 0
 ENOUGH, ROOM = 0.15, 0.2  # caps in the score: smallest singular value, share of half a range left to a limit
-ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_worth`
+ASIDE = 0.05  # m, decay length of the score with the distance of links from the vertical plane, see `_score`
 ROUND = 1e-3  # rad, to which the angles of the result are rounded
 POSE = 6  # degrees of freedom of a pose
 
@@ -26,14 +26,14 @@ def home_of(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     """Return the declared home posture (nj,) rad, else solve one for the flange at `pos` (3,) m, `quat` (4,) wxyz.
 
     Raises:
-        UserError: no posture within the joint limits holds the flange there.
+        UserError: no posture within the joint limits holds the flange there, or the arm has fewer than six joints.
     """
     return np.array(robot.home or _solved(robot, pos, quat))
 
 
 @lru_cache(maxsize=64)  # robots are hashed by identity
 def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) -> tuple[float, ...]:
-    """Solve from many starts and return the best by `_worth`; deterministic for a given arm and pose."""
+    """Solve from many starts and return the best by `_score`; deterministic for a given arm and pose."""
     if len(robot.joints) < POSE:
         what, expected = "an arm of so few joints cannot hold its tool at any pose", "six joints or more, or robot.home"
         raise UserError(what, file=robot.name, expected=expected, got=f"{len(robot.joints)} joints")
@@ -44,9 +44,9 @@ def _solved(robot: RobotModel, pos: tuple[float, ...], quat: tuple[float, ...]) 
     free = ~np.isfinite(robot.range[:, 0])
     wide = free | (robot.range[:, 1] - robot.range[:, 0] > 2 * TURN)
     q[:, wide] = np.mod(q[:, wide] + TURN, 2 * TURN) - TURN
-    worth = np.where(error < EXACT, _worth(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
-    best = int(worth.argmax())
-    if worth[best] <= 0.0:
+    score = np.where(error < EXACT, _score(robot, q, nominal.operational(q)[1], np.array(pos)), 0.0)
+    best = int(score.argmax())
+    if score[best] <= 0.0:
         what = "the arm cannot hold its tool there within its joint limits"
         raise UserError(
             what, file=robot.name, expected="a pose in its reach, or robot.home", got=np.round(pos, 4).tolist()
@@ -62,7 +62,7 @@ def bounds(robot: RobotModel) -> tuple[np.ndarray, np.ndarray]:
     return mid - half, mid + half
 
 
-def _worth(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
+def _score(robot: RobotModel, q: np.ndarray, jac: np.ndarray, pos: np.ndarray) -> np.ndarray:
     """Score postures (n, nj); returns (n,), 0 for an inadmissible one.
 
     The score is the product of: the smallest singular value of the Jacobian (n, 6, nj), capped at `ENOUGH`; the least

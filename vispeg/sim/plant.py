@@ -131,11 +131,11 @@ class Plant:
         """
         forces = self.forces(command)
         tau = forces.drive
-        beside = hold if forces.beside is None else forces.beside + hold
+        other = hold if forces.beside is None else forces.beside + hold
         # leapfrog: the velocity update spans half of the last step and half of this one
         self.ctrl[:, self.u] = tau if self.first else 0.5 * (tau + self.last)
         self.last = tau
-        self._apply(beside)
+        self._apply(other)
         # velocity-dependent forces use the velocity at the whole step, the position that at the half step
         half, before = self.half, self.x.dq
         self.qvel[:, self.vadr] = before

@@ -72,14 +72,14 @@ class Classic:
         self._scene.flags[R.mjRND_SHADOW.value] = shadows
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
-        """One picture a view, in order; `data` has its kinematics and lights done."""
+        """Return one picture per view, in order; the kinematics and lights of `data` must be computed."""
         self._gl.make_current()
         mujoco.mjr_setBuffer(OFFSCREEN, self._context)  # in case another renderer's framebuffer is bound
         groups = self.model.geom_group.copy()
         lit = self.shadows and bool((self.model.light_castshadow & self.model.light_active).any())
         show = is_visible(self.model)
         try:
-            return [self._one(data, view, show, lit, ids) for view in views]
+            return [self._draw_view(data, view, show, lit, ids) for view in views]
         finally:
             self.model.geom_group[:] = groups
 
@@ -95,7 +95,7 @@ class Classic:
             self._context.free()
             self._gl = None
 
-    def _one(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
+    def _draw_view(self, data: mujoco.MjData, view: View, show: np.ndarray, lit: bool, ids: bool) -> Picture:
         model = self.model
         visible = show if lit else show & view.in_sight(data.geom_xpos, model.geom_rbound)
         model.geom_group[:] = np.where(visible, 0, HIDDEN)

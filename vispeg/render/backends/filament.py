@@ -86,7 +86,7 @@ class Filament:
         try:
             lights.update(data)
             things.update(data)
-            return [self._one(scene, data, view, ids) for view in views]
+            return [self._draw_view(scene, data, view, ids) for view in views]
         finally:
             self.model.geom_group[:] = groups
 
@@ -116,7 +116,7 @@ class Filament:
         self._parts, self._drawn = (scene, mjrf.ModelLights(scene, resources), things, resources), state
         return self._parts[:3]
 
-    def _one(self, scene: Any, data: mujoco.MjData, view: View, ids: bool) -> Picture:
+    def _draw_view(self, scene: Any, data: mujoco.MjData, view: View, ids: bool) -> Picture:
         height, width = view.camera.height, view.camera.width
         rgb, buffer = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
         for out, depth in ((rgb, False), (buffer, True)):  # the library allows one read per render

@@ -29,7 +29,7 @@ class Raycast:
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
         """Return one picture per view, in order; the kinematics and lights of `data` must be computed."""
-        return [self._one(data, view) for view in views]
+        return [self._draw_view(data, view) for view in views]
 
     def upload(self, texture: int) -> None:
         """Do nothing: texture pixels are read from the model in each draw."""
@@ -37,7 +37,7 @@ class Raycast:
     def close(self) -> None:
         """Do nothing: no driver memory is held."""
 
-    def _one(self, data: mujoco.MjData, view: View) -> Picture:
+    def _draw_view(self, data: mujoco.MjData, view: View) -> Picture:
         depth, geom_ids, normals = cast(self.model, data, view)
         rays = view.camera.rays()
         points = view.pos + (rays * depth[..., None]) @ view.rot.T

@@ -116,7 +116,7 @@ def calibrate(
     if flange is not None:
         views, board_poses = turn_views(views, board_poses, flange, board)
         hand_eye = solve(views, board, camera, flange, mount)
-        _refuse_other_way(hand_eye, views, board, camera, flange, mount)
+        _refuse_other_mount(hand_eye, views, board, camera, flange, mount)
 
     def lens_of(some: Sequence[View]) -> Intrinsics:
         return camera if fit is None else estimate(some, board, distortion, start=camera).intrinsics
@@ -174,7 +174,7 @@ def _half_widths(
     return inner, outer
 
 
-def _refuse_other_way(
+def _refuse_other_mount(
     hand_eye: HandEye, views: Sequence[View], board: Board, camera: Intrinsics, flange: np.ndarray, mount: Mount
 ) -> None:
     """Refuse poses that fit far better if the camera is on the other mount, or if the poses are inverted.

@@ -76,7 +76,7 @@ def _table(path: Path) -> dict[str, np.ndarray]:
         norm = float(np.linalg.norm(values[3:]))
         if abs(norm - 1) > 1e-2:
             raise UserError("not a unit quaternion", file=path, key=where, expected="length 1", got=round(norm, 4))
-        out[name] = _near(from_quaternion(values[:3], values[3:]), path, where)
+        out[name] = _check_metres(from_quaternion(values[:3], values[3:]), path, where)
     return out
 
 
@@ -93,7 +93,7 @@ def _visp(folder: Path, name: str) -> np.ndarray:
         raise UserError("not a pose as ViSP writes it", file=files[0], expected="rows: 6, cols: 1, data")
     data = [cell for row in tree["data"] for cell in (row if isinstance(row, list) else [row])]
     values = _numbers(data, 6, files[0], "data")
-    return _near(transform(values[3:], values[:3]), files[0], "data")
+    return _check_metres(transform(values[3:], values[:3]), files[0], "data")
 
 
 def _numbers(values: Sequence[object] | np.ndarray, count: int, path: Path, where: str) -> np.ndarray:
@@ -106,7 +106,7 @@ def _numbers(values: Sequence[object] | np.ndarray, count: int, path: Path, wher
     return out
 
 
-def _near(pose: np.ndarray, path: Path, where: str) -> np.ndarray:
+def _check_metres(pose: np.ndarray, path: Path, where: str) -> np.ndarray:
     reach = float(np.linalg.norm(pose[:3, 3]))
     if reach > FAR:
         raise UserError("farther than any arm reaches", file=path, key=where, expected="metres", got=f"{reach:.4g}")

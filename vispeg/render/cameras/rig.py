@@ -121,8 +121,8 @@ class CameraRig:
             return
         for row, snapshot in snapshots.items():
             self._seeds[row] = self._seed_of(seeds[row])
-            seed, stands = int(self._seeds[row]), {"qpos": snapshot.qpos, "bodies": snapshot.bodies}
-            world, refused = redraw(self.world, self.scene, self._renderers[row], seed, levels, **stands)
+            seed, state = int(self._seeds[row]), {"qpos": snapshot.qpos, "bodies": snapshot.bodies}
+            world, refused = redraw(self.world, self.scene, self._renderers[row], seed, levels, **state)
             self.drawn[row], self.redrawn = world, self.redrawn + refused
             matched = {c.name: block_matching.settings(world, c.name) for c in self.cameras}
             self._matchers[row] = {name: p for name, p in matched.items() if p is not None}

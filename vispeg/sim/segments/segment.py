@@ -112,11 +112,12 @@ def start_state(time: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> tuple[np.
         q: (n, nj) rad, without gaps.
         sigma: (nj,) rad, white noise.
     """
-    fits = [_one(time - time[0], column, s) for column, s in zip(q.T, sigma, strict=True)]
+    fits = [_fit_start(time - time[0], column, s) for column, s in zip(q.T, sigma, strict=True)]
     return np.array([f[0] for f in fits]), np.array([f[1] for f in fits])
 
 
-def _one(time: np.ndarray, q: np.ndarray, sigma: float) -> tuple[float, float]:
+def _fit_start(time: np.ndarray, q: np.ndarray, sigma: float) -> tuple[float, float]:
+    """Return the angle, rad, and velocity, rad/s, of one joint at time 0, see `start_state`."""
     best = (float(q[0]), 0.0)
     for span in WINDOWS:
         n = int(np.searchsorted(time, span, side="right"))
