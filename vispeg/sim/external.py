@@ -1,10 +1,10 @@
 """Estimate the wrench between flange and tool from joint torques, for arms without a wrist sensor.
 
-The torque that the arm's links need for the measured motion is subtracted from the measured torque; the rest is due
-to the wrench W on the tool: `J' W = tau - (M ddq + c + g)`. For a 7-joint arm these are seven equations for six
-unknowns, solved by weighted least squares. Torque errors (friction after the sensor, hysteresis) enter W through the same matrix, so that the accuracy of
-W depends on direction and posture. Source: De Luca and Mattone 2005, Sensorless robot collision detection and hybrid
-force/motion control, ICRA; its observer is not needed offline, where accelerations are known.
+The torque that the arm's links need for the measured motion is subtracted from the measured torque; the rest is due to
+the wrench W on the tool: `J' W = tau - (M ddq + c + g)`. For a 7-joint arm these are seven equations for six unknowns,
+solved by weighted least squares. Torque errors (friction after the sensor, hysteresis) enter W through the same matrix,
+so that the accuracy of W depends on direction and posture. Source: De Luca and Mattone 2005, Sensorless robot collision
+detection and hybrid force/motion control, ICRA; its observer is not needed offline, where accelerations are known.
 """
 
 from __future__ import annotations
