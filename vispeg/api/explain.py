@@ -246,8 +246,8 @@ def explain(
             commands={"causes": "vispeg explain ... --apply" if causes else "", "demonstrations": tuning},
         )
         ends = [*ends, *(e for some in more for e in some)]
-        if apply:
-            record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))  # type: ignore[arg-type]
+        if apply and out is not None:
+            record["next"] = _applied(record, place, Path(out), str(policy), file, model, Path(trials))
         about = {**record, "world": {"name": file.name, "hash": file.hash}, "replays": replays}
         result = ExplainResult(stamped(about, seed, folders(who)), tuple(ends), (), tuple(sources), strip)
         if out is not None:

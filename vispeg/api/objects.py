@@ -62,7 +62,7 @@ def diagnose_tosses(
         if not sources:
             raise UserError("no recording given", key=key, expected="at least one folder of an object's tosses")
     model = load_object(world.robot)
-    activate(model, [world])  # type: ignore[arg-type]  # raises for an effect that has no place here
+    activate(model, [world])  # raises for an effect that has no place here
     fitted, held_out = ([_read(s) for s in sources] for sources in (fit, judge))
     for held in held_out:
         for rec in fitted:
@@ -78,14 +78,14 @@ def diagnose_tosses(
         )
     say("going on" if progress is not None and progress.resumed else "simulating")
     how = How(seed=seed, threads=threads, say=say, progress=Progress() if progress is None else progress)
-    result = CHANNELS["tosses"].diagnose(world, (fitted, held_out), how)  # type: ignore[arg-type]  # tosses
+    result = CHANNELS["tosses"].diagnose(world, (fitted, held_out), how)  # type: ignore[arg-type]  # this channel's are ObjectRecording
     return Tosses(result, (world.robot, *(p for p in paths if p.exists())), stamp, progress)
 
 
 def _several(sources: object) -> list[Toss]:
     if isinstance(sources, ObjectRecording | str | Path):
         return [sources]
-    return [*sources] if isinstance(sources, Sequence) else []  # type: ignore[list-item]
+    return [*sources] if isinstance(sources, Sequence) else []
 
 
 def _read(source: Toss) -> ObjectRecording:

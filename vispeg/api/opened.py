@@ -48,4 +48,4 @@ def load(folder: str | Path) -> Result:
     effects = tuple(e for e in world.effects if (e.effect, e.where) in named)
     if kind == "fit":
         return FitResult(record, world, effects, arrays=arrays)
-    return DiagnosisResult(record, world, arrays, effects)  # type: ignore[arg-type]  # the record is the file's
+    return DiagnosisResult(record, world, arrays, effects)  # type: ignore[arg-type]  # the file's

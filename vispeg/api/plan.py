@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +42,7 @@ class Planned:
                 Column(h) for h in ("such tasks, by the article", "in simulation", "naive", "with randomization, sysid")
             ]
             rows = [
-                [str(e["task"]), f"{e['simulated']} %", *(_range(e[k]) for k in ("naive", "techniques"))]
+                [str(e["task"]), f"{e['simulated']} %", _range(e["naive"]), _range(e["techniques"])]
                 for e in o["expected"]
             ]
             out.append(Sheet(heads, rows))
@@ -95,9 +96,8 @@ def plan(
         raise UserError("not known of this arm", key="--repeatability", expected="mm, ISO 9283", got=config.robot.model)
     width = tolerance_mm(config)
     more = {"soft": soft, "varies": varies, "demonstrations": demonstrations, "a_day": a_day, "build_days": build_days}
-    return Planned(file.name, outlook(width, known, **more))  # type: ignore[arg-type]
+    return Planned(file.name, outlook(width, known, **more))
 
 
-def _range(ends: object) -> str:
-    low, high = ends  # type: ignore[misc]
-    return f"{low} to {high} %"
+def _range(ends: Sequence[int]) -> str:
+    return f"{ends[0]} to {ends[1]} %"

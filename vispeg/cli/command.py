@@ -180,7 +180,7 @@ def command(
     functions = [*filter(None, [function]), *also]
 
     def made(show: Callable[..., Any]) -> Callable[..., Any]:
-        show.command = Command(f"{show.__module__}:{show.__name__}", functions, positional, special)  # type: ignore
+        show.command = Command(f"{show.__module__}:{show.__name__}", functions, positional, special)  # type: ignore[attr-defined]  # kept on the function
         return show
 
     return made

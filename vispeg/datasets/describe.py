@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import Formatter
-from typing import Any, TypedDict, cast
+from typing import Any, TypedDict, TypeGuard, cast
 
 from vispeg.core.errors import UserError
 from vispeg.datasets.layout import COUNTED, NUMBERS, VERSION, Feature, Info, colour_of, depth_of, is_depth, pixel_shape
@@ -188,11 +188,11 @@ def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
     return stats
 
 
-def is_integer(value: Any) -> bool:
+def is_integer(value: Any) -> TypeGuard[int]:
     """Whether a value is a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def number(value: Any) -> bool:
+def number(value: Any) -> TypeGuard[float]:
     """Whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

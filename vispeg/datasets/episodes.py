@@ -118,8 +118,16 @@ def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRo
         length: Any = line.get("length") if isinstance(line, dict) else None
         if not is_integer(length) or line.get("episode_index") != i:
             raise UserError("not the episodes one after the other", file=path, key=f"line {i + 1}")
-        place = {"episode_index": i, "data/chunk_index": i // chunk, "data/file_index": i}
-        rows.append({"length": length, "dataset_from_index": at, "dataset_to_index": at + length, **place})  # type: ignore[typeddict-item]
+        rows.append(
+            {
+                "length": length,
+                "dataset_from_index": at,
+                "dataset_to_index": at + length,
+                "episode_index": i,
+                "data/chunk_index": i // chunk,
+                "data/file_index": i,
+            }
+        )
         at += length
     _follow(rows, folder, total)
     return rows

@@ -124,7 +124,7 @@ class Stage:
         self.task = contract_of(self.config)
         self.expert = self.task.expert(self.config, ROWS)
         make = {"backend": plan.backend, "shadows": bool(file.renderer.get("shadows", False))}
-        self.renderer = Renderer(self.scene, layout.cameras, labels=plan.labels, **make)  # type: ignore[arg-type]
+        self.renderer = Renderer(self.scene, layout.cameras, labels=plan.labels, **make)
 
     # Physics --------------------------------------------------------------------------------------------------
     def play(

@@ -119,7 +119,8 @@ def _ends(v: Value) -> Ends:
 
 
 def _sd(v: Value) -> float:
-    return (v.high - v.low) / WIDTH  # type: ignore[operator]
+    ends = _ends(v)
+    return (ends["high"] - ends["low"]) / WIDTH
 
 
 def _p(then: Value, now: Value) -> float:
@@ -131,11 +132,10 @@ def _widened(world: World, free: Sequence[int], factor: float) -> World:
     """Return the world with the intervals of some effects scaled by `factor` around their values."""
     effects = list(world.effects)
     for i in free:
-        params = {
-            k: Value(v.value, v.value + factor * (v.low - v.value), v.value + factor * (v.high - v.value))  # type: ignore[operator]
-            if _known(v)
-            else v
-            for k, v in effects[i].params.items()
-        }
+        params = dict(effects[i].params)
+        for k, v in params.items():
+            if _known(v):
+                ends = _ends(v)
+                params[k] = Value(v.value, *(v.value + factor * (ends[end] - v.value) for end in ("low", "high")))
         effects[i] = replace(effects[i], params=params)
     return replace(world, effects=tuple(effects))

@@ -7,7 +7,6 @@ simulation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
@@ -56,12 +55,21 @@ class Sign(TypedDict):
     follows: str
 
 
+class Expected(TypedDict):
+    """A row of the article's table that a task is near: rates in %, as in `Row`."""
+
+    task: str
+    simulated: int
+    naive: list[int]
+    techniques: list[int]
+
+
 class Outlook(TypedDict):
     """The output of `vispeg plan --json`."""
 
     verdict: str
     why: str
-    expected: Sequence[Mapping[str, object]]
+    expected: list[Expected]
     signs: list[Sign]
     advice: list[str]
 
@@ -121,7 +129,7 @@ def outlook(
     else:
         verdict, why = EFFORT, "assembly of rigid parts with a generous tolerance"
     rows = [] if tolerance_mm is None or soft else [r for r in (INSERTION, PRECISION) if _near(r, tolerance_mm)]
-    expected = [
+    expected: list[Expected] = [
         {"task": r.task, "simulated": r.simulated, "naive": list(r.naive), "techniques": list(r.techniques)}
         for r in rows
     ]

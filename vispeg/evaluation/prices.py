@@ -135,6 +135,6 @@ def ranked(made: Sequence[Step]) -> list[Step]:
 
     def key(s: Step) -> tuple[bool, float, float]:
         gain = (s["gain"] or {}).get("value") or 0.0
-        return s["an_hour"] is None, -(s["an_hour"] or 0.0), -float(gain)  # type: ignore[arg-type]
+        return s["an_hour"] is None, -(s["an_hour"] or 0.0), -float(gain)
 
     return sorted(made, key=key)

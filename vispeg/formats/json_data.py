@@ -52,5 +52,5 @@ def _mapping(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
         earlier: set[str] = set()
-        raise _Twice(next(k for k, _ in pairs if k in earlier or earlier.add(k)))  # type: ignore[func-returns-value]
+        raise _Twice(next(k for k, _ in pairs if k in earlier or earlier.add(k)))
     return data

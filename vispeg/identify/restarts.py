@@ -241,7 +241,7 @@ class Restarts(Evidence):
         k, n = len(worlds), len(pose)
         batch = Batch(self.compiled, k * n, self.nthread)
         fields = Fields(batch, self.model)
-        for a in activate(self.model, worlds):  # type: ignore[arg-type]
+        for a in activate(self.model, worlds):
             a.effect.write(fields, {name: np.repeat(v, n, axis=0) for name, v in a.p.items()})
         derive(batch, fields)
         q, v = batch.bind("qpos"), batch.bind("qvel")

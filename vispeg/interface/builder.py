@@ -102,7 +102,7 @@ def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, n
             raise UserError("no picture of a camera that the policy sees", key=name, got=sorted(pictures))
         picture = pictures[name]
         if picture.camera is not None and not _same(picture.camera, eye):
-            picture = seen_by(eye, picture)
+            picture = seen_by(eye, picture, picture.camera)
         shape = eye.height, eye.width
         for image in (picture.rgb, picture.depth):
             if image is not None and image.shape[:2] != shape:
@@ -116,13 +116,13 @@ def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, n
     return out
 
 
-def seen_by(eye: Camera, picture: Picture) -> Picture:
-    """Give a picture as another camera in its place would have taken it: another lens, size or field of view. What
-    lies outside is black and without depth.
+def seen_by(eye: Camera, picture: Picture, camera: Camera) -> Picture:
+    """Give a picture of `camera` as another one in its place, `eye`, would have taken it: another lens, size or field
+    of view. What lies outside is black and without depth.
     """
     import cv2
 
-    at = picture.camera.project(eye.rays()).astype(np.float32)  # type: ignore[union-attr]
+    at = camera.project(eye.rays()).astype(np.float32)
     at = np.nan_to_num(at, nan=-1e6)
     rgb, depth = picture.rgb, picture.depth
     return Picture(

@@ -73,9 +73,9 @@ class LeRobotProcess:
         """
         if self._process is None:
             self.begin()
-        assert self._process is not None
+        assert self._process is not None and self._process.stdin is not None  # it was given pipes
         try:
-            write(self._process.stdin, dict(message))  # type: ignore[arg-type]  # it has pipes
+            write(self._process.stdin, dict(message))
         except OSError as error:
             raise UserError(f"{self.name}: {ENDED}: {error}") from error
         return self._answer(wait)
@@ -96,7 +96,8 @@ class LeRobotProcess:
     def close(self, wait: float) -> None:
         """End the process, which has `wait` s to take leave of what it holds."""
         if self._process is not None:
-            self._process.stdin.close()  # type: ignore[union-attr]
+            assert self._process.stdin is not None  # it was given pipes
+            self._process.stdin.close()
             try:
                 self._process.wait(wait)
             except subprocess.TimeoutExpired:

@@ -24,12 +24,12 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 
 
-def read(stream: BinaryIO) -> dict[str, np.ndarray] | None:
+def read(stream: IO[bytes]) -> dict[str, np.ndarray] | None:
     """Return the next message, or None where the other side is gone."""
     head = stream.read(8)
     if len(head) < 8:
@@ -42,7 +42,7 @@ def read(stream: BinaryIO) -> dict[str, np.ndarray] | None:
         return dict(arrays)
 
 
-def write(stream: BinaryIO, message: dict[str, Any]) -> None:
+def write(stream: IO[bytes], message: dict[str, Any]) -> None:
     """Send a message."""
     body = io.BytesIO()
     np.savez(body, **message)

@@ -70,7 +70,7 @@ def export(policy: NetPolicy, path: str | Path, overwrite: bool = False, meaning
             torch.onnx.export(
                 _Positional(actor),
                 tuple(parts),
-                file,  # type: ignore[arg-type]
+                file,  # type: ignore[arg-type]  # torch declares a path alone, and takes a stream
                 input_names=keys,
                 output_names=outputs,
                 dynamic_axes=axes,

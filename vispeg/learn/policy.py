@@ -108,9 +108,12 @@ class NetPolicy:
 
     def _row(self, parts: Mapping[str, Tensor], row: slice) -> tuple[Any, Any, Any, Any]:
         """Return action, offset, hidden and cell state of one row, computed on copies so that alignment is fixed."""
-        state = None if self._state is None else tuple(x[:, row].clone() for x in self._state)
+        state = None
+        if self._state is not None:
+            hidden, cell = self._state
+            state = hidden[:, row].clone(), cell[:, row].clone()
         features = self.actor.features({key: x[row].clone() for key, x in parts.items()})
-        latent, after = self.actor.latent(features, state)  # type: ignore[arg-type]
+        latent, after = self.actor.latent(features, state)
         offset = None if self.actor.offset is None else self.actor.offset(latent)
         hidden, cell = after or (None, None)
         return torch.tanh(self.actor.mean(latent)), offset, hidden, cell

@@ -118,7 +118,7 @@ def friction(
                 f"viscous friction to {inputs[-1].u:.2g} N m s/rad only: the servo's torque changes between the rows; "
                 "log it faster than the commands, or its mean"
             )
-        results.append(propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=len(strokes)))  # type: ignore[arg-type]
+        results.append(propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=len(strokes)))
 
 
 def _stribeck(strokes: Sequence[Stroke], height: np.ndarray, straight: Line) -> tuple[Line, float, float] | None:

@@ -33,13 +33,13 @@ def at_rest(paths: Sequence[Path]) -> Readings:
     """
     wrench, down = [], []
     for path in paths:
-        rec, pose = _opened(path)
+        rec, read, pose = _opened(path)
         length = max(2, round(REST * rec.rate_hz))
         rests = _rests(rec.q, length)
         if not rests:
             raise UserError(f"never rests for {REST:g} s", file=path, expected="an attitude that is held")
         for rows in rests:
-            wrench.append(np.nanmean(rec.ft[rows], axis=0))  # type: ignore[index]
+            wrench.append(np.nanmean(read[rows], axis=0))
             down.append(_rotation(pose[rows][len(pose[rows]) // 2, 3:]).T @ _gravity(rec))
     names = ("fx", "fy", "fz", "tx", "ty", "tz", "gx", "gy", "gz")
     return Readings(paths[0], dict(zip(names, np.hstack([wrench, down]).T, strict=True)))
@@ -55,8 +55,8 @@ def slides(paths: Sequence[Path]) -> Readings:
     """
     rows: list[tuple[float, float, float]] = []
     for at, path in enumerate(paths):
-        rec, pose = _opened(path)
-        force, moved = _unbiased(rec, path), np.gradient(pose[:, :3], rec.time, axis=0)
+        rec, read, pose = _opened(path)
+        force, moved = _unbiased(rec.time, read, path), np.gradient(pose[:, :3], rec.time, axis=0)
         across = (
             Rotation.from_quat(pose[:, 3:], scalar_first=True).inv().apply(moved)[:, :2]
         )  # velocity along z is pressing, not sliding
@@ -94,8 +94,8 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     parts = []
     for on, paths in enumerate((stop, fixture)):
         for pose, path in enumerate(paths):
-            rec, flange = _opened(path)
-            force = np.abs(_unbiased(rec, path)[:, 2])
+            rec, read, flange = _opened(path)
+            force = np.abs(_unbiased(rec.time, read, path)[:, 2])
             axis = _rotation(flange[0, 3:])[:, 2]
             depth = np.abs((flange[:, :3] - flange[0, :3]) @ axis)
             touching = np.flatnonzero(force > TOUCH)
@@ -111,20 +111,22 @@ def presses(stop: Sequence[Path], fixture: Sequence[Path]) -> Readings:
     return Readings(stop[0], dict(zip(names, table.T, strict=True)), {"force": 0.0, "depth": 0.0})
 
 
-def _opened(path: Path) -> tuple[Recording, np.ndarray]:
-    """Load a recording; also return the flange's pose (n, 7) in the base, measured or from the robot's kinematics."""
+def _opened(path: Path) -> tuple[Recording, np.ndarray, np.ndarray]:
+    """Load a recording; also return its wrench (n, 6) and the flange's pose (n, 7) in the base, measured or from the
+    robot's kinematics.
+    """
     rec = load(path)
     check_units(rec)
     if rec.ft is None:
         raise UserError("has no wrench", file=path, expected="columns ft.fx ... ft.tz")
     pose = rec.ee if rec.ee is not None else flange_pose(load_robot(rec.robot), rec.q)
-    return rec, pose
+    return rec, rec.ft, pose
 
 
-def _unbiased(rec: Recording, path: Path) -> np.ndarray:
+def _unbiased(time: np.ndarray, wrench: np.ndarray, path: Path) -> np.ndarray:
     """Return the force (n, 3) N minus its mean in the first second, which must be in free air."""
-    free = rec.time - rec.time[0] < FREE
-    force = rec.ft[:, :3]  # type: ignore[index]
+    free = time - time[0] < FREE
+    force = wrench[:, :3]
     if np.nanstd(force[free], axis=0).max() > TOUCH:
         raise UserError(f"does not begin with {FREE:g} s in free air", file=path)
     return np.nan_to_num(force - np.nanmean(force[free], axis=0))

@@ -216,7 +216,7 @@ def _of_steps(
     results.append(_over_sizes("bandwidth_from_steps", "Hz", bands, 0.0, rng, count))
     if through.band > 0.0:
         inputs = [repeated("sizes and directions", groups["rest_band"]), rectangular("noise at rest", _noise(traces))]
-        results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))  # type: ignore[arg-type]
+        results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
         notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
@@ -454,7 +454,7 @@ def _over_sizes(
         return propagate(name, unit, np.exp, inputs, rng, repeats=repeats)
     inputs = [repeated("sizes and directions", means)]
     inputs += [rectangular("time of a sample", half)] if name == "delay" else []
-    return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)  # type: ignore[arg-type]
+    return propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=repeats)
 
 
 def _held_out(responses: Sequence[Step], traces: Sequence[Trace], notes: list[str], details: dict[str, object]) -> None:

@@ -82,9 +82,15 @@ def _stroke(trace: Trace, out: tuple[int, int], back: tuple[int, int], speed: fl
         return stroke
     height, load, slope = (float(share @ trace.tau[both]) for share in shares)
     middle = np.arange(out[0] + (out[1] - out[0]) // 2, back[0] + (back[1] - back[0]) // 2)
-    gap = _gap(trace, middle, sign, height - abs(load))
+    tau = trace.tau[middle]
+    gap, stiffness = _gap(trace, tau, middle, sign, height - abs(load)), _stiffness(trace, tau, middle, velocity)
     return replace(
-        stroke, friction=height, load=load, slope=slope, stiffness=_stiffness(trace, middle, velocity), gap=gap
+        stroke,
+        friction=height,
+        load=load,
+        slope=slope,
+        stiffness=stiffness,
+        gap=gap,
     )
 
 
@@ -112,22 +118,22 @@ def _speeds(trace: Trace, rows: np.ndarray) -> tuple[float, float]:
     return first, last
 
 
-def _stiffness(trace: Trace, rows: np.ndarray, velocity: np.ndarray) -> float:
+def _stiffness(trace: Trace, tau: np.ndarray, rows: np.ndarray, velocity: np.ndarray) -> float:
     """Return the slope of the torque over q_cmd - q in these rows, N m/rad, by least squares with a term for speed."""
     lag = trace.q_cmd[rows] - trace.q[rows]
     design = np.column_stack([lag, velocity[rows], np.ones_like(lag)])
-    return float(np.linalg.lstsq(design, trace.tau[rows], rcond=None)[0][0])  # type: ignore[index]
+    return float(np.linalg.lstsq(design, tau, rcond=None)[0][0])
 
 
-def _gap(trace: Trace, middle: np.ndarray, sign: float, top: float) -> float | None:
+def _gap(trace: Trace, torque: np.ndarray, middle: np.ndarray, sign: float, top: float) -> float | None:
     """Return the loop's width at zero torque, rad; None if it has none or noise hides it.
 
     It is extrapolated from the widths between +-1/2 and +-1/4 of `top` N m, because between such levels the gear also
     winds up in proportion to them.
     """
     width = max(1, round(SMOOTH / trace.period))
-    tau = sign * np.convolve(trace.tau[middle], np.ones(width) / width, "same")  # type: ignore[index]
-    noise = float(np.std(np.diff(trace.tau[middle]))) / np.sqrt(2.0 * width)  # type: ignore[index]
+    tau = sign * np.convolve(torque, np.ones(width) / width, "same")
+    noise = float(np.std(np.diff(torque))) / np.sqrt(2.0 * width)
     if 0.25 * top < 3.0 * noise:
         return None
     half, quarter = (_between(trace.q[middle], tau, share * top, width) for share in (0.5, 0.25))

@@ -82,5 +82,5 @@ def _backlash(
     # the joint turns while the torque is averaged over `loops.SMOOTH`
     turned = 0.5 * loops.SMOOTH * float(max(s.speed for s in with_gap))
     inputs = [repeated("reversals", gaps), rectangular("angle while the torque is smoothed", turned + 2.0 * noise)]
-    q = propagate("backlash", "rad", lambda *x: sum(x), inputs, rng, repeats=len(gaps))  # type: ignore[arg-type]
+    q = propagate("backlash", "rad", lambda *x: sum(x), inputs, rng, repeats=len(gaps))
     results.append(q)

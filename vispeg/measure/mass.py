@@ -35,5 +35,5 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     if tare is not None:
         inputs += readings.instrument("tare") if "tare" in readings.resolution else readings.instrument("mass")[:1]
     refuse_drift(net, readings.resolution["mass"], readings.file, "mass")
-    result = propagate("mass", "kg", lambda *x: sum(x), inputs, rng, repeats=len(net))  # type: ignore[arg-type]
+    result = propagate("mass", "kg", lambda *x: sum(x), inputs, rng, repeats=len(net))
     return Outcome((result,), tuple(short(len(net), WEIGHINGS, "weighing")))

@@ -144,7 +144,7 @@ def assemble(
         control=control,
         time=time,
         q=q,
-        **signals,  # type: ignore[arg-type]
+        **signals,  # type: ignore[arg-type]  # its keys are SIGNALS without `q`, all arrays
         signals={name: _own(table, name, said, header) for name, said in header.signals.items()},
         episode=episode,
         tool=None if header.tool is None else plain(header.tool),

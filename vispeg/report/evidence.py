@@ -109,7 +109,7 @@ def _example(folder: Path) -> Path:
         "choice/error": np.array([2.0, 1.0]),
     }
     arrays |= {"choice/joints": np.ones((2, 2)), "choice/0/time": time, "choice/0/residual": np.ones((2, 8, 2))}
-    np.savez(folder / "evidence.npz", **arrays)  # type: ignore[arg-type]
+    np.savez(folder / "evidence.npz", **arrays)
     return folder / "evidence.npz"
 
 

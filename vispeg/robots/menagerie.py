@@ -104,7 +104,7 @@ def _entry(folder: Path, entry: str) -> Path:
 def _package() -> Any:
     """Return the package `mujoco-menagerie`; None if it is not installed."""
     try:
-        import mujoco_menagerie  # type: ignore[import-not-found]
+        import mujoco_menagerie
     except ImportError:
         return None
     return mujoco_menagerie

@@ -69,13 +69,13 @@ class Scene(RobotModel):
         slip: name of the slide joint of the held part in the gripper; empty if it cannot slip.
     """
 
-    nominal: RobotModel = field(default=None)  # type: ignore[assignment]
+    nominal: RobotModel = field(kw_only=True)
     parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
     things: tuple[str, ...] = ()
     dressed: tuple[str, ...] = ()
     lights: tuple[str, ...] = ()
     cameras: tuple[str, ...] = ()
-    config: SceneConfig = field(default=None)  # type: ignore[assignment]
+    config: SceneConfig = field(default=None)  # type: ignore[assignment]  # only asked for with a task
     tip: float = 0.0
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     goal: str = ""

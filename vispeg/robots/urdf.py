@@ -45,7 +45,8 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
         raise UserError("not a URDF", file=path, expected="<robot>", got=f"<{root.tag}>")
     _refuse_xacro(root, path)
     check_urdf(root, path)
-    limits = {j.get("name", ""): _limits(j, path) for j in root.iter("joint") if j.find("limit") is not None}
+    every = [(j.get("name", ""), j.find("limit")) for j in root.iter("joint")]
+    limits = {name: _limits(name, limit, path) for name, limit in every if limit is not None}
     options = _options(root, path)
     _strip(root, path, options.get("meshdir", ""))
     _correct_inertias(root, path, options)
@@ -71,14 +72,14 @@ def read_urdf(path: Path) -> tuple[mujoco.MjSpec, dict[str, tuple[float, float]]
     return spec, limits
 
 
-def _limits(joint: ET.Element, path: Path) -> tuple[float, float]:
+def _limits(joint: str, limit: ET.Element, path: Path) -> tuple[float, float]:
     values = []
     for key in ("effort", "velocity"):
-        text = joint.find("limit").get(key)  # type: ignore[union-attr]
+        text = limit.get(key)
         try:
             value = float(text) if text else 0.0
         except ValueError as error:
-            raise UserError("not a number", file=path, key=f"{joint.get('name')}.{key}", got=text) from error
+            raise UserError("not a number", file=path, key=f"{joint}.{key}", got=text) from error
         values.append(value if value > 0.0 else float("inf"))  # exporters write 0 for an unknown limit
     return values[0], values[1]
 

@@ -49,7 +49,7 @@ class PegGeometry:
             built-in shapes; they keep their own size.
     """
 
-    clearance_mm: float = None  # type: ignore[assignment]
+    clearance_mm: float = None  # type: ignore[assignment]  # SceneConfig sets it
     shape: str = "round"
     diameter: float = 0.016
     depth: float = 0.025

@@ -226,7 +226,7 @@ def _pieces(vertices: np.ndarray, faces: np.ndarray, concavity: float, digest: s
     parts = coacd.run_coacd(coacd.Mesh(vertices, faces), threshold=concavity, preprocess_mode="off", seed=0)
     pieces = tuple(np.asarray(corners, float) for corners, _ in parts)
     buffer = io.BytesIO()
-    np.savez(buffer, **{f"piece{i}": p for i, p in enumerate(pieces)})  # type: ignore[arg-type]
+    np.savez(buffer, **{f"piece{i}": p for i, p in enumerate(pieces)})
     write_bytes_atomic(cache, buffer.getvalue(), overwrite=True)
     return pieces
 

@@ -4,13 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from vispeg.core.effect import Effect, effect
-from vispeg.robots.model import RobotModel
 from vispeg.worlds.places import values
 from vispeg.worlds.world import World
+
+
+class Model(Protocol):
+    """What effects have places on: a RobotModel, a Scene, an ObjectModel."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of its joints; none of a free object."""
+        ...
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the bodies that they turn."""
+        ...
+
+    @property
+    def flange(self) -> str:
+        """Name of the site that carries a tool; "" where there is none."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -21,7 +40,7 @@ class Active:
     p: dict[str, np.ndarray]
 
 
-def activate(robot: RobotModel, worlds: Sequence[World]) -> list[Active]:
+def activate(model: Model, worlds: Sequence[World]) -> list[Active]:
     """Return the effects that are active in any of the worlds, in the order of their drive stage."""
     names = sorted({e.effect for w in worlds for e in w.effects}, key=lambda n: (effect(n).order, n))
-    return [Active(effect(n), values(effect(n), [w.effects for w in worlds], robot)) for n in names]
+    return [Active(effect(n), values(effect(n), [w.effects for w in worlds], model)) for n in names]

@@ -120,8 +120,12 @@ def _same(robot: str, other: str) -> bool:
 
 def fixed(world: RandomizedWorld) -> list[EffectInstance]:
     """Return the effects of a world that are the same in every episode: a belief has no randomized effects."""
-    same = [r for r in world.ranges if r.chance == 1.0 and all(isinstance(v, int | float) for v in r.params.values())]
-    return [*world.base.effects, *(EffectInstance.of(r.effect, r.where, **dict(r.params)) for r in same)]  # type: ignore[arg-type]
+    out = list(world.base.effects)
+    for r in world.ranges:
+        params = {name: v for name, v in r.params.items() if isinstance(v, int | float)}
+        if r.chance == 1.0 and len(params) == len(r.params):
+            out.append(EffectInstance.of(r.effect, r.where, **params))
+    return out
 
 
 def _effects(stated: tuple[Mapping[str, Any], ...], scene: Scene, file: str | None) -> list[EffectInstance]:

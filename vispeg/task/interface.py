@@ -61,7 +61,7 @@ def interface_of(
     own = type(offered).command is not Task.command
     eyes = {c.name: c for c in cameras}
     kp = np.repeat(config.stiffness, 3)
-    home = posture(scene)
+    home, load = posture(scene), carried(arm.compile())
     images = {
         key: Seen(kind=kind.name, unit=kind.unit, shape=kind.shape(eye.height, eye.width), camera=asdict(eye))
         for key in images
@@ -76,7 +76,7 @@ def interface_of(
         ),
         stack=config.stack,
         images=images,
-        dof=config.dof,  # type: ignore[arg-type]
+        dof=config.dof,  # type: ignore[arg-type]  # TaskConfig refuses other directions
         offset_m=config.offset,
         turn_rad=config.turn,
         law=f"{type(offered).__module__}:{type(offered).__qualname__}.command" if own else OFFSET,
@@ -96,7 +96,9 @@ def interface_of(
             name=f"{config.robot.tool} and {scene.held}",
             tip_m=scene.tip,
             weight_n=tuple(tool_weight(scene).tolist()),
-            **carried(arm.compile()),  # type: ignore[arg-type]
+            mass_kg=load["mass_kg"],
+            com_m=tuple(load["com_m"]),
+            inertia_kgm2=tuple(load["inertia_kgm2"]),
         ),
         goal=Goal(
             nominal_m=tuple(map(float, scene.target)),

@@ -192,8 +192,9 @@ def _recorded(whole: Recording, number: int, interface: Interface) -> Episode:
         raise UserError("an episode without readings of all joints", file=rec.path, key=f"episode {number}")
     start = rec.time[rows[0]]
     pictures: dict[str, tuple[np.ndarray, list[Callable[[], Picture]]]] = {}
-    for name in rec.frames.names if rec.frames is not None else ():
-        some = [f for f in rec.frames.of(name) if f.episode == number]  # type: ignore[union-attr]
+    seen = {} if rec.frames is None else {name: rec.frames.of(name) for name in rec.frames.names}
+    for name, frames in seen.items():
+        some = [f for f in frames if f.episode == number]
         if some:
             c = some[0].camera  # only its lens is used; its pose is that of the policy's camera
             eye = Camera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from vispeg.recordings.recording import Control, Nullspace, Recording
 from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import camera_of
 from vispeg.trials.trial import Steps
+from vispeg.vision.eye import recorded_of
 
 DEPTH_UNIT = 1e-4  # m: 16 bits reach 6.5 m, at a tenth of a depth camera's resolution
 
@@ -58,8 +60,8 @@ class Tape:
         moves: bool = True,
     ) -> None:
         """Add a policy step on the last reading; with `moves`, the reading's commanded pose becomes `target`."""
-        time, *measured, before = self._ticks[-1]
-        self._ticks[-1] = (time, *measured, np.array(target, float) if moves else before)  # type: ignore[assignment]
+        time, q, dq, wrench, before = self._ticks[-1]
+        self._ticks[-1] = (time, q, dq, wrench, np.array(target, float) if moves else before)
         told, did, asked = (np.array(x, float).reshape(-1) for x in (seen, action, target))
         self._steps.append((time, late, told, did, asked))
         self._pictures += [(time, name, picture) for name, picture in pictures.items()]
@@ -141,11 +143,6 @@ class Tape:
 
 def recorded(camera: Camera, name: str) -> RecordedCamera:
     """Return a camera in a recording's form; without a pose unless it is mounted on the flange or the base."""
-    c = camera
-    pose, mounted = None, c.parent in ("base", "flange")
-    if mounted:
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = c.rotation, c.pos
-    lens = tuple(c.distortion)
-    placed = (c.parent, pose) if mounted else (None, None)
-    return RecordedCamera(name, c.width, c.height, c.fx, c.fy, c.cx, c.cy, lens, DEPTH_UNIT, *placed)  # type: ignore[arg-type]
+    if camera.parent in ("base", "flange"):
+        return replace(recorded_of(camera, DEPTH_UNIT), name=name)
+    return replace(recorded_of(replace(camera, parent="base"), DEPTH_UNIT), name=name, mount=None, pose=None)

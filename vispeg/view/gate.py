@@ -76,11 +76,11 @@ class Gate:
         def serve(*args: Any, process_request: Callable[..., Any], **options: Any) -> Any:
             return plain(*args, process_request=partial(self.answer, process_request), **options)
 
-        library.serve = serve  # type: ignore[misc, assignment]
+        library.serve = serve
         try:
             yield
         finally:
-            library.serve = plain  # type: ignore[misc]
+            library.serve = plain
 
     def answer(self, plain: Callable[..., Any], connection: Any, request: Any) -> Any:
         """Refuse a request, redirect a window to the address that names the websocket, or let the toolkit answer."""

@@ -119,8 +119,9 @@ def recorded_of(camera: Camera, depth_unit: float = 1e-4) -> RecordedCamera:
         raise UserError(f"camera '{camera.name}' sits elsewhere", expected="base or flange", got=camera.parent)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = camera.rotation, camera.pos
-    numbers = camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion
-    return RecordedCamera(camera.name, *numbers, depth_unit, camera.parent, pose)  # type: ignore[arg-type]
+    k1, k2, p1, p2, k3 = camera.distortion
+    numbers = camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, (k1, k2, p1, p2, k3)
+    return RecordedCamera(camera.name, *numbers, depth_unit, camera.parent, pose)
 
 
 def values_of(world: World, effect: str, camera: str) -> dict[str, float]:

@@ -188,7 +188,7 @@ class Bop(Stored):
             raise UserError("not a mapping of objects", file=path)
         for key, entry in record.items():
             size = entry.get("diameter") if isinstance(entry, dict) else None
-            if not (key.isdigit() and len(key) < 7) or not is_number(size) or size <= 0:  # type: ignore[operator]
+            if not (key.isdigit() and len(key) < 7) or not is_number(size) or size <= 0:
                 raise UserError("not a model", file=path, key=f"{key}.diameter", expected="mm, above 0", got=size)
         return [int(key) for key in record]
 

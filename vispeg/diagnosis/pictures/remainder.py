@@ -97,9 +97,9 @@ def moved_most(
     model, apart = geometry.model, list[tuple[str, float]]()
     for name in geometry.scene.things:
         if model.body_weldid[model.body(name).id] == 0:
-            places = [_standing(geometry, some, world, model.body(name).id) for some in (first, other)]
-            if all(place is not None for place in places):
-                apart.append((name, 1e3 * float(np.linalg.norm(np.subtract(*places)))))  # type: ignore[arg-type]
+            one, two = (_standing(geometry, some, world, model.body(name).id) for some in (first, other))
+            if one is not None and two is not None:
+                apart.append((name, 1e3 * float(np.linalg.norm(np.subtract(one, two)))))
     return max(apart, key=lambda thing: thing[1], default=None)
 
 

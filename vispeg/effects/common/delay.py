@@ -42,7 +42,8 @@ class DelayLine:
 
     def _grow(self, size: int) -> None:
         """Make room for `size` values; before the oldest one it held the oldest."""
+        assert self.buffer is not None  # it has held a value
         order = (self.head + 1 + np.arange(self.size)) % self.size  # oldest first
-        past = self.buffer[order]  # type: ignore[index]
+        past = self.buffer[order]
         self.buffer = np.concatenate([np.repeat(past[:1], size - self.size, axis=0), past])
         self.size, self.head = size, size - 1

@@ -75,7 +75,7 @@ def check(listed: Sequence[HardPosition], file: Path | None, world: WorldFile) -
     bounds |= {key: effect(scene.tilt).params[key] for key in ("roll", "pitch", "yaw")}
     for i, p in enumerate(listed):
         for key, param in bounds.items():
-            value = float(p.get(key, param.null))  # type: ignore[arg-type]
+            value = float(p.get(key, param.null))
             if not param.low <= value <= param.high:
                 expected = f"{param.low:g} to {param.high:g} {param.unit}"
                 raise UserError("out of bounds", file=file, key=f"positions[{i}].{key}", expected=expected, got=value)

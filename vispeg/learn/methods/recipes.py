@@ -60,7 +60,7 @@ def distilled(
         demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **told)
     else:
         check(run.env.env, settings.looks)
-        teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)  # type: ignore[attr-defined]
+        teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)
     begin(config, folder)
     rounds = Rounds(folder / ROUNDS, run.model.replay)
     before: RoundResult = rounds.state or {}

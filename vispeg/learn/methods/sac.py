@@ -108,7 +108,7 @@ class AsymmetricSAC(SAC):
             settings.tau,
             settings.gamma,
             ent_coef=f"auto_{settings.entropy}",
-            replay_buffer_class=Replay,  # type: ignore[arg-type]
+            replay_buffer_class=Replay,
             replay_buffer_kwargs={"seed": seed},
             policy_kwargs={"networks": networks},
             seed=seed,
@@ -118,7 +118,8 @@ class AsymmetricSAC(SAC):
     @property
     def replay(self) -> Replay:
         """The replay buffer."""
-        return self.replay_buffer  # type: ignore[return-value]
+        assert isinstance(self.replay_buffer, Replay)  # of the class given to SAC
+        return self.replay_buffer
 
     def train(self, gradient_steps: int, batch_size: int = 0) -> None:
         """Run `settings.utd` gradient updates per environment step since the last call."""
@@ -200,7 +201,8 @@ class AsymmetricSAC(SAC):
         return {"actor_loss": loss.detach(), "entropy": entropy, "temperature": self._temperature()}
 
     def _temperature(self) -> Tensor:
-        return self.log_ent_coef.detach().exp().squeeze()  # type: ignore[union-attr]
+        assert self.log_ent_coef is not None  # the coefficient is learned
+        return self.log_ent_coef.detach().exp().squeeze()
 
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
@@ -209,7 +211,7 @@ class AsymmetricSAC(SAC):
             size = (n_envs, self.actor.layout.action)
             action = self.replay.rng.uniform(-1, 1, size).astype(np.float32)
         else:
-            obs = tensors(self._last_obs, self.actor.layout, self.device)  # type: ignore[arg-type]
+            obs = tensors(self._last_obs, self.actor.layout, self.device)
             if self._hidden is None:
                 self._hidden = self.actor.initial(n_envs)
             with torch.no_grad():
@@ -242,8 +244,9 @@ class AsymmetricSAC(SAC):
         Checkpoints are taken here, so that a resumed run depends only on the seed and on the saved state.
         """
         self.replay.cut()
-        self.env.seed(seed)  # type: ignore[union-attr]
-        self._last_obs, self._hidden = self.env.reset(), None  # type: ignore[union-attr,assignment]
+        assert self.env is not None
+        self.env.seed(seed)
+        self._last_obs, self._hidden = self.env.reset(), None
 
 
 def teachers_share(env: Any, modality: Modality) -> tuple[int, ...]:
@@ -276,6 +279,6 @@ def _mean(x: Tensor, weight: Tensor) -> Tensor:
 
 
 def _step(net: nn.Module, loss: Tensor) -> None:
-    net.optimizer.zero_grad(set_to_none=True)  # type: ignore[union-attr,operator]
+    net.optimizer.zero_grad(set_to_none=True)
     loss.backward()
-    net.optimizer.step()  # type: ignore[union-attr,operator]
+    net.optimizer.step()

@@ -97,7 +97,7 @@ class SacRun:
         judge = self.make(min(self.config.episodes, EVALUATION_ROWS), settings)
         for vec in (env, judge):
             if hasattr(vec, "set_level"):
-                vec.set_level(self.course.stage.level)  # type: ignore[attr-defined]
+                vec.set_level(self.course.stage.level)
         return Sb3Env(env), judge
 
     def resume(self) -> None:
@@ -141,7 +141,7 @@ class SacRun:
             while model.num_timesteps < c.steps and self.reached < 2:
                 goal = min((model.num_timesteps // c.every + 1) * c.every, c.steps)
                 more = goal - model.num_timesteps
-                model.learn(more, watch, log_interval=None, reset_num_timesteps=False)  # type: ignore[arg-type]
+                model.learn(more, watch, log_interval=None, reset_num_timesteps=False)
                 outcomes = self.evaluate()
                 level = None if self.opening is None else self.opening.level
                 row = self.row(outcomes, time.monotonic() - started)

@@ -72,7 +72,7 @@ class ConvEncoder(nn.Module):
             nn.Flatten(),
         )
         # On a CPU, channels last takes half the time of channels first.
-        self.conv = conv.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.conv = conv.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # not declared by torch
         for _ in range(3):
             height, width = (height + 1) // 2, (width + 1) // 2
         self.head = nn.Sequential(nn.Linear(32 * height * width, features), nn.LayerNorm(features), nn.Tanh())

@@ -103,11 +103,11 @@ def read_cameras(file: Path) -> tuple[dict[str, RecordedCamera], list[str]]:
         section = typed(_Section, entry, file, str(name))
         mount = "base" if section.base_T_camera else "flange" if section.flange_T_camera else None
         pose = section.base_T_camera or section.flange_T_camera
-        lens = tuple(section.distortion)
-        numbers = section.width, section.height, section.fx, section.fy, section.cx, section.cy, lens
+        k1, k2, p1, p2, k3 = section.distortion
+        numbers = section.width, section.height, section.fx, section.fy, section.cx, section.cy
         matrix = None if pose is None else np.array(pose, float)
-        placed = section.depth_unit_m, mount, matrix, section.sensor or ""
-        cameras[str(name)] = RecordedCamera(str(name), *numbers, *placed)  # type: ignore[arg-type]
+        placed = (k1, k2, p1, p2, k3), section.depth_unit_m, mount, matrix, section.sensor or ""
+        cameras[str(name)] = RecordedCamera(str(name), *numbers, *placed)
         unknown += [f"{name}.{key}" for key in section.model_extra or {}]
     return cameras, unknown
 

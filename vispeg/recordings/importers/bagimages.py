@@ -136,7 +136,7 @@ def _camera(name: str, info: Any, source: Path) -> RecordedCamera:
         raise UserError(f"camera '{name}' is not calibrated: its CameraInfo is empty", file=source)
     brown = tuple(np.pad(lens[:5], (0, max(0, 5 - len(lens)))).tolist())
     numbers = int(info.width), int(info.height), K[0, 0], K[1, 1], K[0, 2], K[1, 2]
-    return RecordedCamera(name, *numbers[:2], *map(float, numbers[2:]), distortion=brown)  # type: ignore[arg-type]
+    return RecordedCamera(name, *numbers[:2], *map(float, numbers[2:]), distortion=brown)
 
 
 def _raw(message: Any, source: Path, topic: str) -> tuple[np.ndarray, float]:

@@ -109,7 +109,7 @@ def split_cells(line: str, dialect: Dialect) -> list[str]:
 
 
 @contextmanager
-def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
+def opened(file: Path, blanks: bool = False) -> Iterator[io.BufferedReader]:
     """Open a file as bytes, decompressed if gzipped, without a byte order mark; `raw` tells the position in the file.
 
     With `blanks`, every run of blanks and tabs becomes one blank, and those at the ends of a line are removed.
@@ -119,7 +119,7 @@ def opened(file: Path, blanks: bool = False) -> Iterator[BinaryIO]:
         packed = file.suffix.lower() == ".gz"
         stream = _Limited(gzip.GzipFile(fileobj=raw) if packed else raw, raw, file, blanks)
         try:
-            yield io.BufferedReader(stream, 1 << 18)  # type: ignore[return-value]
+            yield io.BufferedReader(stream, 1 << 18)
         except (gzip.BadGzipFile, zlib.error, EOFError) as error:
             raise UserError(f"is not a gzip file that can be read: {error}", file=file) from error
 
@@ -197,7 +197,7 @@ def _all_numbers(file: Path, head: Head, wanted: list[str], reading: Reading) ->
     )
     try:
         with opened(file, reading.dialect.separator == " ") as stream:
-            limited: Any = stream.raw  # type: ignore[attr-defined]
+            limited: Any = stream.raw  # a `_Limited`
             for _ in range(head.lines):
                 stream.readline()
             source = arrow.open_csv(

@@ -98,7 +98,7 @@ def _visp(folder: Path, name: str) -> np.ndarray:
 
 def _numbers(values: Sequence[object] | np.ndarray, count: int, path: Path, where: str) -> np.ndarray:
     try:
-        out = np.array([float(value) for value in values])  # type: ignore[arg-type]
+        out = np.array([float(value) for value in values])  # type: ignore[arg-type]  # what is no number is caught
     except (TypeError, ValueError) as error:
         raise UserError("not a pose", file=path, key=where, expected=f"{count} numbers", got=list(values)) from error
     if out.shape != (count,) or not np.isfinite(out).all():

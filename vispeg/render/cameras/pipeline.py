@@ -104,7 +104,7 @@ class Pipeline:
         )
         for in_light, group in groupby(self.stages, lambda s: isinstance(s.effect, LightEffect)):
             if in_light:
-                pass_light([(s.effect, s.at(rows), s.streams.begin(keys)) for s in group], out)  # type: ignore[misc]
+                pass_light([(s.effect, s.at(rows), s.streams.begin(keys)) for s in group], out)  # type: ignore[misc]  # grouped by their type
                 continue
             for stage in group:
                 stage.effect.image(stage.state, out, stage.at(rows), stage.streams.begin(keys))

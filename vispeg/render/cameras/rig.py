@@ -102,7 +102,7 @@ class CameraRig:
                 self._delivered[key_of(kind, c.name)] = np.zeros((rows, *kind.shape(c.height, c.width)), kind.dtype)
 
     def _renderer(self, cameras: Sequence[Camera]) -> Renderer:
-        return Renderer(self.scene, cameras, self.backend, shadows=self.shadows)  # type: ignore[arg-type]
+        return Renderer(self.scene, cameras, self.backend, shadows=self.shadows)  # type: ignore[arg-type]  # Renderer refuses others
 
     def begin(
         self,

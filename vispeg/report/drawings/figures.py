@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO, StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def new_figure(height: float, width: float = WIDE.width) -> Figure:
 
     figure = Figure(figsize=(width, height), layout="constrained")
     # A notebook shows figures made by pyplot; others it shows by this method.
-    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
+    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]  # no attribute of a Figure
     return figure
 
 
@@ -227,9 +227,8 @@ def side_by_side(figure: Figure, names: Iterable[str]) -> int:
     return int(max(1, min(len(widths), figure.get_figwidth() // max(widths, default=1.0))))
 
 
-def quiet(ax: Axes, *, grid: str = "y") -> None:
+def quiet(ax: Axes, *, grid: Literal["both", "x", "y"] = "y") -> None:
     """Draw a light grid behind the data, and hide tick marks."""
-    if grid:
-        ax.grid(axis=grid, color=RULE, linewidth=0.5, alpha=0.7)  # type: ignore[arg-type]
+    ax.grid(axis=grid, color=RULE, linewidth=0.5, alpha=0.7)
     ax.set_axisbelow(True)
     ax.tick_params(length=0)

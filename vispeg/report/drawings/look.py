@@ -55,7 +55,8 @@ def _seen(shot: Shot, camera: str, K: np.ndarray, world: World) -> np.ndarray:
     """Return colour and depth side by side, (H, 2 W, 3) uint8, with the camera's effects; missing depth is black."""
     frame = Frame(shot.rgb[None].astype(np.float32) / 255, shot.depth[None], K[None])
     out = Pipeline([world], camera).run(frame, [stream(0, "look", camera)])
-    colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)  # type: ignore[index]
-    depth = out.depth[0]  # type: ignore[index]
+    assert out.rgb is not None and out.depth is not None  # the frame had both
+    colour = np.round(255 * np.clip(out.rgb[0], 0, 1)).astype(np.uint8)
+    depth = out.depth[0]
     near, far = (float(np.percentile(shot.depth[shot.depth > 0], q)) for q in (2, 90))
     return np.concatenate([colour, depth_picture(depth, near, max(far, near + 1e-6))], axis=1)

@@ -93,9 +93,9 @@ def _gain(axis: Any, measured: Joint) -> bool:
         axis.errorbar([p.hz for p in used], 20 * np.log10(gain), u, fmt="o", ms=3.5, lw=0.9, color=colour, label=size)
     if not measured.points:
         return False
-    f = _line(measured)
-    if f is not None:
-        axis.plot(f, 20 * np.log10(np.abs(measured.servo.response(f))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+    if (line := _line(measured)) is not None:
+        f, response = line
+        axis.plot(f, 20 * np.log10(np.abs(response)), color=AFTER, lw=1.2)
     axis.axhline(-3, color=MUTED, lw=0.7, ls=":")
     axis.set_xscale("log")
     axis.set_ylabel("dB")
@@ -111,18 +111,22 @@ def _phase(axis: Any, measured: Joint) -> bool:
             axis.plot([p.hz for p in used], phase, "o", ms=3.5, color=colour)
     if not measured.points:
         return False
-    f = _line(measured)
-    if f is not None:
-        axis.plot(f, np.degrees(np.unwrap(np.angle(measured.servo.response(f)))), color=AFTER, lw=1.2)  # type: ignore[union-attr]
+    if (line := _line(measured)) is not None:
+        f, response = line
+        axis.plot(f, np.degrees(np.unwrap(np.angle(response))), color=AFTER, lw=1.2)
     axis.set_xscale("log")
     axis.set_xlabel("Hz")
     axis.set_ylabel("degrees")
     return True
 
 
-def _line(measured: Joint) -> np.ndarray | None:
+def _line(measured: Joint) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return frequencies, Hz, with the fitted loop's response there; None without a fit or points."""
     hz = [p.hz for p in measured.points if p.used]
-    return np.geomspace(min(hz), max(hz), 200) if measured.servo is not None and hz else None
+    if measured.servo is None or not hz:
+        return None
+    f = np.geomspace(min(hz), max(hz), 200)
+    return f, measured.servo.response(f)
 
 
 def _coherence(axis: Any, measured: Joint) -> bool:

@@ -86,7 +86,7 @@ def _figure(maps: list[ResidualMap], joints: tuple[str, ...], shape: Shape) -> F
     named = [v for v in levels if f"{v:e}"[0] in ("1" if shape.narrow else "125") and f"{v:e}"[2] == "0"]
     bar.set_ticks(named, labels=[f"{v:g}" for v in named])
     bar.ax.tick_params(length=0, which="both")
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     if any(not np.isfinite(a).all() for m in maps for a in (m.before, m.after) if a is not None):
         figure.legend([Patch(facecolor=NO_DATA)], ["no data"], loc="outside lower right", handlelength=1.2)
     return figure

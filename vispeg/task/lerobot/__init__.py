@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
-from lerobot.configs.types import FeatureType, PolicyFeature  # type: ignore[import-not-found]  # LeRobot imports this
-from lerobot.envs.configs import EnvConfig  # type: ignore[import-not-found]
+from lerobot.configs.types import FeatureType, PolicyFeature  # LeRobot imports this
+from lerobot.envs.configs import EnvConfig
 
 from vispeg.task.environments.lerobot_env import PIXELS, STATE, LeRobotEnv
 
