@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from fits import evidence, fit, judge, lost
 from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance
@@ -52,18 +51,17 @@ def test_friction_that_falls_with_speed_takes_the_place_of_dry_friction(hidden, 
 )
 def test_what_contains_dry_friction_shows_cross_fitted_or_surely_on_held_out_recordings(left, crossed, alone, stands):
     """`left` of 100 noise variances; standard errors at which 5 and 1 % pass by chance are 1.64 and 2.33."""
-    judged = SimpleNamespace(mean=lambda loss: 100.0, floor=lambda world: 1.0)
-    trial = Trial(Score(FALLING, 0.0, out=(DRY,)), None, np.zeros(0), Gain(100.0 - left, alone, 1.0 - left / 100.0))  # type: ignore[arg-type]
-    state = State(World(), np.zeros(0), np.zeros(0))
-    search = SimpleNamespace(judge=judged, evidence=SimpleNamespace(least_gain=0.02))
-    assert _stands_behind(search, state, trial, crossed) == stands  # type: ignore[arg-type]
+    gain = Gain(100.0 - left, alone, 1.0 - left / 100.0)
+    trial = Trial(Score(FALLING, 0.0, out=(DRY,)), fit(World().add(FALLING)), lost(left), gain)
+    state = State(World().add(DRY), lost(100.0), np.zeros(1))
+    assert _stands_behind(Search(evidence(), judge()), state, trial, crossed) == stands
 
 
 def test_what_an_effect_removed_counts_what_it_took_the_place_of():
     """Without end where two took turns: a step counts those before it alone."""
 
     def step(placed: EffectInstance, mean: float, *out: EffectInstance):
-        return Trial(Score(placed, 0.0, out=out), None, np.zeros(0), Gain(mean, 9.0, 0.5)), []  # type: ignore[arg-type]
+        return Trial(Score(placed, 0.0, out=out), fit(World().add(placed)), np.zeros(0), Gain(mean, 9.0, 0.5)), []
 
     state = State(World(), np.zeros(0), np.zeros(0), first=101.0)
     state.steps = [step(DRY, 60.0), step(FALLING, 30.0, DRY)]

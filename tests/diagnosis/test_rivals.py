@@ -1,29 +1,17 @@
 """Which rivals are listed beside an effect that was chosen."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from fits import evidence, fit, judge, lost
 
 from vispeg.core.effect import EffectInstance
 from vispeg.diagnosis.conclusion.rivals import grown_from
-from vispeg.diagnosis.findings import Score, Trial
+from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.selection import law
 from vispeg.diagnosis.selection.accept import equal
-from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
 from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
-
-
-def judge() -> Judge:
-    evidence = SimpleNamespace(
-        blocks=lambda seconds: np.repeat(np.arange(40), 25),
-        items=[SimpleNamespace(nj=1, measured=np.zeros((1000, 1)), valid=np.ones((1000, 1), bool))],
-        tells=lambda difference: np.ones(len(difference), bool),
-        stretches=lambda blocks: np.arange(40),
-        unit="N m",
-    )
-    return Judge(evidence)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -38,10 +26,12 @@ def judge() -> Judge:
 def test_what_the_chosen_effect_grew_from_is_no_rival_where_it_leaves_most_of_the_error(rival, where, left, refuted):
     """Play removes all of 100 000 noise variances, a rotor all but 79: a thousandth, and yet most of what was left."""
     rng = np.random.default_rng(0)
-    spread = rng.uniform(0.9, 1.1, (40, 1))
-    state = SimpleNamespace(loss=25.0 * 1.7 * spread)
-    trial = SimpleNamespace(score=Score(EffectInstance.of(rival, where), 0.0), loss=25.0 * left * spread)
-    assert grown_from(judge(), trial, state, "backlash(joint3)") == refuted  # type: ignore[arg-type]
+    spread = rng.uniform(0.9, 1.1, 40)
+    play, tried = (EffectInstance.of(*at) for at in (("backlash", "joint3"), (rival, where)))
+    state = State(World().add(play), lost(1.7 * spread), np.zeros(1))
+    gain = judge().gain(lost(1e5 * spread), lost(left * spread))
+    other = Trial(Score(tried, 0.0), fit(World().add(tried)), lost(left * spread), gain)
+    assert grown_from(judge(), other, state, play.label) == refuted
 
 
 @pytest.mark.parametrize(
@@ -56,9 +46,9 @@ def test_what_the_chosen_effect_grew_from_is_no_rival_where_it_leaves_most_of_th
 )
 def test_a_rival_is_equal_on_what_remains_not_on_what_both_remove(best, rival, as_good):
     """131 000 noise variances without either; every block of time alike, so that chance makes nothing of it."""
-    spread = np.random.default_rng(1).uniform(0.9, 1.1, (40, 1))
+    spread = np.random.default_rng(1).uniform(0.9, 1.1, 40)
     spread /= spread.mean()
-    loss = [25.0 * value * spread for value in (rival, best)]
+    loss = [lost(value * spread) for value in (rival, best)]
     assert equal(judge(), *loss, 131e3, remaining=True) == as_good
     assert equal(judge(), *loss, 131e3), "of candidates of a step the simpler one is taken"
 
@@ -67,7 +57,7 @@ def trial(*effects: str, new: str):
     """A trial of `new` beside `effects` in a chain of joints."""
     world = World().add(*(EffectInstance.of(name, "joint1") for name in (*effects, new)))
     score = Score(EffectInstance.of(new, "joint1"), 1.0)
-    return Trial(score, SimpleNamespace(world=world), np.zeros((1, 1)), None)  # type: ignore[arg-type]
+    return Trial(score, fit(world), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0))
 
 
 def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_stay():
@@ -75,7 +65,7 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
     world = World().add(*(EffectInstance.of(name, "joint1") for name in names))
     others = [trial(*names[:k], new="cable_spring") for k in range(3)]
     steps = [(best := trial(*names[:k], new=names[k]), [best, others[k]]) for k in range(3)]
-    state = State(world, np.zeros((1, 1)), np.zeros(1), steps=steps)  # type: ignore[arg-type]
+    state = State(world, np.zeros((1, 1)), np.zeros(1), steps=steps)
     step = state.brought(world.effects[2])
     assert step is not None and step[0] is steps[2][0] and step[1][1] is others[2]
     assert state.brought(world.effects[0]) is None, "others came in later"
@@ -93,16 +83,14 @@ def test_a_step_says_what_may_stand_in_the_place_of_its_effect_while_the_others_
         (80.0, 60.0, False),
     ],
 )
-def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_the_noise(
-    rotor, play, stands, monkeypatch
-):
-    monkeypatch.setattr(law, "present", lambda fit, index: True)
-    monkeypatch.setattr(law, "bic_gain", lambda *args: 1.0)
-    spread = np.random.default_rng(2).uniform(0.9, 1.1, (40, 1))
+def test_play_stands_behind_a_rotor_where_it_removes_most_of_what_is_left_over_the_noise(rotor, play, stands):
+    """Of white residuals, alike on the fitted and on the held-out recordings."""
+    rng = np.random.default_rng(2)
+    spread, noise = rng.uniform(0.9, 1.1, 40), rng.standard_normal(evidence().length)
     spread /= spread.mean()
-    state = SimpleNamespace(loss=25.0 * rotor * spread, world=World(), residual=None)
-    score = Score(EffectInstance.of("backlash", "elbow"), 0.0, out=(EffectInstance.of("rotor_inertia", "elbow"),))
-    better = SimpleNamespace(loss=25.0 * play * spread, fit=None, score=score)
-    better.gain = judge().gain(state.loss, better.loss)
-    search = SimpleNamespace(judge=judge(), evidence=SimpleNamespace(least_gain=0.02))
-    assert law._stands_behind(search, state, better, better.gain.z) == stands  # type: ignore[arg-type]
+    simple, richer = EffectInstance.of("rotor_inertia", "elbow"), EffectInstance.of("backlash", "elbow")
+    state = State(World().add(simple), lost(rotor * spread), np.sqrt(rotor) * noise)
+    better = fit(World().add(richer), residual=np.sqrt(play) * noise)
+    gain = judge().gain(state.loss, lost(play * spread))
+    trial = Trial(Score(richer, 0.0, out=(simple,)), better, lost(play * spread), gain)
+    assert law._stands_behind(Search(evidence(), judge()), state, trial, gain.z) == stands
