@@ -7,12 +7,14 @@ import pytest
 from loops import ARM, drive, recorded
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.core.rules import varied
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.conclusion import rivals
 from vispeg.diagnosis.evidence.localise import joint_z
 from vispeg.diagnosis.evidence.screen import groups, screen
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.selection import proposals, prune
+from vispeg.diagnosis.selection import prune
+from vispeg.diagnosis.selection.cross import Cross
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import Exchange, open_ended
 from vispeg.diagnosis.selection.search import Search
@@ -72,36 +74,56 @@ def test_friction_of_every_joint_is_named_with_its_size(searched):
             assert p.value == pytest.approx(value.value, rel=0.02) and 0 < p.low < value.value * 1.02
 
 
-def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_visible(searched, monkeypatch):
-    search, state = searched
+class Strict(Search):
+    """A search by whose held-out recordings nothing is a visible share."""
+
+    def needed(self, state, index, gain):
+        """Need nothing."""
+        return False
+
+
+class Sure(Judge):
+    """A judge who is sure of every gain, however small."""
+
+    def gain(self, before, after, crossed=None):
+        """Judge with nine standard errors."""
+        return replace(super().gain(before, after, crossed), z=9.0)
+
+
+class Careless(Judge):
+    """A judge who sees no difference."""
+
+    def gain(self, before, after, crossed=None):
+        """Judge that nothing is gained."""
+        return super().gain(before, before)
+
+
+def test_what_the_held_out_recordings_want_stays_and_is_no_name_where_it_is_not_visible(searched):
+    search, state = Strict(searched[0].evidence, searched[0].judge), searched[1]
     idle = EffectInstance.of("joint_bias", "elbow")
     (fit,) = search.fits([state.world.add(idle)], 0)
     here = replace(state, slight=frozenset())
     here.take(fit, search.judge.losses([fit.world])[0])
     here.cross = search.cross.loss_of(fit, fit.residual)
-    monkeypatch.setattr(search, "needed", lambda *args: False)  # neither is a visible share, if one asked so
     prune.prune(search, here, 0)
     assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
     assert here.slight == {e.label for e in HIDDEN} == open_ended(here, 0)
-    monkeypatch.undo()
-    monkeypatch.setattr(prune, "_spare", lambda *args: [0])  # as if the fitted recordings called it useless
+    search = Search(search.evidence, search.judge)
+    search.cross = Cross(Careless(search.evidence))  # the fitted recordings call every one useless
     prune.prune(search, here, 0)
     assert len(here.world.effects) == len(HIDDEN) and not here.slight and not open_ended(here, 0)
 
 
-def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched, monkeypatch):
-    search, state = searched
+def test_what_may_be_absent_and_removes_next_to_nothing_goes_out_however_sure_its_gain_is(searched):
+    search, state = Strict(searched[0].evidence, Sure(searched[0].judge.evidence)), searched[1]
     (fit,) = search.fits([state.world.add(EffectInstance.of("joint_bias", "elbow"))], 0)
     here = replace(state)
     here.take(fit, search.judge.losses([fit.world])[0])
     here.cross = search.cross.loss_of(fit, fit.residual)
-    gain = search.judge.gain
-    monkeypatch.setattr(search.judge, "gain", lambda *losses: replace(gain(*losses), z=9.0))
-    monkeypatch.setattr(search, "needed", lambda *args: False)
-    with monkeypatch.context() as patch:
-        patch.setattr(prune, "present", lambda *args: True)
-        prune.prune(search, here, 0)
-    assert {e.label for e in here.world.effects} > {e.label for e in HIDDEN}, "what is there stays"
+    known = [e.with_values(**{k: v.value for k, v in e.params.items()}) for e in fit.world.effects]
+    there = replace(here, fit=replace(fit, world=replace(fit.world, effects=tuple(known))))  # no interval has a null
+    prune.prune(search, there, 0)
+    assert {e.label for e in there.world.effects} > {e.label for e in HIDDEN}, "what is there stays"
     prune.prune(search, here, 0)
     assert {e.label for e in here.world.effects} == {e.label for e in HIDDEN}
 
@@ -110,19 +132,31 @@ def start(name):
     return {m: effect(name).params[m].start for m in effect(name).magnitudes}
 
 
+class Asked(Search):
+    """A search whose linear model proposes these exchanges."""
+
+    def __init__(self, like: Search, *proposed: Exchange):
+        super().__init__(like.evidence, like.judge)
+        self.proposed = proposed
+
+    def exchanges(self, state):
+        """Propose them."""
+        return list(self.proposed)
+
+
 @pytest.mark.slow
 def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searched, monkeypatch):
-    search, state = searched
+    state = searched[1]
     names = ("rotor_inertia", "hysteresis", "joint_bias")
     asked = [
         Exchange(placed.label, 1.0, (), (EffectInstance.of(name, placed.where, **start(name)),))
         for placed, name in zip(state.world.effects[1:], names, strict=True)
     ]
-    monkeypatch.setattr(search, "exchanges", lambda state: asked)
-    monkeypatch.setattr(rivals, "_beyond", lambda *_: set())
-    together = rivals.find_rivals(search, state, 0, lambda text: None)
-    monkeypatch.setattr(rivals, "AT_ONCE", 1)
-    alone = rivals.find_rivals(search, state, 0, lambda text: None)
+    search = Asked(searched[0], *asked)
+    with varied(at_floor=np.inf):  # the linear model's proposals alone
+        together = rivals.find_rivals(search, state, 0, lambda text: None)
+        monkeypatch.setattr(rivals, "AT_ONCE", 1)
+        alone = rivals.find_rivals(Asked(searched[0], *asked), state, 0, lambda text: None)
     assert [r.label for r in together] == [e.label for e in state.world.effects]
     assert [len(r.tried) for r in together] == [0, 1, 1, 1]
     for a, b in zip(together, alone, strict=True):
@@ -133,33 +167,30 @@ def test_rivals_fitted_side_by_side_are_those_fitted_one_after_the_other(searche
 
 
 @pytest.mark.slow
-def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is_left(searched, monkeypatch):
+def test_the_library_is_asked_in_the_joint_that_misses_most_unless_only_noise_is_left(searched):
     """Also of many effects, of which linear algebra alone proposes nothing here."""
-    search, state = searched
-    monkeypatch.setattr(search, "exchanges", lambda state: [])
+    search, state = Asked(searched[0]), searched[1]
     joints = search.evidence.items[0].robot.joints
     worst = joints[int(np.argmax(joint_z(search.missing(state.world))))]
     tried = rivals.find_rivals(search, state, 0, lambda text: None)
     for placed, rival in zip(state.world.effects, tried, strict=True):
         assert bool(rival.tried) == (placed.where in (worst, "all")), placed.label
     assert any(r.tried for r in tried)
-    monkeypatch.setattr(rivals, "AT_FLOOR", np.inf)
-    assert not any(r.tried for r in rivals.find_rivals(search, state, 0, lambda text: None))
+    with varied(at_floor=np.inf):
+        assert not any(r.tried for r in rivals.find_rivals(search, state, 0, lambda text: None))
 
 
-def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
+def test_signatures_beside_one_world_are_taken_once(searched):
     search, state = searched
     places = [("joint_bias", "elbow"), ("rotor_inertia", "shoulder")]
-    missing, count, real = search.missing(state.world), [], proposals.signatures
-
-    def counted(evidence, world, residual, asked):
-        count.append(len(asked))
-        return real(evidence, world, residual, asked)
-
-    monkeypatch.setattr(proposals, "signatures", counted)
+    missing = search.missing(state.world)
     first = search.signatures(state.world, state.residual, places[:1], missing)
+    before = search.evidence.rollouts
     both = search.signatures(state.world, state.residual, places, missing)
-    assert both[0] is first[0] and count[0] >= 1 and count[1] >= 1 and len(both) == sum(count)
+    assert both[0] is first[0] and len(both) > 1 and search.evidence.rollouts > before
+    before = search.evidence.rollouts
+    assert [*map(id, search.signatures(state.world, state.residual, places, missing))] == [*map(id, both)]
+    assert search.evidence.rollouts == before
     fewer = state.world.without("coulomb_friction", "elbow")
     other = search.evidence.residuals([fewer])[0]
     (beside,) = search.signatures(fewer, other, places[:1], missing)
@@ -168,21 +199,27 @@ def test_signatures_beside_one_world_are_taken_once(searched, monkeypatch):
     np.testing.assert_array_equal(again[0].columns, first[0].columns)
 
 
-def test_what_was_screened_beside_a_world_is_not_screened_again(searched, monkeypatch):
-    search = Search(searched[0].evidence, searched[0].judge)
+class Counted(Search):
+    """A search that notes the places that it screens."""
+
+    def __init__(self, like: Search):
+        super().__init__(like.evidence, like.judge)
+        self.places_screened: list[tuple[str, str]] = []
+
+    def screened(self, world, residual, fit, places, missing, groups=(), several=False):
+        """Note the places and screen them."""
+        self.places_screened.extend(places)
+        return super().screened(world, residual, fit, places, missing, groups, several)
+
+
+def test_what_was_screened_beside_a_world_is_not_screened_again(searched):
+    search = Counted(searched[0])
     bare = search.start(World(searched[1].world.robot))
     places, missing = [("joint_bias", "elbow"), ("rotor_inertia", "shoulder")], search.missing(bare.world)
     first = search.screened(bare.world, bare.residual, None, places[:1], missing)
-    asked, real = [], search.screened
-
-    def screened(world, residual, fit, places, missing):
-        asked.extend(places)
-        return real(world, residual, fit, places, missing)
-
-    monkeypatch.setattr(search, "screened", screened)
     both = search.screened_alone(bare.world, bare.residual, None, places, missing)
     again = search.screened_alone(bare.world, bare.residual, None, places, missing)
-    assert asked == places[1:] and again == both
+    assert search.places_screened == places and again == both
     assert [s for s in both if s.key == places[0]] == first
     assert [s.gain for s in both] == sorted((s.gain for s in both), reverse=True)
 
