@@ -51,6 +51,14 @@ def pendulum(gravity: float = -GRAVITY) -> RobotModel:
     return load(path)
 
 
+@lru_cache
+def arm() -> RobotModel:
+    """A shoulder and an elbow, hanging."""
+    path = Path(mkdtemp()) / "arm.xml"
+    path.write_text(ARM)
+    return load(path)
+
+
 def drive(
     robot: RobotModel,
     mode: str,

@@ -1,12 +1,11 @@
 """A richer law of friction comes in for all joints at once, where it is, and nowhere else."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from loops import ARM, drive, recorded
+from fits import still
+from loops import arm, drive, recorded
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
@@ -14,10 +13,10 @@ from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.law import laws, refined
 from vispeg.diagnosis.selection.search import Search
 from vispeg.effects.common.presliding import yielding
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.inverse import MOTION_HZ, STICK, TorqueEvidence
 from vispeg.recordings.differentiate import smooth
 from vispeg.recordings.recording import Control
-from vispeg.robots.model import load
 from vispeg.worlds.world import World
 
 LEVEL = np.array([0.6, 0.25])  # N m
@@ -26,11 +25,9 @@ JOINTS = ("shoulder", "elbow")
 
 
 @pytest.fixture(scope="module", params=[("shoulder", "elbow"), ("shoulder",), ()])
-def searched(request, tmp_path_factory):
+def searched(request):
     """(joints that preslide, a search, its state with Coulomb friction fitted in both joints)."""
-    path = tmp_path_factory.mktemp("arm") / "arm.xml"
-    path.write_text(ARM)
-    robot, recordings = load(path), []
+    robot, recordings = arm(), []
     for i in range(3):
         t = np.arange(1600) * 5e-3
         swing = 1 - np.cos(2 * np.pi * np.outer(t, [0.7 + 0.2 * i, 1.1 - 0.2 * i]))
@@ -65,8 +62,8 @@ def test_presliding_takes_the_place_of_dry_friction_in_the_joints_that_show_it(s
 
 
 def test_a_law_is_asked_where_it_has_the_magnitudes_of_the_simple_one_and_is_not_there_yet():
-    item = SimpleNamespace(robot=SimpleNamespace(joints=JOINTS))
-    search: Any = SimpleNamespace(evidence=SimpleNamespace(sees=lambda kind: True, items=[item]))
+    evidence = Evidence([still(arm())])
+    search = Search(evidence, Judge(evidence))
     friction = [EffectInstance.of("coulomb_friction", joint, torque=0.4) for joint in JOINTS]
     asked = [(len(simple), kind.name) for simple, kind in laws(search, World().add(*friction), 0)]
     assert asked == [(2, "hysteresis")], "Stribeck's law has two levels, and no start follows from one"

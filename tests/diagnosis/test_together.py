@@ -1,8 +1,8 @@
 """Choices among effects by linear algebra are what least squares gives; exchange undoes a wrong guess."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
+import fits
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -12,10 +12,11 @@ from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.dictionary import Dictionary
 from vispeg.diagnosis.evidence.signatures import Signature
-from vispeg.diagnosis.findings import Score
+from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
 from vispeg.diagnosis.selection.names import Exchange, Ground, doubted, exchanges, open_ended, tentative
 from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.selection.together import prior, together
+from vispeg.identify.fit import Fit
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
@@ -27,13 +28,12 @@ def signature(effect: str, where: str, name: str, column: np.ndarray, value: flo
     return Signature(EffectInstance.of(effect, where, **{name: value}), (name,), column[:, None])
 
 
-def fitted(residual: np.ndarray, signatures: list[Signature], values: list[float]):
+def fitted(residual: np.ndarray, signatures: list[Signature], values: list[float]) -> Fit:
     """A fit of these effects at these values, whose derivatives are minus the columns."""
     effects = [s.probe.with_values(**{s.names[0]: v}) for s, v in zip(signatures, values, strict=True)]
     space = Space(World().add(*effects), range(len(effects)))
     jacobian = -np.concatenate([s.columns for s in signatures], axis=1) * [a.unit for a in space.axes]
-    u = space.start
-    return SimpleNamespace(u=u, residual=residual, jacobian=jacobian, space=space, world=space.world, at_bound=())
+    return fits.fit(space.world, residual=residual, jacobian=jacobian)
 
 
 @pytest.fixture(scope="module")
@@ -173,9 +173,9 @@ def test_proven_rivals_make_a_class_of_what_they_shake(toy):
     (own,) = exchanges(ground, ground)
     assert own.shaken == ("encoder_offset(joint1)",) and [r.label for r in own.rivals] == ["encoder_offset(joint1)"]
     state = State(fit.world, np.zeros((1, 1)), fit.residual)
-    rival = SimpleNamespace(score=Score(other.probe, 0.0))
-    proven = SimpleNamespace(label="joint_bias(joint1)", equals=(rival,), tried=(rival,))
-    lost = SimpleNamespace(label="joint_bias(joint1)", equals=(), tried=(rival,))
+    rival = Trial(Score(other.probe, 0.0), fitted(y - near, [other], [0.01]), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0))
+    proven = Rivals("joint_bias(joint1)", (rival,), (rival,))
+    lost = Rivals("joint_bias(joint1)", (), (rival,))
     assert tentative(state, 0, [own], []) == {"joint_bias(joint1)"}, "a rival that was not tried may be the truth"
     assert not tentative(state, 0, [own], [proven]), "named, with its rival"
     assert not tentative(state, 0, [own], [lost]), "named alone: the rival was fitted and lost"
@@ -257,7 +257,7 @@ def test_a_value_at_its_bound_is_not_proposed():
 def test_two_effects_that_cancel_are_both_tentative(toy, correlation):
     """A mass more here and a mass less there: each is dearly needed, beside the other."""
     fit = fitted(toy["noise"], [toy["a"], toy["b"]], [1.4, -1.4])
-    fit.correlation = np.array([[1.0, correlation], [correlation, 1.0]])
+    fit = replace(fit, correlation=np.array([[1.0, correlation], [correlation, 1.0]]))
     world = fit.world
     state = State(world, np.zeros((1, 1)), fit.residual, fit)
     assert (tentative(state, 0, [], []) == {e.label for e in world.effects}) == (correlation < -0.9)
