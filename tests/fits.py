@@ -24,11 +24,11 @@ RATE = 100.0  # Hz: 25 readings in a block of time
 SETTLES = float(RULES.block * np.ceil(RULES.settle / RULES.block))  # s that are not compared, in whole blocks of time
 
 
-def still(robot: RobotModel, seconds: float = 10.0, name: str = "still") -> Recording:
+def still(robot: RobotModel, seconds: float = 10.0, name: str = "still", control: Control | None = None) -> Recording:
     """A robot under position control that stays at 0, readable for so long after it has settled, at 100 Hz."""
     nj = len(robot.joints)
     time = np.arange(round((SETTLES + seconds) * RATE)) / RATE
-    control = Control("position", RATE, "none", np.full(nj, 60.0), np.full(nj, 4.0))
+    control = control or Control("position", RATE, "none", np.full(nj, 60.0), np.full(nj, 4.0))
     rest = np.zeros((len(time), nj))
     read = np.where((time > RULES.settle / 2)[:, None] & (time < SETTLES)[:, None], np.nan, rest)
     return Recording(Path(name), robot.source, robot.joints, RATE, control, time, read, q_cmd=rest, noise={"q": 2e-5})

@@ -26,6 +26,14 @@ def mistakes(kind: Any, value: Any, at: str = "record") -> list[str]:
         if not isinstance(value, list):
             return [f"{at}: {value!r} is no list"]
         return [m for i, v in enumerate(value) for m in mistakes(one, v, f"{at}[{i}]")]
+    if get_origin(kind) is tuple:
+        if not isinstance(value, tuple | list) or len(value) != len(get_args(kind)):
+            return [f"{at}: {value!r} is no {kind}"]
+        return [
+            m
+            for i, (one, v) in enumerate(zip(get_args(kind), value, strict=True))
+            for m in mistakes(one, v, f"{at}[{i}]")
+        ]
     if get_origin(kind) in (dict, Mapping):
         if not isinstance(value, dict):
             return [f"{at}: {value!r} is no mapping"]

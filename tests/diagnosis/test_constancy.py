@@ -1,34 +1,39 @@
 """Effects that a fit takes for constant and that are not: they stand in for something that changes."""
 
-from types import SimpleNamespace
+from dataclasses import replace
+from pathlib import Path
 
+import fits
 import numpy as np
 import pytest
+from loops import arm
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.evidence.constancy import _magnitudes, changes
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit
 from vispeg.identify.space import Space
+from vispeg.recordings.recording import Control, Recording
 from vispeg.worlds.world import World
 
-ROWS, JOINTS = 800, ("joint1", "joint2")
-FRICTION = EffectInstance.of("coulomb_friction", "joint1", torque=2.0)
-BIAS = EffectInstance.of("joint_bias", "joint2", torque=0.5)
+ROWS, JOINTS = 800, ("shoulder", "elbow")
+FRICTION = EffectInstance.of("coulomb_friction", "shoulder", torque=2.0)
+BIAS = EffectInstance.of("joint_bias", "elbow", torque=0.5)
 
 
 @pytest.fixture(scope="module")
 def items() -> list:
     """Two recordings of two joints, 8 s each; the second one in two windows."""
-    out, rng = [], stream(3, "moves")
+    out, rng, time = [], stream(3, "moves"), np.arange(ROWS) * 0.01
+    control = Control("position", 100.0, "none", np.full(2, 60.0), np.full(2, 4.0))
     for pieces in (1, 2):
-        recording = SimpleNamespace(time=np.arange(ROWS) * 0.01)
-        q = np.sin(np.outer(recording.time, rng.uniform(1.0, 3.0, 2)) + rng.uniform(0, 6, 2))
-        for rows in np.array_split(np.arange(ROWS), pieces):
-            segment = SimpleNamespace(rows=rows, time=recording.time[rows] - recording.time[rows[0]])
-            robot = SimpleNamespace(joints=JOINTS)
-            out.append(SimpleNamespace(robot=robot, recording=recording, segment=segment, posture=q[rows],
-                                       measured=np.zeros((len(rows), 2))))  # fmt: skip
+        q = np.sin(np.outer(time, rng.uniform(1.0, 3.0, 2)) + rng.uniform(0, 6, 2))
+        episode = np.repeat(np.arange(pieces), ROWS // pieces)
+        rec = Recording(Path("moves"), arm().source, JOINTS, 100.0, control, time, q, q_cmd=q, episode=episode)
+        out += Evidence([rec]).items
+    assert len(out) == 3
     return out
 
 
@@ -44,14 +49,14 @@ def ages(items) -> np.ndarray:
     return np.concatenate([i.recording.time[i.segment.rows] for i in items])
 
 
-def fitted(items, share: np.ndarray) -> SimpleNamespace:
+def fitted(items, share: np.ndarray) -> Fit:
     """The fit of an arm whose friction is `share` (m,) of 2 N m, with noise; the bias is what it is taken for."""
     jac, rng = columns(items), stream(4, "noise")
     space = Space(World().add(FRICTION, BIAS), range(2))
     truth = np.repeat(share, 2)[:, None] * jac[:, :1] * (0.0 - space.start[0])  # what friction adds to the residual
     measured = truth[:, 0] - jac[:, 1] * space.start[1] + rng.standard_normal(len(jac))
     u = np.linalg.lstsq(-jac, measured, rcond=None)[0]
-    return SimpleNamespace(world=space.at(u), residual=measured + jac @ u, jacobian=jac, space=space, u=u)
+    return fits.fit(space.world, residual=measured + jac @ u, jacobian=jac, u=u)
 
 
 def left(fit) -> dict[str, float]:
@@ -63,7 +68,7 @@ def test_a_constant_effect_is_constant_whatever_else_is_left(items):
     fit = fitted(items, np.ones(2 * ROWS))
     assert changes(items, fit, 0, left(fit)) == []
     rough = 3.0 * np.repeat(stream(5, "rough").standard_normal(2 * ROWS // 20), 20)  # missing, in no relation to either
-    fit.residual = fit.residual + np.repeat(rough, 2)
+    fit = replace(fit, residual=fit.residual + np.repeat(rough, 2))
     assert changes(items, fit, 0, left(fit)) == []
     slight = fitted(items, 1.0 - 0.02 * ages(items))
     assert changes(items, slight, 0, left(slight)) == [], "it hardly changes"
@@ -72,7 +77,7 @@ def test_a_constant_effect_is_constant_whatever_else_is_left(items):
 def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_squares(items):
     fit = fitted(items, np.exp(-ages(items) / 2.0))
     (change,) = changes(items, fit, 0, left(fit))
-    assert (change.label, change.over) == ("coulomb_friction(joint1)", "time") and change.share > 0.8
+    assert (change.label, change.over) == ("coulomb_friction(shoulder)", "time") and change.share > 0.8
     assert list(change.parts) == sorted(change.parts, reverse=True)
     quarter = np.repeat(np.minimum(ages(items) // 2.0, RULES.parts - 1), 2)
     apart = np.column_stack([fit.jacobian[:, 0] * (quarter == s) for s in range(RULES.parts)] + [fit.jacobian[:, 1]])
@@ -80,7 +85,7 @@ def test_friction_that_falls_with_time_is_none_and_the_parts_are_those_of_least_
     assert change.parts == pytest.approx(1.0 + moved[: RULES.parts] / fit.u[0], rel=1e-4)
     here = slice(None, None, 2)  # what it removes in the other joint does not count
     drop = np.sum(fit.residual[here] ** 2) - np.sum((fit.residual + apart @ moved)[here] ** 2)
-    assert change.share == pytest.approx(drop / left(fit)["joint1"], rel=1e-4)
+    assert change.share == pytest.approx(drop / left(fit)["shoulder"], rel=1e-4)
     assert "as the recordings go on" in change.said()
     assert changes(items, fit, 1, left(fit)) == [], "what was given is not asked"
 
@@ -94,7 +99,7 @@ def test_what_another_joint_leaves_does_not_count(items):
     drift = 60.0 * np.exp(-ages(items) / 2.0)
     measured = noise.copy()
     measured[1::2] += drift - drift.mean()
-    fit.jacobian, fit.residual = jac, measured
+    fit = replace(fit, columns=(jac,), residual=measured)
     total = 30.0 * fit.u[0]
     assert np.sum(measured[1::2] ** 2) > 10 * total and changes(items, fit, 0, left(fit)) == []
 
@@ -103,12 +108,11 @@ def test_friction_at_one_angle_alone_is_none(items):
     angle = np.concatenate([i.posture[:, 0] for i in items])
     fit = fitted(items, 3.0 * np.exp(-(((angle - 0.8) / 0.2) ** 2)))
     (change,) = changes(items, fit, 0, left(fit))
-    assert (change.label, change.over) == ("coulomb_friction(joint1)", "position")
+    assert (change.label, change.over) == ("coulomb_friction(shoulder)", "position")
     assert change.parts[-1] > 1.5 > 0.5 > change.parts[0]
 
 
 def test_a_servo_is_not_judged_by_a_gain_that_may_be_null():
     """Its bandwidth tells it, and that vanishes on no straight line; friction is judged by its torque."""
-    space = Space(World().add(EffectInstance.of("servo", "joint1"), FRICTION), range(2))
-    fit = SimpleNamespace(world=space.world, space=space)
+    fit = fits.fit(World().add(EffectInstance.of("servo", "shoulder"), FRICTION))
     assert _magnitudes(fit, 0) == [] and len(_magnitudes(fit, 1)) == 1

@@ -1,16 +1,22 @@
 """What to record next: something that would settle a question, or nothing."""
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from types import SimpleNamespace
 
+import fits
 import numpy as np
 import pytest
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.conclusion.next_experiment import MENU, next_experiment
-from vispeg.diagnosis.findings import Rivals
+from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
+from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.inverse import TorqueEvidence
 from vispeg.identify.record import controller
 from vispeg.recordings.recording import Control, Recording
 from vispeg.robots.model import load
@@ -23,46 +29,44 @@ CHOSEN, OTHER = (
 
 
 def trial(placed):
-    score = SimpleNamespace(placed=placed)
-    return SimpleNamespace(score=score, fit=SimpleNamespace(world=World("iiwa14").add(placed)), loss=np.ones(3))
+    return Trial(Score(placed, 1.0), fits.fit(World("iiwa14").add(placed)), np.ones((3, 1)), Gain(0.0, 0.0, 0.0))
 
 
-def search(unit="rad", sigma=2e-5):
+@lru_cache
+def search():
     robot = load("iiwa14")
-    control = controller(robot, "position", 100.0, np.zeros(7))
-    segment = SimpleNamespace(control=control, q=np.zeros((1, 7)))
-    item = SimpleNamespace(robot=robot, segment=segment, sigma=np.full(7, sigma), nj=7)
-    return SimpleNamespace(evidence=SimpleNamespace(unit=unit, items=[item], h_max=1e-3, nthread=1))
+    rec = fits.still(robot, 1.0, control=controller(robot, "position", 100.0, np.zeros(7)))
+    evidence = Evidence([replace(rec, robot="iiwa14")], h_max=1e-3)
+    return Search(evidence, Judge(evidence))
 
 
+@lru_cache
 def torques(sigma=0.5):
     """The same where torques were measured and no controller is known."""
     robot, q = load("iiwa14"), np.zeros((1000, 7))
     control = Control("unknown", 100.0)
     rec = Recording(Path("torques"), "iiwa14", robot.joints, 100.0, control, np.arange(1000) / 100.0, q, tau=q)
-    rec = replace(rec, torque_sensor="motor", noise={"tau": sigma})
-    segment = SimpleNamespace(control=control, q=q)
-    item = SimpleNamespace(robot=robot, recording=rec, segment=segment, sigma=np.full(7, sigma), nj=7)
-    return SimpleNamespace(evidence=SimpleNamespace(unit="N m", items=[item], h_max=1e-3, nthread=1))
+    evidence = TorqueEvidence([replace(rec, torque_sensor="motor", noise={"tau": sigma})])
+    return Search(evidence, Judge(evidence))
 
 
-STATE = SimpleNamespace(world=World("iiwa14").add(CHOSEN))
+STATE = State(World("iiwa14").add(CHOSEN), np.ones((3, 1)), np.zeros(1))
 REFUSED = [Rivals(CHOSEN.label, (), (trial(OTHER),))]
 EQUAL = [Rivals(CHOSEN.label, (trial(OTHER),), (trial(OTHER),))]
 
 
-@pytest.mark.parametrize("unit", ["rad", "N m"])
-def test_a_model_without_a_rival_asks_for_nothing(unit):
+@pytest.mark.parametrize("made", [search, torques])
+def test_a_model_without_a_rival_asks_for_nothing(made):
     """A refused candidate is none: what separates it was seen already."""
-    assert next_experiment(search(unit), STATE, REFUSED, "identified", 0) == (None, {})
-    assert next_experiment(search(unit), STATE, [], "adequate", 0) == (None, {})
+    assert next_experiment(made(), STATE, REFUSED, "identified", 0) == (None, {})
+    assert next_experiment(made(), STATE, [], "adequate", 0) == (None, {})
 
 
 def test_rivals_are_separated_by_the_motion_that_separates_them_most():
     found, arrays = next_experiment(search(), STATE, EQUAL, "ambiguous", 0)
     assert found["motion"] in MENU and found["expected_separation_sigma"] > 100 * RULES.next_sigma
     assert "coulomb_friction(joint4) from viscous_friction(joint4)" in found["why"]
-    apart = (arrays["next/A"] - arrays["next/B"]) / 2e-5
+    apart = (arrays["next/A"] - arrays["next/B"]) / search().evidence.items[0].sigma
     assert np.sqrt(np.sum(apart**2)) == pytest.approx(found["expected_separation_sigma"], rel=1e-3)
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -136,7 +135,7 @@ COMMAND = "vispeg diagnose cube.xml --recording a --validate b --out found"
     ],
 )
 def test_the_page_says_what_a_person_does_with_an_object(parameters, silent, said, command):
-    following = _next(SimpleNamespace(silent=silent), [{"parameters": parameters}])
+    following = _next(silent, [{"parameters": parameters}])
     values = {"format": "vispeg-diagnosis/1", "object": "cube", "verdict": "identified", "next_experiment": following}
     text = render(Record("diagnosis", values | {"provenance": {"command": COMMAND}}, Evidence()))
     page = text[text.index('id="next_experiment"') : text.index('id="provenance"')]

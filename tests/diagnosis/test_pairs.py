@@ -1,7 +1,6 @@
 """Several effects of one joint, of which each alone is refused, are found together; fits of limits start at guesses."""
 
-from types import SimpleNamespace
-
+import fits
 import numpy as np
 import pytest
 from loops import pendulum
@@ -40,10 +39,29 @@ def search() -> Search:
     return Search(Evidence(large), Judge(Evidence(small, h_max=1e-3)))
 
 
+class Alone(Search):
+    """A search in which no single effect passes, or one does.
+
+    Attributes:
+        tried: the effect, which gains nothing; or None.
+        rejected: why it is refused; "" where it passes.
+    """
+
+    tried: EffectInstance | None = None
+    rejected = ""
+
+    def step_at(self, state, n_fixed, places, missing, tested, groups=(), several=False):
+        """Try the effect."""
+        if self.tried is None:
+            return []
+        fit, gain = fits.fit(state.world.add(self.tried)), self.judge.gain(state.loss, state.loss)
+        return [Trial(Score(self.tried, 1.0), fit, state.loss, gain, self.rejected)]
+
+
 @pytest.mark.slow
-def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search, monkeypatch):
+def test_a_servo_and_a_limit_are_found_together_where_nothing_passes_alone(search):
+    search = Alone(search.evidence, search.judge)
     state = search.start(World(pendulum().source))
-    monkeypatch.setattr(search, "step_at", lambda *args: [])
     best, *_ = search.step(state, 0)
     assert not best.rejected and {e.effect for e in best.score.members} == {"servo", "goal_rate_limit"}
     assert best.score.label.endswith("(hinge)") and search.judge.mean(best.loss) < 1.2
@@ -98,17 +116,14 @@ def driven() -> Search:
     return Search(Evidence(motions[:1]), Judge(Evidence(motions[1:], h_max=1e-3)))
 
 
-def stuck(search: Search, state, rejected: str = "") -> Trial:
-    """A voltage limit at its bound, that passed."""
-    limit = EffectInstance.of("torque_speed_limit", "hinge", stall=0.05, no_load=0.3)
-    fit = SimpleNamespace(world=state.world.add(limit))
-    return Trial(Score(limit, 1.0), fit, state.loss, search.judge.gain(state.loss, state.loss), rejected)
+STUCK = EffectInstance.of("torque_speed_limit", "hinge", stall=0.05, no_load=0.3)  # at its bound
 
 
-def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven, monkeypatch):
-    state = driven.start(World(pendulum().source))
-    monkeypatch.setattr(driven, "step_at", lambda *args: [stuck(driven, state)])
-    best, *_ = driven.step(state, 0)
+def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven):
+    search = Alone(driven.evidence, driven.judge)
+    search.tried = STUCK
+    state = search.start(World(pendulum().source))
+    best, *_ = search.step(state, 0)
     assert not best.rejected and {e.effect for e in EVERY_ARM_HAS} <= {e.effect for e in best.score.members}
     assert best.gain.relative > 0.99
     found = {e.effect: e for e in best.fit.world.effects}
@@ -117,10 +132,11 @@ def test_behind_a_limit_at_its_bound_stands_what_every_arm_has(driven, monkeypat
             assert found[truth.effect].params[name].value == pytest.approx(v.value, rel=0.05)
 
 
-def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven, monkeypatch):
-    state = driven.start(World(pendulum().source))
-    monkeypatch.setattr(driven, "step_at", lambda *args: [stuck(driven, state, "refused")])
-    kinds = [{e.effect for e in t.score.members} for t in driven.step(state, 0)]
+def test_it_is_not_asked_for_where_nothing_passes_at_a_bound(driven):
+    search = Alone(driven.evidence, driven.judge)
+    search.tried = STUCK
+    search.rejected = "refused"
+    kinds = [{e.effect for e in t.score.members} for t in search.step(search.start(World(pendulum().source)), 0)]
     assert all("joint_bias" not in names for names in kinds)
 
 

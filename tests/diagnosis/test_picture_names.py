@@ -2,45 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import replace
+from functools import lru_cache
 
+import fits
 import numpy as np
 import pytest
+from border_points import WRIST, points_at, seen
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.rules import RULES
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.findings import Gain, Score, Trial
 from vispeg.diagnosis.pictures.agreement import Agreement, agreement
 from vispeg.diagnosis.pictures.borders import BorderSearch
-from vispeg.identify.pictures.evidence import BorderEvidence
+from vispeg.diagnosis.selection.state import State
+from vispeg.identify.pictures.evidence import BorderEvidence, Item
+from vispeg.identify.pictures.points import misplacement
+from vispeg.identify.pictures.scatter import Scatter
 from vispeg.worlds.world import World
 
-WRIST = "wrist_wide"
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A trial that passed, or did not."""
-
-    fit: Any
-    score: Any
-    rejected: str = ""
+POINTS = 60
 
 
 def offset(x: float) -> World:
     return World().add(EffectInstance.of("camera_offset", WRIST, x=x))
 
 
-class Line(BorderEvidence):
-    """Four border points that a camera's offset in x moves by 100 px/m each; the last one is not trusted."""
-
-    def __init__(self) -> None:
-        self.items = [SimpleNamespace(valid=np.array([[True], [True], [True], [False]]))]  # type: ignore[list-item]
-
-    def misplaced(self, world: World) -> list[np.ndarray]:
-        x = sum(e.params["x"].value for e in world.effects)
-        return [np.array([100.0, -100.0, 100.0, 1e4]) * x]
+@lru_cache
+def evidence(x: float = 0.003) -> BorderEvidence:
+    """Border points 0.2 to 1 m from a camera that is off by x in m, as their edges say; one, before the lens, is not trusted."""
+    rng = stream(1, "borders")
+    geometry, sight = seen((320, 240))
+    turn = rng.uniform(0.0, 2.0 * np.pi, POINTS)
+    points = points_at(
+        geometry, rng.uniform([20, 20], [300, 220], (POINTS, 2)), np.stack([np.cos(turn), np.sin(turn)], axis=1),
+        np.r_[1e-3, rng.uniform(0.2, 1.0, POINTS - 1)],
+    )  # fmt: skip
+    edges = replace(points, along=-misplacement(geometry, sight, offset(x), points))
+    edges.along[0] = 40.0  # the edge of something else
+    item = Item(sight, edges, np.r_[0.0, np.ones(POINTS - 1)], np.array([0.1]))
+    return BorderEvidence(geometry, [item], World(), Scatter(0.0, 0.0))
 
 
 def test_what_others_do_as_well_or_one_recording_says_alone_is_no_name():
@@ -50,25 +52,35 @@ def test_what_others_do_as_well_or_one_recording_says_alone_is_no_name():
 
 
 def test_agreement_compares_the_differences_that_an_effect_makes_in_two_recordings():
-    again = {"with": offset(0.003), "without": World()}
-    search = SimpleNamespace(judged=Line(), fits=lambda worlds, given, judged: [SimpleNamespace(world=again["with"])])
-    said = agreement(search, offset(0.004), World(), 0)  # type: ignore[arg-type]
-    assert said.size == pytest.approx(0.4) and said.apart == pytest.approx(0.1)
+    """A camera that moves by dx along its rows moves what is z before it by f dx / z."""
+    fitted, judged = evidence(0.004), evidence(0.003)
+    said = agreement(BorderSearch(fitted, judged), offset(0.004), World(), 0)
+    (item,), (eye,) = judged.items, judged.geometry.eyes.values()
+    each = eye.camera.K[0, 0] * item.points.normal[1:, 0] / item.points.depth[1:]  # px for 1 m
+    assert said.size == pytest.approx(0.004 * np.sqrt(np.mean(each**2)), rel=0.01)
+    assert said.apart == pytest.approx(0.001 * np.sqrt(np.mean(each**2)), rel=0.02)
+
+
+class Doubting(BorderSearch):
+    """A search that doubts every delay of a camera."""
+
+    def doubt(self, placed, added, without, n_fixed):
+        """Doubt what is no offset."""
+        return "others do it" if placed.effect == "camera_delay" else ""
 
 
 def test_the_first_name_that_is_not_doubted_comes_first_and_says_why_the_others_are():
-    search = object.__new__(BorderSearch)
-    search.doubt = lambda placed, added, without, given: "others do it" if added == "a" else ""  # type: ignore
-    trials = [Tried(SimpleNamespace(world=w), SimpleNamespace(placed=None), why) for w, why in ("a ", "b ", "cx")]
-    trials = [replace(t, fit=SimpleNamespace(world=t.fit.world.strip()), rejected=t.rejected.strip()) for t in trials]
-    state: Any = SimpleNamespace(world=World())
-    order = search.questioned(state, trials, 0)  # type: ignore[arg-type]
-    assert [t.fit.world for t in order] == ["b", "c", "a"]
+    search, trials = Doubting(evidence(), evidence()), []
+    for name, rejected in (("camera_delay", ""), ("camera_offset", ""), ("focal_error", "x")):
+        world = World().add(EffectInstance.of(name, WRIST))
+        score = Score(world.effects[0], 0.0)
+        trials.append(Trial(score, fits.fit(world), np.zeros((1, 1)), Gain(0.0, 0.0, 0.0), rejected))
+    order = search.questioned(State(World(), np.zeros((1, 1)), np.zeros(1)), trials, 0)
+    assert [t.score.placed.effect for t in order] == ["camera_offset", "focal_error", "camera_delay"]
     assert [t.rejected for t in order] == ["", "x", "others do it"]
 
 
 def test_what_only_motion_makes_needs_fewer_pixels_than_what_a_look_may_make():
-    search = object.__new__(BorderSearch)
-    search.least = RULES.shift_px
+    search = BorderSearch(evidence(), evidence())
     late, off = (EffectInstance.of(name, WRIST) for name in ("camera_delay", "camera_offset"))
     assert search.least_of(late) == RULES.moving_px < search.least_of(off) == RULES.shift_px

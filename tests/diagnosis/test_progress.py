@@ -1,17 +1,17 @@
 """A diagnosis that was killed goes on to the very result of one that was not; another's progress is not used."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from loops import drive, hinge, pendulum, recorded
 from typed_record import mistakes
 
-import vispeg.diagnosis.selection.search as searching
 from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import diagnose
 from vispeg.diagnosis.schema import DiagnosisRecord
-from vispeg.diagnosis.selection.judge import Judge
 from vispeg.worlds.world import World
 
 
@@ -36,25 +36,30 @@ def run(recordings, progress=None):
     return diagnose(world, recordings[:2], recordings[2:], nthread=1, plan_next=False, progress=progress)
 
 
-def optimizers(monkeypatch):
-    """Counts the fits that are not given their end."""
-    count = []
-    real = searching.fit_job
+class Counted(Progress):
+    """Progress that counts the answers that it has to work out, and is killed where it would work out one too many."""
 
-    def counted(*args, **options):
-        if options.get("ended") is None:
-            count.append(1)
-        return real(*args, **options)
+    def __init__(self, file: Path | None = None, key: str = "", most: int = 10**9):
+        super().__init__(file, key)
+        self.worked_out, self.most = [], most
 
-    monkeypatch.setattr(searching, "fit_job", counted)
-    return count
+    def recall(self, question, work_out):
+        """Recall the answer, or count it and work it out."""
+
+        def counted():
+            if len(self.worked_out) == self.most:
+                raise Killed
+            self.worked_out.append(str(question))
+            return work_out()
+
+        return super().recall(question, counted)
 
 
 @pytest.mark.slow
-def test_killed_and_run_again_ends_the_same(recordings, tmp_path, monkeypatch):
+def test_killed_and_run_again_ends_the_same(recordings, tmp_path):
     file = tmp_path / "part" / "progress.json"
-    whole_count = optimizers(monkeypatch)
-    whole = run(recordings)
+    counted = Counted()
+    whole = run(recordings, counted)
     assert len(whole.record["ladder"]) > 1, whole.record["reason"]
     assert mistakes(DiagnosisRecord, whole.record) == []
     assert mistakes(DiagnosisRecord, {**whole.record, "verdict": None, "more": 1}) == [
@@ -62,21 +67,17 @@ def test_killed_and_run_again_ends_the_same(recordings, tmp_path, monkeypatch):
         "record.verdict: None is no str",
     ]
 
-    def kill(*_):
-        raise Killed
-
-    with monkeypatch.context() as patched, pytest.raises(Killed):
-        patched.setattr(Judge, "gain", kill)  # screened and fitted, not judged yet
-        run(recordings, Progress(file, "mine"))
+    half = len(counted.worked_out) // 2
+    with pytest.raises(Killed):
+        run(recordings, Counted(file, "mine", half))
     assert file.is_file()
-    again_count = optimizers(monkeypatch)
-    progress = Progress(file, "mine")
-    assert progress.resumed > 0
+    progress = Counted(file, "mine")
+    assert progress.resumed == half > 1
     again = run(recordings, progress)
     assert again.record == whole.record and again.world == whole.world
     for name, values in whole.arrays.items():
         np.testing.assert_array_equal(again.arrays[name], values, err_msg=name)
-    assert len(again_count) < len(whole_count)
+    assert len(progress.worked_out) == len(counted.worked_out) - half
     progress.remove()
     assert not file.parent.exists()
 

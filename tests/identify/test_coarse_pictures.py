@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from border_points import CELL, WRIST, points_at, seen
 from scipy.interpolate import CubicSpline
 
 from vispeg.api.recording.look import cameras_of, look_of, scene_of
@@ -15,15 +15,10 @@ from vispeg.identify.fit import fit_job
 from vispeg.identify.motions.look_motion import look_motion
 from vispeg.identify.pictures.build import border_evidence
 from vispeg.identify.pictures.coarse import REACHES, WAYS, Outline, _fields, _way
-from vispeg.identify.pictures.points import Points
 from vispeg.identify.pictures.sight import Sight
 from vispeg.identify.pool import run_together
-from vispeg.recordings.cell import CellBelief
 from vispeg.vision.photograph import photograph
 from vispeg.worlds.world import World
-
-CELL = World("iiwa14", "meg50+peg16", cell=CellBelief("nominal"))
-WRIST = "wrist_wide"
 
 
 def test_a_field_holds_the_distance_to_the_nearest_edge_of_its_direction():
@@ -40,18 +35,13 @@ def test_a_field_holds_the_distance_to_the_nearest_edge_of_its_direction():
     assert np.all(down == REACHES[0])
 
 
-def test_points_outside_the_picture_are_as_far_as_can_be(monkeypatch):
-    n = 3
+def test_points_outside_the_picture_are_as_far_as_can_be():
+    geometry, sight = seen((40, 30))
     at = np.array([[10.5, 20.0], [-5.0, 3.0], [39.0, 29.0]])
-    monkeypatch.setattr("vispeg.identify.pictures.coarse.pixels", lambda *_: at)
     fields = np.tile(np.arange(40, dtype=np.float32), (1, WAYS, 30, 1))
-    flat = np.zeros((n, 2))
-    normal = np.tile([1.0, 0.0], (n, 1))
-    frame = np.zeros(n, int)
-    points = Points(frame, frame, np.zeros((n, 3)), flat, normal, np.zeros(n), flat, np.zeros(n))
-    outline = Outline(SimpleNamespace(), points, fields)  # type: ignore[arg-type]
-    assert outline.distances(None, World(), 40.0) == pytest.approx([10.5, 40.0, 39.0], abs=2e-3)  # type: ignore
-    assert outline.distances(None, World(), 5.0) == pytest.approx([5.0, 5.0, 5.0])  # type: ignore[arg-type]
+    outline = Outline(sight, points_at(geometry, at, np.tile([1.0, 0.0], (3, 1))), fields)
+    assert outline.distances(geometry, World(), 40.0) == pytest.approx([10.5, 40.0, 39.0], abs=2e-3)
+    assert outline.distances(geometry, World(), 5.0) == pytest.approx([5.0, 5.0, 5.0])
 
 
 @pytest.mark.slow

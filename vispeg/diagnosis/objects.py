@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -272,7 +272,7 @@ def diagnose_object(
         "ladder": _ladder(evidence, judged, world, state),
         "noise_floor": {"value": judged.floor, "unit": "m RMS", "from": judged.floor_from},
         "unexplained": verdict.unexplained,
-        "next_experiment": _next(search, rows),
+        "next_experiment": _next(search.silent, rows),
         "candidates": _candidates(state),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "restarts": rows,
@@ -365,12 +365,12 @@ def _candidates(state: Tossed) -> list[Candidate]:
     ]  # fmt: skip
 
 
-def _next(search: ObjectSearch, rows: Sequence[Mapping[str, Any]]) -> NextMotion | None:
+def _next(silent: Collection[str], rows: Sequence[Mapping[str, Any]]) -> NextMotion | None:
     weak = sorted({p["parameter"] for p in rows[0]["parameters"] if not p["told"]})
     if weak:
         return {"motion": "tosses with more single bounces, from 0.1 to 0.5 m", "why": f"would tell {', '.join(weak)}",
                 "how": TOSS}  # fmt: skip
-    if "object_mass" in search.silent:
+    if "object_mass" in silent:
         why = "a scale tells its mass: in free flight and against a fixed table only forces over mass can be told"
         return {"motion": "", "why": why, "how": WEIGH}
     return None
