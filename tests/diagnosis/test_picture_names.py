@@ -31,7 +31,7 @@ def offset(x: float) -> World:
 
 @lru_cache
 def evidence(x: float = 0.003) -> BorderEvidence:
-    """Border points 0.2 to 1 m from a camera that is off by x in m, as their edges say; one, before the lens, is not trusted."""
+    """Border points 0.2 to 1 m from a camera that is off by x in m, as their edges say; one of 1 mm is not trusted."""
     rng = stream(1, "borders")
     geometry, sight = seen((320, 240))
     turn = rng.uniform(0.0, 2.0 * np.pi, POINTS)
