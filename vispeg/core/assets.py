@@ -1,4 +1,4 @@
-"""Where the files are that the program needs at run time: meshes, models, bundled recordings."""
+"""Find the folder of files that the program needs at run time: meshes, models, bundled recordings."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def assets() -> Path:
-    """Give the assets folder: inside the installed package, or `assets/` of a checkout.
+    """Return the assets folder: the one inside the installed package, else `assets/` of a checkout.
 
     Raises:
-        UserError: neither is there, so the installation is damaged.
+        UserError: neither exists, so the installation is damaged.
     """
     for folder in (PACKAGE / "_assets", PACKAGE.parent / "assets"):
         if folder.is_dir():

@@ -1,4 +1,4 @@
-"""What another process died of, in words for a person: which library is missing, which package is half installed."""
+"""Explain to users why another process failed: which library is missing, which package is incompletely installed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 
 RAISED = re.compile(r"^(?:[A-Za-z_]\w*\.)*[A-Z]\w*(?:Error|Exception|Exit|Interrupt|Warning)\b:?\s*(.*)$")
-LONGEST = 160
-# what an exception says, and what it means; the last word of a traceback is for whoever wrote the code
+LONGEST = 160  # characters of a message
+# message of an exception (pattern) -> its meaning for a user
 MEANINGS = (
     (r"No module named '([\w-]+)'", r"\1 is not installed"),
     (r"No module named '([\w-]+)\.(.+)'", r"\1 is half installed: its \2 is missing"),
@@ -26,12 +26,15 @@ MEANINGS = (
 
 
 def run(command: Sequence[str], env: Mapping[str, str] | None = None, timeout: float = 60.0) -> tuple[bool, str]:
-    """Run a program: whether it ended well, and the last line that it printed or, in words, why it did not.
+    """Run a program.
 
     Args:
         command: the program and its arguments.
-        env: its environment; None: this process's own.
+        env: its environment; None for that of this process.
         timeout: s.
+
+    Returns:
+        Whether it succeeded; and the last line that it printed or, if it failed, the reason in words.
     """
     try:
         done = subprocess.run(command, env=env, capture_output=True, text=True, errors="replace", timeout=timeout)
@@ -47,7 +50,7 @@ def run(command: Sequence[str], env: Mapping[str, str] | None = None, timeout: f
 
 
 def in_words(text: str) -> str:
-    """Give the end of a traceback without the traceback; a text that holds none is only shortened to its last line."""
+    """Return the meaning of the last exception in a program's output, or its last line if there is no exception."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     for i, line in reversed(list(enumerate(lines))):
         if match := RAISED.match(line):

@@ -1,7 +1,7 @@
-"""Does jobs on a Ray cluster: the one at RAY_ADDRESS, or one of its own on this machine, which listens on loopback.
+"""Run jobs on a Ray cluster: the one at RAY_ADDRESS, else a new one on this machine that listens only on loopback.
 
-Every node needs vispeg installed, and the files that a job names at the same path. Results come back through Ray's
-object store. A worker that is killed costs its job, which is done again.
+Every node needs an installed vispeg, and the files that a job names at the same paths. Results come back through Ray's
+object store. If a worker is killed, its job is run again.
 """
 
 from __future__ import annotations
@@ -19,26 +19,28 @@ from vispeg.core.workers import THREADS
 Engine = Literal["local", "ray"]
 J = TypeVar("J")
 R = TypeVar("R")
-TRIES = 3  # deaths of a worker over one job before it is given up
-CONNECT = 10  # s
-CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # Ray's, of every system: whether others may join; read at its import
+TRIES = 3  # number of workers that a job may kill before it is given up
+CONNECT = 10  # s, timeout of a connection
+CLUSTER = (
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # on any system, decides whether other nodes may join; read by Ray's import
+)
 
 
 def on_ray(
     work: Callable[[J], R], jobs: Sequence[J], workers: int, *, what: str, tasks: int | None = None
 ) -> Iterator[tuple[J, R]]:
-    """Do jobs on a cluster, `workers` at a time, each on one core; gives each with its result, in any order.
+    """Run jobs on a cluster, each on one core, and yield each job with its result, in any order.
 
     Args:
-        work: does one; sent by value.
+        work: function that does a job; it is sent by value.
         jobs: in the order in which they begin.
-        workers: at a time.
-        what: the jobs are, for errors: "shard".
-        tasks: jobs after which a process is replaced; None: it stays.
+        workers: number of jobs at a time.
+        what: noun for a job in error messages, such as "shard".
+        tasks: number of jobs after which a process is replaced; None for never.
 
     Raises:
-        UserError: Ray is not installed, its cluster cannot be reached, a job killed its worker again and again; and
-            what a job raises.
+        UserError: Ray is not installed, its cluster cannot be reached, or a job killed its worker `TRIES` times; also
+            any UserError that a job raises.
     """
     with cluster(workers) as ray:
         yield from _tasks(ray, work, jobs, workers, what, tasks)
@@ -46,7 +48,11 @@ def on_ray(
 
 @contextmanager
 def cluster(workers: int) -> Iterator[Any]:
-    """Give Ray, connected meanwhile: for calls of `on_ray` one after the other. Raises UserError as they do."""
+    """Connect to Ray for the body, so that several calls of `on_ray` share the connection; yields the module `ray`.
+
+    Raises:
+        UserError: Ray is not installed, or its cluster cannot be reached.
+    """
     ray = _ray()
     started_here = not ray.is_initialized()
     if started_here:
@@ -116,7 +122,7 @@ def _connect(ray: Any, workers: int) -> None:
 
 
 def _knock(address: str) -> None:
-    """Raise OSError where nobody listens at HOST:PORT; Ray itself tries for ten minutes before it says so."""
+    """Raise OSError if nothing listens at HOST:PORT; Ray itself would try for ten minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT).close()

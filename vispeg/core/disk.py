@@ -12,12 +12,15 @@ from pathlib import Path
 
 from vispeg.core.errors import UserError
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # whatever is written, and wherever
-NO_TEMPORARY = "No usable temporary directory"  # as `tempfile` says it, with the errno of a file that is not there
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # a disk that cannot be written at all
+NO_TEMPORARY = "No usable temporary directory"  # message of `tempfile`, whose errno is that of a missing file
 
 
 def why(error: OSError) -> str:
-    """Return the reason of a file error; for a parent folder that is a file, the system would only say "exists"."""
+    """Return the reason of a file error in words.
+
+    If a parent folder is a file, say so: the system's own message is only that something exists.
+    """
     if isinstance(error, FileExistsError | NotADirectoryError):
         return "a folder above it is a file"
     if isinstance(error, shutil.Error):  # of a whole tree: [(from, to, what was said), ...]
@@ -28,14 +31,14 @@ def why(error: OSError) -> str:
 
 
 def refused(error: OSError) -> bool:
-    """Whether a disk that is full, broken or not to be written raised it."""
+    """Return whether an error is due to a disk that is full, broken or read-only, or to missing permission."""
     if isinstance(error, PermissionError | shutil.Error) or error.errno in FULL:
         return True
     return error.errno == errno.ENOENT and NO_TEMPORARY in str(error.strerror)
 
 
 def failed_in(folder: Path, error: OSError) -> bool:
-    """Whether it was writing into `folder` that failed, not reading something else."""
+    """Return whether an error came from writing into `folder`, not from reading something else."""
     if error.filename is not None:
         return Path(os.fsdecode(error.filename)).is_relative_to(folder)
     return refused(error)
@@ -43,7 +46,7 @@ def failed_in(folder: Path, error: OSError) -> bool:
 
 @contextmanager
 def written(path: str | Path) -> Iterator[None]:
-    """Make a failure to write `path` in the body an error of input. Raises UserError where the disk refuses."""
+    """Raise UserError, which names `path`, for any OSError in the body."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What an effect is: one physical phenomenon with named parameters that vanish at null."""
+"""The interface of an effect: one physical phenomenon with named parameters, which vanishes at their null values."""
 
 from __future__ import annotations
 
@@ -17,44 +17,50 @@ from vispeg.core.registry import Registry
 
 Family = Literal["joint", "drive", "sensor", "body", "contact", "task", "camera", "appearance"]
 ARM = ("joint", "drive", "sensor", "body")  # families that an arm alone can show; the others need a scene
-STAGES = ("free air", "geometry", "compliance", "friction", "impact")  # of a diagnosis of contact
-OPTICAL = ("camera", "appearance")  # families that are only seen; the others are felt
+STAGES = ("free air", "geometry", "compliance", "friction", "impact")  # of a diagnosis of contact, in order
+OPTICAL = ("camera", "appearance")  # families that affect only images; the others affect the physics
 Values = Mapping[str, np.ndarray]  # parameter name -> (nsim, ntarget)
 REGISTRY: Registry[Effect] = Registry("effect", "vispeg.effects")
 
 
 class Effect(ABC):
-    """One physical or optical phenomenon. A subclass enrols itself by `name`, in one file, with no edit elsewhere.
+    """One physical or optical phenomenon. A subclass is one file; it registers itself under `name`.
 
     Every hook works on all simulations of a batch at once: `p[name]` has shape (nsim, ntarget), where a target is one
     of `targets(model)` and simulations without the effect carry the null value. A hook that is not overridden is never
     called. All arrays are SI and radians; joint arrays are (nsim, nj).
 
     Class attributes:
-        name, family: the name in model files; the folder of the library that it stands in.
-        searchable: False if a diagnosis of an arm does not search it, though its family is one of an arm.
+        name: the name in model files.
+        family: the folder of `vispeg/effects` in which it is.
+        searchable: False if a diagnosis of an arm does not search it, although its family is in `ARM`.
         params: its parameters.
-        writes: the MjModel fields that `write` may touch; a test holds it to that.
-        order: position in the chain of drive hooks; smaller acts earlier (nearer to the command).
-        commanded: True where `drive` is of the command alone, whatever the arm does meanwhile.
-        smooth: False where the residual is not smooth in the parameters (a global search is then used).
-        telling: magnitudes without which this effect equals another one (default: any of them).
-        stage: of a contact diagnosis in which it is searched (one of STAGES, in their order); empty: never.
-        sizes: parameter -> values that a contact diagnosis tries; other parameters stay.
-        beside: parameters that show only where one with sizes is off its null, and are fitted with it.
-        posed: True where it is the pose of a part, which an arm's kinematics, a little off, seem to change as well.
-        remembers: True where what it did once remains, so that no part of a recording shows it.
-        shown_by: contact motions (`vispeg record`) that excite it; empty: any.
-        told_from, told_by: effects it may be confused with -> the motion that separates them; parameter -> another one.
-        needs: what a contact recording must contain to excite it, a key of `extent.NEEDS`; empty: not checked.
-        grows_from: simpler effects that it may be mistaken for -> {own parameter: that one's, where its fit starts}.
-        contains: simpler effects that this one turns into at some of its values; it rivals them only by being better.
-        moments: shapes in which, times the magnitude, the effect is linear: a mass at x is a moment of mass times x.
-        torqueless: True if no torque is missing at the joint, so that the effect is searched at every joint.
-        common: effects of one word, which every arm has in every joint, are tried in all joints at once.
-        conservative: True where what it adds in a joint is of the angle alone, which no form of friction leaves.
-        likelier: effects that are taken in its place where data hardly tell them apart: what an arm holds is not known.
-        shared: True where one value for all joints (`where: all`) is the natural first guess.
+        writes: the MjModel fields that `write` may change; a test enforces this.
+        order: position in the chain of drive hooks; a smaller number acts earlier (nearer to the command).
+        commanded: True if `drive` depends on the command alone, not on the arm's motion.
+        smooth: False if the residual is not smooth in the parameters (then a global search is used).
+        telling: magnitudes of which one must differ from null for the effect to count as present (default: all of its
+            magnitudes). If these are null, the effect equals another one.
+        stage: stage of a contact diagnosis in which it is searched, one of STAGES; empty for never.
+        sizes: parameter -> values that a contact diagnosis tries; if stated, other parameters keep their values.
+        beside: parameters that matter only if one with `sizes` differs from its null; they are fitted along with it.
+        posed: True if it is the pose of a part. Small errors of the arm's kinematics look like a change of that pose.
+        remembers: True if it leaves a lasting change, so that a part of a recording alone does not show it.
+        shown_by: contact motions (`vispeg record`) that excite it; empty for any.
+        told_from: effects with which it may be confused -> the motion that distinguishes them.
+        told_by: parameter -> the motion to use in place of that, if this parameter is the largest.
+        needs: what a contact recording must contain to excite it, a key of `extent.NEEDS`; empty for no check.
+        grows_from: simpler effects for which it may be mistaken -> {own parameter: parameter of that effect from whose
+            value its fit starts}.
+        contains: simpler effects that are special cases of this one; it competes with them only if clearly better.
+        moments: shape parameters whose product with the magnitude enters linearly, such as the position of a mass.
+        torqueless: True if it causes no missing torque at its joint; it is then searched at every joint.
+        common: a word for effects that every arm has in every joint, such as "friction". Effects with the same word are
+            tried in all joints at once. Empty for others.
+        conservative: True if its torque depends on the angle alone, which no form of friction can imitate.
+        likelier: effects that are preferred to this one if the data hardly distinguish them, such as a payload, because
+            the arm's load is often unknown.
+        shared: True if one value for all joints (`where: all`) is the natural first guess.
     """
 
     name: ClassVar[str]
@@ -93,141 +99,150 @@ class Effect(ABC):
 
     # Where ------------------------------------------------------------------------------------------------------
     def targets(self, model: Any) -> list[str]:
-        """Names this effect can act on (default: every joint). `model` is a RobotModel or a Scene; an effect that needs
-        a scene's parts, cameras or lights has no target on a bare robot.
+        """List the names on which this effect can act in a RobotModel or Scene (default: every joint).
+
+        An effect that needs a scene's parts, cameras or lights has no target on a bare robot.
         """
         return list(model.joints)
 
     # How --------------------------------------------------------------------------------------------------------
     def build(self, spec: Any, robot: Any) -> None:
-        """Add to an MjSpec of `robot` (a Scene) what `write` needs and the nominal one lacks; nothing else may move.
+        """Add elements that `write` needs to the MjSpec of `robot` (a Scene), without changing the nominal motion.
 
-        Joints come last in their body, and only models in which some world has the effect get them.
+        Added joints come last in their body. Only models for worlds with this effect are built with them.
         """
 
     def write(self, fields: Any, p: Values) -> None:
-        """Set model fields, `fields[name]` of shape (nsim, ...), already holding the nominal values."""
+        """Change model fields: `fields[name]` (nsim, ...) holds the nominal values."""
 
     def stable_step(self, p: Mapping[str, float]) -> float:
-        """Greatest physics step, s, at which its own motion stays stable and exact with these values."""
+        """Return the greatest physics step, s, at which the effect is simulated stably and accurately."""
         return float("inf")
 
     def start(self, x: Any, p: Values) -> Any:
-        """State carried from step to step, or None."""
+        """Return the initial state for the hooks below, which change it from step to step; None for no state."""
         return None
 
     def drive(self, state: Any, tau: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """Give the torque that leaves this stage of the drive, given the torque (nsim, nj) that enters it. N m."""
+        """Return the torque (nsim, nj) N m that leaves this stage of the drive if `tau` (nsim, nj) enters it."""
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """Give the goal (nsim, nj), rad, that reaches a servo's loop at each physics step; there in the place of
-        `drive`.
-        """
+        """Return the goal (nsim, nj) rad that reaches a position servo's loop in a physics step, in place of `drive`."""
         return goal
 
     def regulate(self, loop: Any, p: Values) -> None:
-        """Change the numbers of a position servo's own loop (`effects.common.servo_loop.ServoLoop`)."""
+        """Change the parameters of a position servo's own loop (`effects.common.servo_loop.ServoLoop`)."""
 
     def friction(self, state: Any, x: Any, p: Values) -> np.ndarray:
-        """Friction level (nsim, nj) >= 0 in N m, added to the joint's dry friction for the next physics step."""
+        """Return the level (nsim, nj) >= 0 in N m to add to the joints' dry friction for the next physics step."""
         raise NotImplementedError
 
     def torque(self, state: Any, x: Any, p: Values) -> np.ndarray:
-        """Torque (nsim, nj) on the link that no actuator commands, N m."""
+        """Return the torque (nsim, nj) N m on the links that no actuator commands."""
         raise NotImplementedError
 
     def along(self, path: np.ndarray, at: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """Return `torque` (m, nj) N m of a rate-independent effect with memory, at samples `at` (m,) of a path (n, nj)
-        rad.
+        """Return the torque (m, nj) N m of an effect that remembers the path but not the time.
 
-        The motion there is `x`, and `x.tau` what the links need.
+        Args:
+            path: (n, nj) rad, joint angles.
+            at: (m,) indices of samples of the path.
+            x: the motion at these samples; `x.tau` is the torque that the links need.
+            p: values.
         """
         raise NotImplementedError
 
     def observe(self, state: Any, q: np.ndarray, dq: np.ndarray, x: Any, p: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Joint angles and velocities, both (nsim, nj), as the encoders read them."""
+        """Return joint angles (rad) and velocities (rad/s), (nsim, nj) each, as the encoders read them."""
         return q, dq
 
     def wrench(self, state: Any, wrench: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """Give the tool's wrench on the flange (nsim, 6), N and N m, as the wrist's sensor reads it.
+        """Return the reading of the wrist's sensor (nsim, 6), N and N m, for a true wrench of the tool on the flange.
 
-        Forces, then torques, at the flange and in its frame; asked once a control tick.
+        Forces, then torques, at the flange and in its frame. Called once per control tick.
         """
         return wrench
 
     def unread(self, reading: np.ndarray, period: float, p: Mapping[str, float]) -> np.ndarray:
-        """Inverse of `wrench`: the true wrench (n, 6) from readings every `period` s."""
+        """Return the true wrench (n, 6) for readings (n, 6) every `period` s: the inverse of `wrench`."""
         return reading
 
     def yields(self, load: np.ndarray, p: Values) -> np.ndarray:
-        """Deflection (n, nj) rad of joints behind their encoders, by `load` (n, nj) N m beyond that at the start."""
+        """Return the deflection (n, nj) rad of the joints behind their encoders.
+
+        `load` (n, nj) N m is the joints' load minus that at the start.
+        """
         return np.zeros_like(load)
 
     def resolution(self, p: Mapping[str, float]) -> float:
-        """Quantization step of a reading, rad; 0 for none."""
+        """Return the quantization step of an angle's reading, rad; 0 for none."""
         return 0.0
 
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
-        """RMS of a measured angle about the right model's, rad, if the sensor's noise is `sigma`."""
+        """Return the RMS difference, rad, between a measured angle and the true model's, for sensor noise `sigma` rad."""
         return sigma
 
     def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:
-        """Believed position of the task's goal (nsim, 3), m, from the true one; base frame."""
+        """Return the position (nsim, 3) m at which the task's goal is believed to be, for the true one; base frame."""
         return goal
 
     def image(self, state: Any, frame: Frame, p: Values, rng: Sequence[np.random.Generator]) -> None:
-        """Change a camera's `frame` in place; `rng` holds one stream an image.
+        """Change a camera's `frame` in place.
 
-        `p[name]` is (frame.n,). `state` is a dict of the effect's own, empty when the episode begins and kept from
-        frame to frame (temporal correlation, latency).
+        `p[name]` is (frame.n,), and `rng` holds one generator per image. `state` is a dict for the effect's use: it is
+        empty when an episode begins and kept from frame to frame (for temporal correlation or latency).
         """
         raise NotImplementedError
 
     def inverse(self, needed: np.ndarray, sensor: str, p: Values) -> np.ndarray:
-        """Return the torque sensor's reading (n, nj) N m when the link needs `needed`: the static inverse of a drive
-        effect.
+        """Return the torque sensor's reading (n, nj) N m if the links need `needed` (n, nj) N m.
+
+        This is the static inverse of a drive effect. `sensor` is the recording's `torque_sensor`.
         """
         raise NotImplementedError
 
     def regressor(self, look: Any, p: Values) -> np.ndarray:
-        """Return the torque (n, nj) N m that must be sent beyond what the links need, to first order in the magnitudes.
+        """Return the torque (n, nj) N m to command beyond what the links need, to first order in the magnitudes.
 
-        For what shows in no sample of a motion alone: timing, readings, a gear that yields. What acts through `write`,
-        `friction`, `torque`, `along` or `inverse` needs none: its torque follows from these.
+        This is for effects that no single sample of a motion shows: timing, readings, a gear that yields. Effects with
+        `write`, `friction`, `torque`, `along` or `inverse` need no regressor, because their torque follows from these.
 
         Args:
-            look: a measured motion: `sent` (n, nj) N m, what drove it; `rate(values)` their derivative in time, 1/s;
-                `moved(shift)` the torque that the links need beyond the measured motion's where they moved by
-                `shift` (n, nj) rad more than was read.
+            look: a measured motion. `sent` (n, nj) N m is the torque that drove it, `rate(values)` the time derivative
+                of values, and `moved(shift)` the additional torque that the links need if they moved by `shift` (n, nj)
+                rad more than was read.
+            p: values.
         """
         raise NotImplementedError
 
     def guesses(self, look: Any) -> list[dict[str, float]]:
-        """Parameter values at which to take a signature, from the data; [] if the data rule the effect out.
+        """Return parameter values, estimated from data, from which a search may start; [] if data rule the effect out.
 
         Args:
-            look: what is known at the place, None where it is no joint: `q`, `dq`, `tau`, `needed` (n,) measured angle,
-                velocity, commanded motor torque and the torque that the nominal arm needs for the motion,
-                `excess` (n,) the torque in N m that the present model lacks there, `raw` the unsmoothed angle.
+            look: data of the joint on which the effect acts, None for other places. All are (n,): measured angle `q`
+                and velocity `dq`, commanded motor torque `tau`, torque `needed` by the nominal arm for the motion,
+                torque `excess` that the present model lacks, N m, and the unsmoothed angle `raw`.
         """
         return [{}]
 
     def limits(self, model: Any, where: str) -> Mapping[str, tuple[float, float]]:
-        """Return least and greatest values of parameters that an arm, its compiled `model`, sets itself."""
+        """Return parameter -> (least, greatest) value for limits that the compiled `model` of an arm sets."""
         return {}
 
     def side(self) -> Literal["link", "drive"]:
-        """Whether a joint torque sensor (behind the gear) sees this effect's torque: 'link' if it does."""
+        """Return 'link' if a joint torque sensor behind the gear measures this effect's torque, else 'drive'."""
         return "drive"
 
     def channels(self) -> frozenset[str]:
-        """Channels of measured values that it affects.
+        """Return the channels of measured values that the effect changes. They follow from its hooks.
 
-        `angle` and `torque`, the motion under a known controller: whatever moves the arm or its readings. `servo` and
-        `load`, the motion under a servo's own loop: that, and what is in the loop. `needed`, the torque of a measured
-        motion by inverse dynamics: what follows from each sample or the path so far, so no timing, gear play, readings.
-        `wrench`, what a wrist's force sensor reads: its own errors, a give of the arm, what needs a scene to act on.
+        - `angle`, `torque`: the motion under a known controller; effects on the arm's motion or its readings.
+        - `servo`, `load`: the motion under a servo's own loop; these effects, and those in the loop.
+        - `needed`: the torque of a measured motion by inverse dynamics; effects that follow from each sample or from
+          the path so far, so not timing, gear play or readings.
+        - `wrench`: the readings of a wrist's force sensor; its own errors, compliance of the arm, and effects that need
+          a scene.
         """
         motion = ("write", "drive", "friction", "torque", "observe")
         sample = ("write", "friction", "inverse", "along", *(() if self.overrides("start") else ("torque",)))
@@ -239,34 +254,32 @@ class Effect(ABC):
         return frozenset(out | ({"wrench"} if felt else set()))
 
     def overrides(self, hook: str) -> bool:
-        """Whether this class has a hook of its own."""
+        """Return whether this class overrides a hook."""
         return getattr(type(self), hook) is not getattr(Effect, hook)
 
     def absent(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-        """Arrays of this shape, one a parameter, with the values of an effect that is not there."""
+        """Return an array of this shape for each parameter, with the values of an absent effect."""
         return {name: np.full(shape, param.absent) for name, param in self.params.items()}
 
     def param(self, name: Any, *, file: str | Path | None = None, key: str | None = None) -> Param:
-        """Give the parameter of that name; a UserError (with file and key, if they are stated) with the names
-        otherwise.
-        """
+        """Return the parameter of a name. Raises UserError, with file and key if stated: no such parameter."""
         if name not in self.params:
             raise UserError(f"{self.name} has no such parameter", file=file, key=key, got=name, choices=self.params)
         return self.params[name]
 
     @property
     def magnitudes(self) -> list[str]:
-        """The parameters whose null makes the effect vanish (all but the shape parameters)."""
+        """Names of the parameters that make the effect vanish if they are null (all but the shape parameters)."""
         return [name for name, param in self.params.items() if not param.shape]
 
     @property
     def distant(self) -> bool:
-        """Whether it vanishes far away, on a log scale, without a slope there: a fit starts at one of its guesses."""
+        """Whether a magnitude is on a log scale: at its distant null the slope is 0, so a fit starts at a guess."""
         return any(self.params[name].scale == "log" for name in self.magnitudes)
 
     @property
     def straight(self) -> bool:
-        """Whether what it does grows in proportion to its magnitudes, so that linear algebra can propose it."""
+        """Whether the effect is proportional to its magnitudes, so that it can be proposed by linear least squares."""
         bent = any(p.scale == "log" or p.shape and not self.moments for p in self.params.values())
         return self.smooth and not self.torqueless and not bent
 
@@ -275,17 +288,17 @@ ALL_NAMES = "`vispeg effects` lists all; the variable VISPEG_PLUGINS names modul
 
 
 def searchable() -> dict[str, Effect]:
-    """Give the registered effects that a diagnosis of an arm chooses from, by name."""
+    """Return name -> registered effect, for those that a diagnosis of an arm searches."""
     return {name: e for name, e in sorted(REGISTRY.items()) if e.family in ARM and e.searchable}
 
 
 def of_family(*families: Family) -> dict[str, Effect]:
-    """Give the registered effects of these families, by name."""
+    """Return name -> registered effect of these families."""
     return {name: e for name, e in sorted(REGISTRY.items()) if e.family in families}
 
 
 def effect(name: Any, *, file: str | Path | None = None, key: str | None = None) -> Effect:
-    """Give the registered effect of that name; a UserError (with file and key, if they are stated) otherwise."""
+    """Return the registered effect of a name. Raises UserError, with file and key if stated: no such effect."""
     if not isinstance(name, str) or name not in REGISTRY:
         raise UserError("unknown effect", file=file, key=key, got=name, choices=sorted(REGISTRY), see=ALL_NAMES)
     return REGISTRY[name]
@@ -296,8 +309,12 @@ class EffectInstance:
     """An effect at a place, with values.
 
     Attributes:
-        partial: it was accepted while something else was left unexplained.
-        tentative: it lowers the error, but its name is not certain: it may stand in for another.
+        effect: its name.
+        where: the place: a target's name, or `all`.
+        params: parameter -> value with its interval.
+        origin: where the values come from, for files.
+        partial: whether it was accepted although part of the error stayed unexplained.
+        tentative: whether it lowers the error but its name is uncertain: another effect may be the cause.
     """
 
     effect: str
@@ -309,7 +326,10 @@ class EffectInstance:
 
     @classmethod
     def of(cls, name: str, where: str, **values: float) -> EffectInstance:
-        """`EffectInstance.of("coulomb_friction", "joint4", torque=1.3)`; other parameters: start (shape) or null."""
+        """Make an instance from values: `EffectInstance.of("coulomb_friction", "joint4", torque=1.3)`.
+
+        Parameters that are not given are null or, for shape parameters, `start`.
+        """
         kind = effect(name)
         for key in values:
             kind.param(key)
@@ -318,7 +338,7 @@ class EffectInstance:
 
     @property
     def label(self) -> str:
-        """`coulomb_friction(joint4)`."""
+        """Effect and place as text: `coulomb_friction(joint4)`."""
         return f"{self.effect}({self.where})"
 
     def __repr__(self) -> str:

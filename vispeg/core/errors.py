@@ -1,4 +1,4 @@
-"""One kind of error for everything a user can put right."""
+"""The error for everything that a user can correct."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import ClassVar
 
-MANY = 30  # choices beyond which only the nearest are listed
-NEAREST = 5
+MANY = 30  # greatest number of choices that are all listed
+NEAREST = 5  # number of choices that are listed of more
 FLAG = re.compile(r"(?<![\w-])--([a-z][a-z0-9-]*)")
 
 
 class UserError(Exception):
-    """Bad input, said in one line: where, what was expected, what came, the choices.
+    """Bad input, reported in one line: place, problem, expected value, actual value, choices.
 
     Args:
         message: what is wrong.
         file: the file at fault, if there is one.
         key: the key, column or row at fault inside the file.
-        expected: what would have been right.
-        got: what came.
-        choices: the legal values; the one nearest to `got` is suggested, and of very many only a few near ones listed.
-        see: how to get at all the choices, such as a command.
-        meant: the choice to suggest where spelling does not tell it.
+        expected: what would be valid.
+        got: the actual value.
+        choices: the legal values. The one most similar to `got` is suggested; of more than `MANY` a few are listed.
+        see: how to list all choices, such as a command.
+        meant: the choice to suggest if its spelling is not similar to `got`.
 
-    An option of a command is written `--hold-out`; from Python it is shown as the argument `hold_out`.
+    Write an option of a command as `--hold-out`; to users of Python it is shown as the argument `hold_out`.
     """
 
     in_command: ClassVar[bool] = False  # whether a command line is what the user typed; `vispeg.cli.main` sets it
@@ -64,14 +64,14 @@ class UserError(Exception):
 
 
 def _as_arguments(text: str) -> str:
-    """Name options as the arguments that they are in Python; commands in backticks stay as they are typed."""
+    """Replace options by the names of Python's arguments (`--hold-out` by `hold_out`), except inside backticks."""
     parts = text.split("`")
     parts[::2] = [FLAG.sub(lambda m: m[1].replace("-", "_"), part) for part in parts[::2]]
     return "`".join(parts)
 
 
 def _listed(got: str, choices: tuple[str, ...]) -> str:
-    """Give the choices, or where they are very many those that are most like what came."""
+    """Return the choices as text or, if there are more than `MANY`, those most similar to `got`."""
     if len(choices) <= MANY:
         return f"choices: {', '.join(choices)}"
     near = difflib.get_close_matches(got, choices, n=NEAREST, cutoff=0.0)
@@ -79,7 +79,7 @@ def _listed(got: str, choices: tuple[str, ...]) -> str:
 
 
 def _printable(text: str) -> str:
-    """Give the text with an escape in place of what a terminal would obey or could not show."""
+    """Return the text with escape sequences in place of control and other unprintable characters."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -1,4 +1,4 @@
-"""Packages that come with an extra of this package alone, and the one line to say where one of them is missing."""
+"""Optional dependencies (extras of this package), and the error if one is missing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from vispeg.core.assets import PACKAGE
 from vispeg.core.errors import UserError
 
-# extra -> what it lets one import; as in pyproject.toml, but for `dev`
+# extra -> modules that it installs; the extras of pyproject.toml except `dev`
 EXTRAS = {
     "learn": ("torch", "stable_baselines3", "tensorboard", "safetensors", "onnx", "onnxruntime"),
     "meshes": ("coacd",),
@@ -21,17 +21,17 @@ EXTRAS = {
 
 
 def install(extra: str) -> str:
-    """Give the command that installs an extra; a checkout is installed from where it stands."""
+    """Return the command that installs an extra: of this checkout, or of the published package."""
     checkout = (PACKAGE.parent / "pyproject.toml").is_file()
     return f"pip install -e '.[{extra}]'" if checkout else f"pip install 'vispeg[{extra}]'"
 
 
 def missing(module: str, what: str = "this", **where: str) -> UserError:
-    """Give the error for a module of an extra that is not there.
+    """Return the error for a module of an extra that is not installed.
 
     Args:
-        module: as it is imported.
-        what: needs it.
+        module: its name in an import.
+        what: what needs it, as the subject of a sentence.
         where: `file` and `key` at fault, for UserError.
     """
     root = module.partition(".")[0]
@@ -46,7 +46,7 @@ def lacks(error: ImportError) -> str | None:
 
 
 def there(module: str) -> bool:
-    """Whether a module is installed, without importing it."""
+    """Return whether a module is installed, without importing it."""
     try:
         return find_spec(module) is not None
     except ImportError:
@@ -54,6 +54,6 @@ def there(module: str) -> bool:
 
 
 def require(module: str, what: str) -> None:
-    """Raise UserError where a module of an extra is missing that `what` needs, before any work is begun."""
+    """Raise UserError if a module of an extra that `what` needs is not installed; call it before long work."""
     if not there(module):
         raise missing(module, what)

@@ -1,4 +1,4 @@
-"""Writing results so that they appear whole or not at all, and never on top of a user's own files."""
+"""Write results so that they appear completely or not at all, and never replace a user's own files."""
 
 from __future__ import annotations
 
@@ -27,23 +27,24 @@ def new_folder(
     holds: str | None = "result",
     inputs: Iterable[str | Path | None] = (),
 ) -> Iterator[Path]:
-    """Give a folder that takes its name only once everything in it has been written.
+    """Create a folder that gets its name only after everything in it has been written.
 
-    The body writes into a temporary sibling, which is renamed to `path` at the end, and removed if the body raises or
-    the process is interrupted or terminated; what stood at `path` before is then still there, untouched. What an
-    earlier process could not clear away (SIGKILL, a power cut) is removed. An empty folder at `path` counts as none.
+    The body writes into a temporary sibling folder (yielded), which is renamed to `path` at the end. If the body raises
+    or the process is interrupted or terminated, the temporary folder is removed, and `path` stays as it was. Temporary
+    folders of earlier processes that could not clean up (SIGKILL, a power cut) are removed. An empty folder at `path`
+    counts as none.
 
     Args:
-        path: where the folder shall be; its parents are made.
+        path: of the folder; its parents are created.
         overwrite: whether an existing folder with content is replaced, as a whole.
-        holds: what it is, in a word: kept in its marker (see `vispeg.core.marker`), and only a folder with the same
-            word and no file of anybody else's is replaced. None for a part of a folder that is this program's own.
-        inputs: what the body reads; `path` may be none of it, nor a folder above.
+        holds: kind of result, in a word. It is written into the folder's marker (see `vispeg.core.marker`); only a
+            folder of the same kind, without files of others, is replaced. None for a subfolder of a result.
+        inputs: files and folders that the body reads; `path` must not be one of them or contain one.
 
     Raises:
-        UserError: `path` is a file, or a folder with content while `overwrite` is False, or one that must not be
-            replaced (see `holds`, `inputs`; the working or home directory, one above them, a git checkout), or another
-            process is writing it, or it cannot be written.
+        UserError: `path` is a file, or a folder with content although `overwrite` is False, or must not be replaced
+            (see `holds` and `inputs`; also the working directory, the home directory, their parents, and git
+            checkouts), or another process is writing it, or it cannot be written.
     """
     target = Path(path).expanduser().resolve()  # through a link: its target is replaced, not the link
     refuse(path, overwrite, holds=holds, inputs=inputs)
@@ -53,7 +54,7 @@ def new_folder(
             target.parent.mkdir(parents=True, exist_ok=True)
             remove_abandoned(target)
             recover(target)
-            refuse(path, overwrite, holds=holds)  # what was recovered, or what another process has just finished
+            refuse(path, overwrite, holds=holds)  # again: a folder was recovered, or another process has just finished
             part.mkdir()
         except OSError as error:
             raise UserError(f"cannot be written: {why(error)}", file=path) from error
@@ -62,13 +63,13 @@ def new_folder(
                 yield part
                 if holds is not None:
                     mark(part, holds)
-                refuse(path, overwrite, holds=holds)  # something may have come to stand there meanwhile
+                refuse(path, overwrite, holds=holds)  # again: something may have been written there meanwhile
                 _swap(part, target)
         except BaseException as error:
             shutil.rmtree(part, ignore_errors=True)
             if isinstance(error, OSError) and failed_in(part, error):
                 raise UserError(f"cannot be written: {why(error)}", file=path) from error
-            if isinstance(error, UserError) and str(part) in str(error):  # a name that the user never sees
+            if isinstance(error, UserError) and str(part) in str(error):  # name the folder as the user does
                 raise UserError(str(error).replace(str(part), str(path))) from error
             raise
 
@@ -77,7 +78,7 @@ def new_folder(
 def reserved(
     path: str | Path, overwrite: bool = False, *, holds: str = "result", inputs: Iterable[str | Path | None] = ()
 ) -> Iterator[None]:
-    """Keep a folder's name for long work that ends with `new_folder` under the same arguments.
+    """Reserve a folder's name for the body: long work that ends with `new_folder` with the same arguments.
 
     Raises:
         UserError: as `new_folder`, before the body runs.
@@ -91,7 +92,7 @@ def reserved(
 def refuse(
     path: str | Path, overwrite: bool, *, holds: str | None = "result", inputs: Iterable[str | Path | None] = ()
 ) -> None:
-    """Raise the UserError with which `new_folder` would refuse, for work that takes long before it comes to that."""
+    """Raise UserError if `new_folder` would refuse these arguments; call it before long work."""
     target = Path(path).expanduser().resolve()
     apart(path, inputs)
     if not target.exists():
@@ -112,7 +113,7 @@ def refuse(
 
 
 def recover(target: Path) -> None:
-    """Put back what a process that was killed in the act of replacing `target` had put aside; clear up after it."""
+    """Restore the content of `target` if a process was killed while it replaced it, and remove leftovers."""
     if not target.parent.is_dir():
         return
     aside = _siblings(target, "old")
@@ -124,14 +125,14 @@ def recover(target: Path) -> None:
 
 
 def remove_abandoned(target: Path) -> None:
-    """Remove the temporary siblings of `target` (made here: `.NAME.8 hex digits.part`) that no process holds."""
+    """Remove the temporary siblings of `target` (named `.NAME.8 hex digits.part`) that no process has locked."""
     for part in _siblings(target, "part"):
-        with suppress(OSError), _held(part, surely=True):  # held by another, or a disk without locks: it stays
+        with suppress(OSError), _held(part, surely=True):  # kept if another process locks it, or without locks
             shutil.rmtree(part, ignore_errors=True) if part.is_dir() else part.unlink()
 
 
 def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -> Path:
-    """Write a UTF-8 text file under a temporary name, then rename it. Returns the path.
+    """Write a UTF-8 text file under a temporary name, then rename it; return the path.
 
     Raises:
         UserError: the file exists and `overwrite` is False, or it cannot be written.
@@ -140,7 +141,7 @@ def write_text_atomic(path: str | Path, text: str, *, overwrite: bool = False) -
 
 
 def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> Path:
-    """Like `write_text_atomic`, for bytes. What a killed process left of the same file is removed."""
+    """Write bytes as `write_text_atomic` writes text; return the path. Leftovers of killed processes are removed."""
     target = Path(path).expanduser().resolve()
     if target.is_dir():
         raise UserError("is a folder", file=path, expected="a file")
@@ -151,14 +152,14 @@ def write_bytes_atomic(path: str | Path, data: bytes, *, overwrite: bool = False
 
 
 def write_files_atomic(files: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
-    """Write a file and those beside it that it refers to: all of them or, where one cannot be, none.
+    """Write several files, such as one and those to which it refers: all of them or, if one fails, none.
 
     Args:
         files: path -> content.
-        overwrite: whether files with another content are replaced; one with the same content is no conflict.
+        overwrite: whether existing files with different content are replaced; equal content is no conflict.
 
     Raises:
-        UserError: one of them exists with another content and `overwrite` is False, or cannot be written.
+        UserError: one exists with different content and `overwrite` is False, is a folder, or cannot be written.
     """
     for path, data in files.items():
         if path.is_dir():
@@ -190,11 +191,11 @@ def _write(files: Mapping[Path, bytes]) -> None:
                 held.enter_context(_held(part))
                 part.write_bytes(data)
             for part in parts:
-                path, target = parts[part]  # an error names this path
+                path, target = parts[part]  # `path` is named by an error below
                 os.replace(part, target)
     except BaseException as error:
         for part in parts:
-            with suppress(OSError):  # where its folder is none, asking for it is an error too
+            with suppress(OSError):  # it may not exist, or its parent may be no folder
                 part.unlink()
         for folder in new:
             with suppress(OSError):
@@ -205,7 +206,7 @@ def _write(files: Mapping[Path, bytes]) -> None:
 
 
 def remove_unfinished(file: Path) -> None:
-    """Remove a record of work in progress that is finished now, and its folder if nothing else is in it."""
+    """Remove the record of work in progress that is now finished, and its folder if that is empty."""
     file.unlink(missing_ok=True)
     if file.parent.is_dir():
         remove_abandoned(file)
@@ -215,10 +216,10 @@ def remove_unfinished(file: Path) -> None:
 
 @contextmanager
 def _held(part: Path, surely: bool = False) -> Iterator[None]:
-    """Locks a temporary sibling while it is being written: the lock ends with the process, however that ends.
+    """Lock a temporary sibling during the body. The lock always ends with the process.
 
     Raises:
-        OSError: `surely`, and another process holds it or the file system knows no locks.
+        OSError: `surely` is set, and another process has the lock or the file system has no locks.
     """
     handle = os.open(part, os.O_RDONLY)
     try:
@@ -234,7 +235,7 @@ def _held(part: Path, surely: bool = False) -> Iterator[None]:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM unwinds the stack (exit code 143) as an interrupt does, unless the program has a handler of its own."""
+    """Let SIGTERM unwind the stack (exit code 143), like an interrupt, unless the program has its own handler."""
     ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     if not ours:
         yield
@@ -258,18 +259,22 @@ def _sibling(target: Path, end: str = "part") -> Path:
 
 
 def _siblings(target: Path, end: str) -> list[Path]:
-    """Give what `_sibling` has named, oldest first."""
+    """List the existing paths that `_sibling` named, oldest first."""
     ours = re.compile(re.escape(f".{target.name}.") + rf"[0-9a-f]{{8}}\.{end}")
     matches = [p for p in target.parent.iterdir() if ours.fullmatch(p.name) and not p.is_symlink()]
     aged = []
     for path in matches:
-        with suppress(OSError):  # another process has just cleared it away
+        with suppress(OSError):  # another process may have just removed it
             aged.append((path.stat().st_mtime_ns, path))
     return [path for _, path in sorted(aged)]
 
 
 def _swap(part: Path, target: Path) -> None:
-    """Rename `part` to `target`; content already there is removed only after the new stands in its place."""
+    """Rename `part` to `target`; the old content of `target` is removed only after that.
+
+    Raises:
+        UserError: `target` cannot be replaced.
+    """
     try:
         if not target.exists() or not any(target.iterdir()):
             os.replace(part, target)

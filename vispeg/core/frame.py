@@ -1,4 +1,4 @@
-"""What passes through a camera's pipeline: a stack of images of one camera, with what is known about them."""
+"""The data that pass through a camera's pipeline: a stack of images of one camera, with calibration and times."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ class Frame:
     """n images of one camera. Effects of family `camera` change them in place or replace their arrays.
 
     Attributes:
-        rgb: (n, H, W, 3) float32 in [0, 1], sRGB-encoded, or None where no colour is asked for.
+        rgb: (n, H, W, 3) float32 in [0, 1], sRGB-encoded; None without colour.
         depth: (n, H, W) float32, planar distance along the optical axis in m, 0 = no reading; or None.
-        K: (n, 3, 3) intrinsics in px that the user believes, pixel centres at integer coordinates.
-        truth: (n, H, W) float32 depth as rendered, m, never changed; or None. What a sensor's geometry looks at.
-        normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes where the renderer gave them, or None.
+        K: (n, 3, 3) intrinsics in px that the user believes in, pixel centres at integer coordinates.
+        truth: (n, H, W) float32 depth as rendered, m, which no effect changes; or None. For effects that depend on the
+            geometry of the scene.
+        normals: (n, H, W, 3) float32 surface normals in the camera's OpenCV axes; None if the renderer gives none.
         velocity: (n, 6) linear (m/s) and angular (rad/s) velocity of the camera in its own OpenCV axes, or None.
-        time: (n,) s since the episode began: what latency and dropped frames go by.
-        shown: (n,) s, the moment that each image shows: its time, or an earlier one where it came late; or None.
+        time: (n,) s since the episode began, for latency and dropped frames.
+        shown: (n,) s, time at which each image was taken: `time`, or earlier for a late image; or None.
     """
 
     rgb: np.ndarray | None
@@ -33,7 +34,7 @@ class Frame:
 
     @property
     def n(self) -> int:
-        """Images in the stack."""
+        """Number of images in the stack."""
         return len(self.K)
 
     @property

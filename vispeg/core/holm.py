@@ -1,4 +1,4 @@
-"""Holm's procedure: p-values of a family, adjusted so that at most 5 % of families call anything that is not there.
+"""Holm's procedure: adjust the p-values of several tests for the chance of any false positive among them.
 
 S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6, 1979.
 """
@@ -11,8 +11,10 @@ import numpy as np
 
 
 def holm(p: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
-    """Adjust p-values: of the j-th smallest p / weight, multiply it by the weight of all from the j-th on (without
-    weights, by m - j + 1); kept monotone and at most 1.
+    """Return p-values adjusted by Holm's method, in the order of `p`.
+
+    The j-th smallest p / weight is multiplied by the sum of the weights from the j-th on (without weights, by
+    m - j + 1). Adjusted values increase with p / weight and are at most 1.
     """
     each = np.ones(len(p)) if weights is None else np.asarray(weights, float)
     scaled = np.asarray(p, float) / each

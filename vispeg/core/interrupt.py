@@ -1,4 +1,4 @@
-"""A command that the user stops says with which command it goes on."""
+"""Interrupts of work that can be resumed: they carry the command that resumes it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 
 class Interrupted(KeyboardInterrupt):
-    """An interrupt of work that can go on.
+    """An interrupt of work that can be resumed.
 
     Args:
-        more: what is appended to the command line; nothing where the same command goes on.
-        instead: the arguments that go on, in place of those that were given.
+        more: arguments to append to the command line to resume; empty if the same command resumes.
+        instead: arguments that resume, in place of the whole command line; empty to use `more`.
     """
 
     def __init__(self, more: Sequence[str] = (), instead: Sequence[str] = ()):
@@ -19,13 +19,13 @@ class Interrupted(KeyboardInterrupt):
         self.more, self.instead = tuple(more), tuple(instead)
 
     def again(self, argv: Sequence[str]) -> list[str]:
-        """Give the arguments of the program with which the work that `argv` began goes on."""
+        """Return the program's arguments that resume the work that `argv` began."""
         return [*self.instead] or [*argv, *(word for word in self.more if word not in argv)]
 
 
 @contextmanager
 def goes_on(*more: str, instead: Sequence[str] = ()) -> Iterator[None]:
-    """Let what is interrupted in the body, or in the function that this decorates, go on; see `Interrupted`."""
+    """Turn an interrupt of the body, or of the decorated function, into `Interrupted` with these arguments."""
     try:
         yield
     except Interrupted:

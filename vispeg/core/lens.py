@@ -1,4 +1,4 @@
-"""Brown's lens model, OpenCV's order of coefficients (k1, k2, p1, p2, k3), on normalised image coordinates.
+"""Brown's lens model on normalised image coordinates, with coefficients in OpenCV's order (k1, k2, p1, p2, k3).
 
 With x = X/Z, y = Y/Z and r2 = x^2 + y^2 (D. C. Brown, "Close-range camera calibration", 1971; OpenCV's calib3d):
     x' = x (1 + k1 r2 + k2 r2^2 + k3 r2^3) + 2 p1 x y + p2 (r2 + 2 x^2)
@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-STEPS, TOLERANCE = 50, 1e-9  # Newton converges in 4 to 6 steps where the lens can be inverted
+STEPS, TOLERANCE = 50, 1e-9  # greatest number of Newton's steps (4 to 6 suffice where an inverse exists), and error
 
 
 def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
-    """Where the lens puts ideal points, (..., 2) -> (..., 2), both X/Z and Y/Z."""
+    """Return the points (..., 2) to which the lens maps ideal points (..., 2), both in X/Z and Y/Z."""
     k1, k2, p1, p2, k3 = coefficients
     x, y = xy[..., 0], xy[..., 1]
     r2 = x * x + y * y
@@ -26,10 +26,10 @@ def distort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
 
 
 def undistort(xy: np.ndarray, coefficients: Sequence[float]) -> np.ndarray:
-    """Give the ideal points that the lens puts at `xy`, (..., 2) -> (..., 2); NaN where no ideal point leads there.
+    """Return the ideal points (..., 2) that the lens maps to `xy` (..., 2); NaN where there is none.
 
-    Newton's method from the identity. A point where the lens folds back (its Jacobian's determinant is not positive) is
-    no solution: two directions would then share a pixel.
+    Newton's method starts at `xy`. Points where the lens folds back (the determinant of its Jacobian is not positive)
+    are not solutions, because two directions would share a pixel.
     """
     target, ideal = np.asarray(xy, float), np.array(xy, float)
     if not np.any(coefficients):

@@ -1,4 +1,7 @@
-"""One writer at a time for each result: the second gets an error that names the first. A lock ends with its process."""
+"""Locks that allow one writer per result; a second one gets an error that names the first.
+
+A lock always ends with its process.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +19,20 @@ from vispeg.core.disk import why
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import command_line
 
-_MINE: set[Path] = set()  # what this process holds: a command may ask again for what it has
+_MINE: set[Path] = set()  # results that this process has locked, so that it may claim them again
 
 
 @contextmanager
 def claimed(out: str | Path) -> Iterator[None]:
     """Keep other processes from writing `out` while the body runs.
 
-    The lock is `.NAME.lock` beside `out`, or in it where nothing may be written beside it, and goes with the body. One
-    that a killed process left behind holds nothing. A file system without locks has none.
+    The lock is the file `.NAME.lock` beside `out`, or `.lock` in it if the folder above is not writable. It is removed
+    after the body. The file of a killed process does not lock anything. On a file system without locks there is no
+    protection.
 
     Raises:
-        UserError: another process writes `out`: its number, its command, since when; or no file can be made there.
+        UserError: another process writes `out` (it states the process, its command and since when), or the lock's file
+            cannot be created.
     """
     target = Path(out).expanduser().resolve()
     if target in _MINE:
@@ -61,7 +66,7 @@ def _place(target: Path) -> Path:
 
 
 def _open(path: Path) -> int | None:
-    """Give a handle that holds the lock, with who holds it written in the file; None where another process has it."""
+    """Lock a file, write this process into it, and return the open handle; None if another process has the lock."""
     path.parent.mkdir(parents=True, exist_ok=True)
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -70,14 +75,14 @@ def _open(path: Path) -> int | None:
         except BlockingIOError:
             os.close(handle)
             return None
-        except OSError:  # no locks here
+        except OSError:  # a file system without locks
             return handle
         with suppress(OSError):
             if os.path.samestat(os.fstat(handle), os.stat(path)):
                 break
-        os.close(handle)  # its last holder has just removed it
+        os.close(handle)  # the last holder has just removed this file: try again with a new one
     who = {"pid": os.getpid(), "host": socket.gethostname(), "command": command_line(sys.argv)}
-    with suppress(OSError):  # a full disk: the lock holds without words
+    with suppress(OSError):  # on a full disk the lock holds although the file stays empty
         os.ftruncate(handle, 0)
         os.write(handle, json.dumps({**who, "since": time.strftime("%Y-%m-%d %H:%M:%S")}).encode())
     return handle

@@ -1,4 +1,4 @@
-"""What this program wrote and may replace: the marker in a folder of results; and what it reads and never replaces."""
+"""Markers in folders of results, which say what this program wrote and may replace; checks that protect inputs."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ ELSEWHERE = "so it is not replaced; move it away or name another folder"
 
 
 def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
-    """Write down what a folder holds: a word for it, and the names of its files, by default those in it.
+    """Write a folder's marker: the kind of result that it holds, and the names of its files.
+
+    Args:
+        folder: to mark.
+        holds: kind of result, in a word.
+        files: names relative to the folder; None for all that are in it.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the marker cannot be written.
     """
     names = sorted(name for name in _names(folder) if name != MARKER) if files is None else [*files]
     text = json.dumps({"format": FORMAT, "holds": holds, "files": names}, indent=0) + "\n"
     part = folder / PART
-    try:  # half a marker would be nobody's
+    try:  # renamed when complete: a folder with half a marker could not be replaced any more
         part.write_text(text, encoding="utf-8", errors="surrogateescape")
         part.replace(folder / MARKER)
     except OSError:
@@ -32,23 +37,23 @@ def mark(folder: Path, holds: str, files: Iterable[str] | None = None) -> None:
 
 
 def untouched(folder: Path) -> bool:
-    """Whether a folder holds nothing yet, or only the marker that a killed process was writing."""
+    """Return whether a folder is empty, or holds only the unfinished marker of a killed process."""
     return all(path.name == PART for path in folder.iterdir())
 
 
 def holds(folder: Path) -> str | None:
-    """Give the word for what a folder holds, or None where this program has not marked it."""
+    """Return the kind of result in a folder's marker; None without a valid marker."""
     record = _marker(folder)
     return None if record is None else record["holds"]
 
 
 def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> None:
-    """Raise UserError unless all that `folder` holds was written by this program, as a result of that kind.
+    """Raise UserError unless everything in `folder` was written by this program, as a result of one kind.
 
     Args:
-        folder: about to be replaced.
-        holds: the kind of what shall take its place, as given to `mark`.
-        said: the folder as the user named it.
+        folder: to be replaced.
+        holds: kind of the new result, as for `mark`.
+        said: the folder as the user named it, for the error.
     """
     file, record = said or folder, _marker(folder)
     if record is None:
@@ -64,10 +69,10 @@ def refuse_foreign(folder: Path, holds: str, said: str | Path | None = None) -> 
 
 
 def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Raise UserError where `out` is one of the files and folders that a command reads, or a folder above one.
+    """Raise UserError if `out` is one of the files and folders that a command reads, or a folder above one.
 
-    Links, relative paths and the case of letters make no difference where the file system makes none. A `str` without a
-    separator or suffix is a name of something built in, not a path.
+    Paths are compared as the file system does, so links, relative paths and ignored case do not matter. A `str` without
+    a separator or suffix is the name of something built in, not a path.
     """
     for source in inputs:
         if source is None or (isinstance(source, str) and not (os.sep in source or Path(source).suffix)):
@@ -85,7 +90,7 @@ def apart(out: str | Path, inputs: Iterable[str | Path | None]) -> None:
 def _same(path: Path, out: str | Path) -> bool:
     try:
         return os.path.samefile(path, Path(out).expanduser())
-    except OSError:  # one of them is not there
+    except OSError:  # one of them does not exist
         return False
 
 
@@ -99,7 +104,7 @@ def _marker(folder: Path) -> dict | None:
 
 
 def _names(folder: Path) -> Iterator[str]:
-    """Relative names of everything in a folder that is not a folder itself; links are not followed."""
+    """Yield the relative paths of all files and links in a folder and its subfolders; links are not followed."""
     for place, folders, files in os.walk(folder):
         for name in (*files, *(d for d in folders if os.path.islink(os.path.join(place, d)))):
             yield os.path.relpath(os.path.join(place, name), folder)

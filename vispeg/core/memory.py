@@ -1,4 +1,4 @@
-"""Memory: how much there is to take, and what was freed goes back to the system."""
+"""Available memory, and a setting that returns freed memory to the system."""
 
 from __future__ import annotations
 
@@ -7,34 +7,36 @@ from contextlib import suppress
 from pathlib import Path
 
 MIB, GIB = 2**20, 2**30
-LARGE = MIB
+LARGE = MIB  # size from which an array is allocated apart
 M_MMAP_THRESHOLD = -3  # malloc.h
 
 
 def in_words(size: float) -> str:
-    """Give a number of bytes for people."""
+    """Return a number of bytes as text, in GiB or MiB."""
     return f"{size / GIB:.3g} GiB" if size >= GIB else f"{size / MIB:.2g} MiB"
 
 
 def large_apart() -> None:
-    """Give every array of LARGE bytes or more pages of its own, which go back to the system when it is freed.
+    """Allocate every array of LARGE bytes or more in its own pages, which return to the system when it is freed.
 
-    glibc does so from 128 KiB on, but raises that size to the largest that was freed, up to 32 MiB; from then on what
-    large arrays leave between small ones is kept. A diagnosis of 21 effects (3 x 10 s) holds 1.1 GB this way, and 1.8
-    GB without, in the same time. Nothing happens where the C library has no such call.
+    glibc does so from 128 KiB on, but raises this limit to the largest size that was freed, up to 32 MiB. Then gaps
+    that large arrays leave between small ones stay with the process. A diagnosis of 21 effects (3 x 10 s) takes 1.1 GB
+    with this setting and 1.8 GB without, in the same time. Nothing happens if the C library has no such call.
     """
     with suppress(OSError, AttributeError, TypeError):
         ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)
 
 
 def available(root: Path = Path("/")) -> int | None:
-    """Bytes that this process may still take without swapping: of the machine, and of every control group it is in.
+    """Return the bytes that this process may still take without swapping.
+
+    This is the least of the machine's available memory and the memory left in each control group of the process.
 
     Args:
-        root: where /proc and /sys are.
+        root: folder in which `proc` and `sys` are.
 
     Returns:
-        None where the system does not say (it is Linux that does).
+        Bytes; None if the system does not say (only Linux does).
     """
     free = []
     with suppress(OSError, ValueError, IndexError):
@@ -52,13 +54,14 @@ def available(root: Path = Path("/")) -> int | None:
 
 
 def _left(mount: Path, place: str, limit: str, used: str, cache: str) -> list[int]:
-    """Return the memory left by a control group and its parents, bytes; a container sees its own group at the mount
-    point.
+    """Return the memory left in a control group and in each of its parents, bytes; groups without a limit are left out.
+
+    A container sees its own group at the mount point.
     """
     group, left = mount / place.lstrip("/"), []
     for folder in [group, *(p for p in group.parents if p == mount or mount in p.parents)]:
-        with suppress(OSError, ValueError):  # no such group seen from here, or a limit of "max"
+        with suppress(OSError, ValueError):  # the group is not visible from here, or its limit is "max"
             most, taken = int((folder / limit).read_text()), int((folder / used).read_text())
             stats = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-            left.append(max(0, most - taken + int(stats.get(cache, 0))))  # files' pages go when memory is wanted
+            left.append(max(0, most - taken + int(stats.get(cache, 0))))  # cached files give way if memory is needed
     return left

@@ -1,32 +1,32 @@
-"""Tell a user what does not stop the work: one plain line, in a command, a script and a notebook alike."""
+"""Notes: one-line warnings to the user, the same in a command, a script and a notebook."""
 
 from __future__ import annotations
 
 import warnings
 
-# As a module's own registry: by default the same note comes once.
+# Works like the warning registry of a module: by default the same note is shown once.
 _said: dict[str | tuple[str, type[Warning], int], int] = {}
 _others = warnings.formatwarning
 
 
 class Note(UserWarning):
-    """A note; filters of the standard library's `warnings` silence it or make it an error, as any other warning."""
+    """A note. Filters of the standard library's `warnings` can silence it or make it an error."""
 
 
 def note(text: str) -> None:
-    """Say one line, the first time that it comes."""
+    """Show a note to the user, unless the same one has been shown before."""
     warnings.warn_explicit(text, Note, "vispeg", 0, module="vispeg", registry=_said)
 
 
 def line(text: object) -> str:
-    """Lay out a note as a user reads it."""
+    """Return a note as the user sees it."""
     return f"vispeg: note: {' '.join(str(text).split())}"
 
 
 def _formatted(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, source: str | None = None
 ) -> str:
-    """Show a note without a place in the source, which tells a user nothing; other warnings as they were."""
+    """Format a note without its place in the source code, which does not help a user; other warnings as usual."""
     return f"{line(message)}\n" if issubclass(category, Note) else _others(message, category, filename, lineno, source)
 
 

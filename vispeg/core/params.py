@@ -1,4 +1,4 @@
-"""A physical parameter: unit, bounds, and the value at which it vanishes."""
+"""A parameter of an effect: unit, bounds, and the value at which the effect vanishes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ class Param:
 
     Attributes:
         null: the value at which the effect vanishes, bit for bit.
-        low, high: bounds of what is physically plausible; fits and samples stay inside.
+        low, high: physically plausible bounds; fits and samples stay within them.
         unit: SI unit, as text.
-        start: a typical size, from which a fit starts and at which a signature is taken.
+        start: a typical value, from which fits start.
         shape: True for a parameter that only shapes the effect (a Stribeck velocity, a phase): it has no null of its
-            own, and the effect vanishes whatever its value once the others are null.
-        scale: how a fit and a uniform sample move through the range.
+            own, and the effect vanishes if the other parameters are null, for any value of this one.
+        scale: whether fits and uniform samples move through the range by differences (linear) or ratios (log).
         doc: one line for `vispeg effects`.
     """
 
@@ -32,12 +32,12 @@ class Param:
 
     @property
     def absent(self) -> float:
-        """The value where the effect is not: null, or `start` for what only shapes it."""
+        """The value if the effect is absent: null, or `start` for a shape parameter."""
         return self.start if self.shape else self.null
 
     @property
     def origin(self) -> float:
-        """Zero point of the parameter's size: null, or 0 for a shape parameter."""
+        """The value from which the parameter's size is counted: null, or 0 for a shape parameter."""
         return 0.0 if self.shape else self.null
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class Param:
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter's value with its 95 % interval where it was fitted."""
+    """A parameter's value, with its 95 % interval `low` to `high` if it was fitted or measured."""
 
     value: float
     low: float | None = None

@@ -1,4 +1,4 @@
-"""Where a result comes from: the command, the seed, the versions, and the content of what was read."""
+"""Record how a result was made: command, seed, versions, and digests of the inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vispeg import __version__
 from vispeg.core.errors import UserError
 from vispeg.core.registry import plugins
 
-PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # what numbers depend on
+PACKAGES = ("mujoco", "numpy", "scipy", "cma")  # packages on which numerical results depend
 
 
 class Provenance(TypedDict):
@@ -29,11 +29,11 @@ class Provenance(TypedDict):
 
 
 def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Path] = ()) -> Provenance:
-    """Give what is needed to repeat a result, ready for JSON.
+    """Return what is needed to repeat a result, ready for JSON.
 
     Args:
-        argv: the command line as a list, program first; kept as a user would type it (`command_line`).
-        seed: the seed, or None where nothing is random.
+        argv: the command line as a list, program first; stored as a user would type it (`command_line`).
+        seed: the seed, or None if nothing is random.
         inputs: files and folders that were read.
 
     Returns:
@@ -47,9 +47,9 @@ def provenance(argv: Sequence[str], seed: int | None, inputs: Iterable[str | Pat
 
 
 def here(seed: int | None, digests: Mapping[str, str]) -> Provenance:
-    """Give the provenance of what this process works out, from inputs whose digests are known.
+    """Return the provenance of a result of this process, for inputs whose digests are known.
 
-    Its command is the one that the process was started with; `python` in a notebook or an interactive session.
+    The command is the one that started the process; `python` in a notebook or an interactive session.
     """
     interactive = Path(sys.argv[0]).stem in ("", "-", "-c", "ipykernel_launcher", "ipython")
     return _stamp(["python"] if interactive else sys.argv, seed, digests)
@@ -63,23 +63,26 @@ def _stamp(argv: Sequence[str], seed: int | None, digests: Mapping[str, str]) ->
 
 
 def _content(module: str) -> str | None:
-    """Return the digest of a plug-in's file: with another content it is another version."""
+    """Return the digest of a plug-in's file, which serves as its version; None if it has no file."""
     spec = find_spec(module)
     return None if spec is None or spec.origin is None else f"sha256:{digest(spec.origin)}"
 
 
 def command_line(argv: Sequence[str]) -> str:
-    """Give the command as a user would type it again, without the folder that this installation's program lies in."""
+    """Return the command as a user would type it, with the program's name in place of its path."""
     program = Path(argv[0])
     name = "vispeg" if program.stem in ("__main__", "vispeg") else program.name
     return shlex.join([name, *map(str, argv[1:])])
 
 
 def digest(path: str | Path) -> str:
-    """SHA-256 (hex) of a file's content, or of a folder's: its files' relative names and contents, in sorted order.
+    """Return the SHA-256 (hex) of a file's content, or of a folder's files: relative names and contents, sorted.
 
-    A file's digest is what `sha256sum` prints. A folder's depends neither on its own name nor on the order in which the
-    file system lists it.
+    A file's digest is what `sha256sum` prints. A folder's does not depend on its own name, nor on the order in which
+    the file system lists it.
+
+    Raises:
+        UserError: the file or folder cannot be read.
     """
     path = Path(path)
     try:
@@ -98,7 +101,7 @@ def _file_digest(path: Path) -> str:
 
 
 def version_of(package: str) -> str | None:
-    """Give the version of an installed package; None where it is not installed."""
+    """Return the version of an installed package; None if it is not installed."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -1,5 +1,6 @@
-"""Registries of items by name, such as effects; their packages are imported on the first look-up, so import order does
-not matter.
+"""Registries of items by name, such as effects.
+
+The packages that register items are imported on the first look-up, so the order of imports does not matter.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ PLUGINS = "VISPEG_PLUGINS"  # environment variable: modules of a user's own, sep
 
 
 class Registry(MutableMapping[str, Item]):
-    """Items by name. Looking one up loads the rooms; enrolling one does not.
+    """Items by name. A look-up imports the packages `rooms`, a registration of this project's own items does not.
 
     Args:
-        what: what an item is called in an error.
-        rooms: packages whose import enrols the items that are the project's own.
+        what: noun for an item in error messages.
+        rooms: packages of this project whose import registers its items.
     """
 
     def __init__(self, what: str, *rooms: str) -> None:
@@ -28,14 +29,14 @@ class Registry(MutableMapping[str, Item]):
         self._items: dict[str, Item] = {}
 
     def enrol(self, name: str, item: Item) -> None:
-        """Register an item under its name; it replaces one of the same class, as when a module is reloaded.
+        """Register an item under its name. It replaces an item of the same class, for example of a reloaded module.
 
         Raises:
-            UserError: the name is another class's.
+            UserError: another class has that name.
         """
         kind = type(item)
         if not kind.__module__.startswith(self.rooms):
-            self._load()  # of a user's own: a name that the project has is refused where it is defined
+            self._load()  # load this project's items first, so that a user's item with such a name is refused here
         if type(self._items.get(name, item)).__qualname__ != kind.__qualname__:
             raise UserError(
                 f"{self.what} '{name}' is registered twice", got=kind.__qualname__, choices=sorted(self._items)
@@ -44,7 +45,7 @@ class Registry(MutableMapping[str, Item]):
 
     def _load(self) -> None:
         for room in self.rooms:
-            import_module(room)  # at once where it is loaded, or is just being loaded
+            import_module(room)  # does nothing if it is loaded, or is just being loaded
         load_plugins()
 
     def __getitem__(self, name: str) -> Item:
@@ -67,19 +68,19 @@ class Registry(MutableMapping[str, Item]):
 
 
 def plugins() -> list[str]:
-    """Return the names of the modules that `VISPEG_PLUGINS` names."""
+    """List the modules that the environment variable `VISPEG_PLUGINS` names."""
     return [*filter(None, map(str.strip, os.environ.get(PLUGINS, "").split(",")))]
 
 
 def load_plugins() -> None:
-    """Import the modules that `VISPEG_PLUGINS` names, whose classes enrol themselves.
+    """Import the modules that `VISPEG_PLUGINS` names, whose classes register themselves.
 
     Raises:
-        UserError: one that cannot be imported.
+        UserError: a module that cannot be imported.
     """
     for name in plugins():
         try:
-            import_module(name)  # at once where it is loaded, or is just being loaded
+            import_module(name)  # does nothing if it is loaded, or is just being loaded
         except (ImportError, SyntaxError, ValueError) as error:
             expected = "modules that are installed or on PYTHONPATH, separated by commas"
             raise UserError(f"cannot be imported ({error})", key=PLUGINS, expected=expected, got=name) from error

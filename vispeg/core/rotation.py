@@ -1,4 +1,4 @@
-"""Rotation matrices as quaternions."""
+"""Convert rotation matrices to quaternions."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 
 def quaternion(matrix: np.ndarray) -> np.ndarray:
-    """Convert to unit quaternions (..., 4) w x y z, w >= 0, of rotation matrices (..., 3, 3).
+    """Return the unit quaternions (..., 4) w x y z, w >= 0, of rotation matrices (..., 3, 3).
 
-    The largest of the four numbers is taken from the diagonal, the others from it: no difference of near numbers is
-    divided by. Source: Quaternion from rotation matrix, J. Guidance and Control 1 (3), 1978, page 223.
+    The largest of the four numbers is computed from the diagonal and the others are divided by it, so that no divisor
+    is small. Source: Quaternion from rotation matrix, J. Guidance and Control 1 (3), 1978, page 223.
     """
     m = np.asarray(matrix, float)
     trace = np.trace(m, axis1=-2, axis2=-1)[..., None]

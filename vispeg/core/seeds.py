@@ -1,4 +1,4 @@
-"""Random streams keyed by name, so that adding one draw leaves every other as it was."""
+"""Random number generators keyed by name, so that an additional draw does not change any other."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vispeg.core.errors import UserError
 
 
 def stream(seed: int, *keys: object) -> np.random.Generator:
-    """Give a generator of its own for (seed, keys): the same on every machine, independent of all others.
+    """Return the generator for (seed, keys). It is the same on every machine and independent of those of other keys.
 
     Raises:
         UserError: the seed is negative.
     """
     check_seed(seed)
     words = _words("\x1f".join(map(str, keys)))
-    if 0 <= seed < 2**32:  # the same entropy, without a detour through Python's integers
+    if 0 <= seed < 2**32:  # the same entropy as below, computed faster
         entropy = np.empty(9, np.uint32)
         entropy[0], entropy[1:] = seed, words
         return np.random.Generator(np.random.PCG64(entropy))
@@ -26,7 +26,7 @@ def stream(seed: int, *keys: object) -> np.random.Generator:
 
 
 def check_seed(seed: int) -> None:
-    """Refuse what is no seed, before anything is done that needs one. Raises UserError."""
+    """Raise UserError if the seed is negative."""
     if seed < 0:
         raise UserError("not a seed", key="--seed", expected="0 or more", got=seed)
 

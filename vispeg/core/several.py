@@ -1,4 +1,4 @@
-"""One thing or several: what a user names alone, in place of a list of one."""
+"""Arguments that may be one thing or several: a user may give a single thing in place of a list."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ T = TypeVar("T")
 
 
 def several(given: T | Iterable[T]) -> list[T]:
-    """Give a list; a text or a path is one thing, not its characters, and so is what cannot be walked."""
+    """Return the argument as a list. A text, a path and everything that is not iterable counts as one thing."""
     if isinstance(given, str | os.PathLike) or not isinstance(given, Iterable):
         return [given]  # type: ignore[list-item]  # a text is an Iterable to a type checker
     return [*given]
 
 
 def single(given: T | Iterable[T], key: str) -> T:
-    """Give the one thing that is meant, also where it stands alone in a list.
+    """Return the argument, or the only element if it is a list of one.
 
     Raises:
-        UserError: there are none or several; names `key`.
+        UserError: a list of none or several; it names `key`.
     """
     listed = several(given)
     if len(listed) != 1:

@@ -1,4 +1,4 @@
-"""Values from YAML or JSON against the annotations of a dataclass: numbers, texts, and lists of them."""
+"""Check values from YAML or JSON against the annotations of a dataclass: numbers, texts, and lists of them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from vispeg.core.errors import UserError
 
 
 def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) -> dict[str, Any]:
-    """`values` as keyword arguments of the dataclass `kind`, lists as tuples.
+    """Check values, and return them as keyword arguments of a dataclass, with lists as tuples.
 
-    Fields of other kinds (a dataclass, a union) pass as they are, for the caller to read.
+    Fields with other annotations (a dataclass, a union) are not checked.
 
     Args:
-        kind: whose fields are annotated.
+        kind: the dataclass.
         values: by field.
-        file, at: where they stand, for errors: `at` comes before a key.
+        file, at: the file, and a prefix of keys, for errors.
 
     Raises:
         UserError: an unknown key, a wrong type.
@@ -32,7 +32,7 @@ def checked(kind: type, values: Mapping[str, Any], file: str | None, at: str) ->
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Whether a value is what a field's annotation says; an int will do for a float, a bool for nothing."""
+    """Return whether a value fits a field's annotation; an int fits a float, a bool fits neither number nor text."""
     if get_origin(hint) is tuple:
         parts = get_args(hint)
         length = isinstance(value, tuple) and (... in parts or len(value) == len(parts))
@@ -43,7 +43,7 @@ def _fits(value: Any, hint: Any) -> bool:
 
 
 def _said(hint: Any) -> str:
-    """Give an annotation in words."""
+    """Return an annotation in words."""
     kind, *others = get_args(hint) or (hint,)
     noun = WORDS[kind]
     if not others:

@@ -1,6 +1,4 @@
-"""Worker processes of one thread each: parallelism is by processes; additional threads would only compete for the
-cores.
-"""
+"""Pools of worker processes with one thread each, as more threads would only compete for the cores."""
 
 from __future__ import annotations
 
@@ -20,15 +18,16 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def pool_of(
     count: int, tasks: int | None = None, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes that end with this one, however it ends.
+    """Create a pool of worker processes, which always end with this process.
 
-    An interrupt from the terminal reaches this process alone. Where the body raises, what the workers are at is given
-    up at once; after it they finish it.
+    An interrupt from the terminal reaches only this process. If the body raises, the workers are killed; otherwise
+    they finish their jobs after the body.
 
     Args:
-        count: processes.
-        tasks: jobs after which a process is replaced; None: it stays.
-        initializer, initargs: called in each process first.
+        count: number of processes.
+        tasks: number of jobs after which a process is replaced; None for never.
+        initializer: called first in each process; None for nothing.
+        initargs: arguments of `initializer`.
     """
     context = multiprocessing.get_context("spawn")
     with one_thread():
@@ -45,7 +44,7 @@ def pool_of(
 
 class _Pool(ProcessPoolExecutor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """As the base class does; processes that it starts never see an interrupt."""
+        """Submit a job as the base class does; processes that it starts are shielded from interrupts."""
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # processes and threads inherit it
         try:
             return super().submit(fn, *args, **kwargs)
@@ -63,13 +62,13 @@ def end_with_parent() -> None:
     """Wait for the parent's end, then end this process."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        parent.join()  # a killed parent cannot say that there is nothing more to do
+        parent.join()  # a killed parent cannot tell its workers to end
         os._exit(1)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let processes that start meanwhile compute with one thread each."""
+    """Let processes that start during the body compute with one thread each."""
     before = {key: os.environ.get(key) for key in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
