@@ -160,7 +160,7 @@ def osc(
 
 
 def away(q: np.ndarray, limits: np.ndarray, stiffness: float) -> np.ndarray:
-    """Give the joint acceleration (n, nj) rad/s^2 away from the limits (nj, 2) rad; q (n, nj) rad, stiffness 1/s^2.
+    """Return the joint acceleration (n, nj) rad/s^2 away from the limits (nj, 2) rad; q (n, nj) rad, stiffness 1/s^2.
 
     It is the negative gradient of a potential as Khatib's (Int. J. Robotics Research 5(1), 1986, section 6): 0 outside
     the zones at either end, but `stiffness / 2` times the squared depth inside, so that the pull begins at 0 and stays

@@ -128,7 +128,7 @@ class Effect(ABC):
         return tau
 
     def goal(self, state: Any, goal: np.ndarray, x: Any, p: Values) -> np.ndarray:
-        """Return the goal (nsim, nj) rad that reaches a position servo's loop in a physics step, in place of `drive`."""
+        """Return the goal (nsim, nj) rad that reaches a position servo's loop; used there in place of `drive`."""
         return goal
 
     def regulate(self, loop: Any, p: Values) -> None:
@@ -180,7 +180,7 @@ class Effect(ABC):
         return 0.0
 
     def reading_noise(self, sigma: float, p: Mapping[str, float]) -> float:
-        """Return the RMS difference, rad, between a measured angle and the true model's, for sensor noise `sigma` rad."""
+        """Return the RMS error of measured angles under the true model, rad, for sensor noise of `sigma` rad."""
         return sigma
 
     def believe(self, goal: np.ndarray, p: Values) -> np.ndarray:

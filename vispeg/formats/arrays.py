@@ -13,7 +13,7 @@ from vispeg.formats.guard import MB, opened, size
 
 
 def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndarray]:
-    """Give the arrays of an .npz file by name; nothing in it is ever unpickled.
+    """Return the arrays of an .npz file by name; nothing in it is ever unpickled.
 
     Args:
         path: of the file.

@@ -39,7 +39,7 @@ DECLARED: list[Format] = []
 
 
 def copy(source: Path, folder: Path) -> Path:
-    """Give an example that comes with the package: a file, or a folder with all that it holds, copied into `folder`."""
+    """Copy an example that comes with the package, a file or a whole folder, into `folder`; return the copy's path."""
     if source.is_dir():
         return Path(shutil.copytree(source, folder / source.name))
     return Path(shutil.copy(source, folder / source.name))

@@ -23,7 +23,7 @@ MARKS |= {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a regular file; a name that no file can have (too long, with a NUL) names none."""
+    """Return whether there is a regular file; a name that no file can have (too long, with a NUL) names none."""
     try:
         return Path(path).expanduser().is_file()
     except (OSError, ValueError, RuntimeError):
@@ -46,7 +46,7 @@ def refuse_special(path: str | Path) -> None:
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """Give a regular file, open for reading.
+    """Return a regular file, open for reading.
 
     Raises:
         UserError: no such file, not a regular one (a folder, pipe or device), or one that cannot be read.
@@ -71,7 +71,7 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def read_bytes(path: str | Path, most: int = MB) -> bytes:
-    """Give a file's content.
+    """Return a file's content.
 
     Args:
         path: of the file; a `~` stands for the home directory.
@@ -88,7 +88,7 @@ def read_bytes(path: str | Path, most: int = MB) -> bytes:
 
 
 def read_text(path: str | Path, most: int = MB) -> str:
-    """Give a file's content as text: UTF-8, with or without a byte-order mark.
+    """Return a file's content as text: UTF-8, with or without a byte-order mark.
 
     Raises:
         UserError: as `read_bytes`; nothing but white space; another encoding.

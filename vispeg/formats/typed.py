@@ -30,7 +30,7 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
-    """Give the data as a `kind`.
+    """Return the data as a `kind`.
 
     Args:
         kind: a dataclass or a pydantic model.
@@ -49,7 +49,7 @@ def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
 
 
 def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> UserError:
-    """Give the first of pydantic's complaints in one line, with the choices where there are any."""
+    """Return the first of pydantic's complaints in one line, with the choices where there are any."""
     first = error.errors(include_url=False)[0]
     at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
     where = f"{key}{at}".lstrip(".") or None

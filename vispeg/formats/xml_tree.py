@@ -15,7 +15,7 @@ DEPTH = 250  # an arm may have a hundred bodies, each in the other
 
 
 def read_xml(path: str | Path) -> ET.Element:
-    """Give the root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are
+    """Return the root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are
     refused.
 
     Raises:
@@ -38,7 +38,7 @@ class _Tree:
         self.parser.EntityDeclHandler = self.entity
 
     def read(self, data: bytes) -> ET.Element:
-        """Give the root element."""
+        """Return the root element."""
         try:
             self.parser.Parse(data, True)
         except expat.ExpatError as error:

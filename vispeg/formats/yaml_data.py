@@ -69,7 +69,7 @@ class _Builder:
         self.anchors: dict[str, tuple[Any, int]] = {}  # the value and how many it stands for; 0: not yet complete
 
     def document(self) -> Any:
-        """Give the only document of the stream."""
+        """Return the only document of the stream."""
         event = next(self.events)
         while not isinstance(event, yaml.DocumentStartEvent):
             if isinstance(event, yaml.StreamEndEvent):
@@ -82,7 +82,7 @@ class _Builder:
         return value
 
     def value(self, event: Any, levels: int) -> Any:
-        """Give the value that begins with an event; `levels` more may lie in each other."""
+        """Return the value that begins with an event; `levels` more may lie in each other."""
         self.line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor)
@@ -105,7 +105,7 @@ class _Builder:
         return value
 
     def mapping(self, levels: int) -> dict[str, Any]:
-        """Give a mapping up to its end; `<<` merges others into it, which its own keys override."""
+        """Return a mapping up to its end; `<<` merges others into it, which its own keys override."""
         explicit: dict[str, Any] = {}
         merged: dict[str, Any] = {}
         for event in self.until(yaml.MappingEndEvent):
@@ -144,7 +144,7 @@ class _Builder:
             raise self.error("is not the value that its tag says", got=event.value) from None
 
     def alias(self, anchor: str) -> Any:
-        """Give a copy of what an anchor stands for."""
+        """Return a copy of what an anchor stands for."""
         if anchor not in self.anchors:
             raise self.error("an alias without its anchor", got=anchor)
         value, count = self.anchors[anchor]

@@ -34,7 +34,7 @@ TIP = ("tip_x", "tip_y", "tip_z")
 
 
 def split(text: str) -> tuple[str, str | None]:
-    """Give what a text names, and the kind of actions that `?action=KIND` behind it states; None where there is
+    """Return what a text names, and the kind of actions that `?action=KIND` behind it states; None where there is
     none.
     """
     place, stated, kind = text.partition(STATED)
@@ -42,7 +42,7 @@ def split(text: str) -> tuple[str, str | None]:
 
 
 def checked(kind: Any, source: Any = None) -> str:
-    """Give a kind of action as it is. Raises UserError for an unknown one."""
+    """Return a kind of action as it is. Raises UserError for an unknown one."""
     if kind not in KINDS:
         raise UserError("no such kind of action", file=source, key="action", got=kind, choices=KINDS)
     return kind
@@ -56,7 +56,7 @@ def entries(names: Any) -> tuple[str, ...]:
 
 
 def observed(features: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
-    """Give where each named number that was observed stands, of a data set's features: the feature and its column."""
+    """Return where each named number that was observed stands, of a data set's features: the feature and its column."""
     places: dict[str, tuple[str, int]] = {}
     for feature, what in features.items():
         if feature.startswith(OBSERVED) and len(what["shape"]) == 1:

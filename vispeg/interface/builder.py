@@ -59,15 +59,18 @@ class Builder:
         self._begun = False
 
     def feel(self, wrench: np.ndarray) -> None:
-        """Give the wrist's sensor read this (6,) N and N m in a control period: what the tool puts on the flange, in
-        its axes and about its origin, the tool's weight included.
+        """Store a reading of the wrist's sensor; call it once per control period.
+
+        Args:
+            wrench: (6,) N and N m, of the tool on the flange, in the flange's axes and about its origin, the tool's
+                weight included.
         """
         self._recent.append(np.asarray(wrench, float))
 
     def observe(
         self, q: np.ndarray, dq: np.ndarray, pictures: Mapping[str, Picture] | None = None
     ) -> dict[str, np.ndarray]:
-        """Give the policy's input, each part with a leading axis of one.
+        """Return the policy's input, each part with a leading axis of one.
 
         Args:
             q, dq: (nj,) rad, rad/s.
@@ -87,14 +90,14 @@ class Builder:
         return {POLICY: told(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
 
     def act(self, action: np.ndarray) -> np.ndarray:
-        """Give the flange pose (7,) m and w x y z in the base that an action (d,) or (1, d) asks for."""
+        """Return the flange pose (7,) m and w x y z in the base that an action (d,) or (1, d) asks for."""
         o = self.observer
         o.hold(*o.offset_by(o.asked(np.reshape(action, (1, -1)))))
         return np.concatenate([o.goal[0], o.rot[0]])
 
 
 def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, np.ndarray]:
-    """Give the image parts of an observation, (1, C, H, W) each. Raises UserError as `Builder.observe`."""
+    """Return the image parts of an observation, (1, C, H, W) each. Raises UserError as `Builder.observe`."""
     out = {}
     for key, seen in interface.images.items():
         name, eye = camera_of(key), seen.eye
@@ -117,8 +120,14 @@ def images(interface: Interface, pictures: Mapping[str, Picture]) -> dict[str, n
 
 
 def seen_by(eye: Camera, picture: Picture, camera: Camera) -> Picture:
-    """Give a picture of `camera` as another one in its place, `eye`, would have taken it: another lens, size or field
-    of view. What lies outside is black and without depth.
+    """Return the picture that the camera `eye`, in the place of `camera`, would have taken.
+
+    It may differ in lens, size and field of view. Pixels outside the original picture are black, with depth 0.
+
+    Args:
+        eye: the camera whose picture is wanted.
+        picture: taken by `camera`.
+        camera: as calibrated.
     """
     import cv2
 

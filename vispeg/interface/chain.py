@@ -82,7 +82,7 @@ class Chain:
 
     @classmethod
     def from_json(cls, entries: Mapping[str, Any]) -> Chain:
-        """Give the inverse of `to_json`. Raises UserError: an entry is missing, or is no such array."""
+        """Return the inverse of `to_json`. Raises UserError: an entry is missing, or is no such array."""
         k = len(entries["axis"]) if isinstance(entries, Mapping) and isinstance(entries.get("axis"), list) else 0
         shapes = {"turn": (k, 3, 3), "zero": (k,), "order": (k,), "end_turn": (3, 3), "end_pos": (3,)}
         arrays = {}

@@ -209,7 +209,7 @@ class Interface(_Part):
         return Chain.from_json(self.arm.chain)
 
     def flange(self, q: np.ndarray) -> np.ndarray:
-        """Give the flange pose (7,), m and w x y z in the base, at joint angles (nj,) rad."""
+        """Return the flange pose (7,), m and w x y z in the base, at joint angles (nj,) rad."""
         pos, turn, _, _ = self.chain.pose(q[None], 0 * q[None])
         return np.concatenate([pos[0], turn[0]])
 
@@ -225,7 +225,7 @@ class Interface(_Part):
         return tuple(out)
 
     def observer(self, n: int = 1) -> Observer:
-        """Give an observer of this arm. Raises NoInterface: actions that mean something of a task's own."""
+        """Return an observer of this arm. Raises NoInterface: actions that mean something of a task's own."""
         if self.law != OFFSET:
             raise NoInterface("actions of a task's own law", key="law", expected=OFFSET, got=self.law)
         size = sum(told.size for told in self.told)
@@ -237,7 +237,7 @@ class Interface(_Part):
 
 
 def read(text: str, file: Any) -> Interface:
-    """Give the interface that a file's metadata hold.
+    """Return the interface that a file's metadata hold.
 
     Raises:
         UserError: no JSON, or an entry that is missing or cannot be; names the file and the key.

@@ -128,7 +128,7 @@ class Body:
         self.action = [key for key, what in self.robot.action_features.items() if what is float]
 
     def said(self) -> dict[str, Any]:
-        """Give what it says of itself."""
+        """Return what it says of itself."""
         names = {"state": self.state, "cameras": self.cameras, "action": self.action}
         return {key: np.array(value, dtype=np.str_) for key, value in names.items()}
 
@@ -146,7 +146,7 @@ class Body:
 
 
 def said(error: Exception) -> dict[str, str]:
-    """Give what went wrong as a message."""
+    """Return what went wrong as a message."""
     return {"refused": str(error)} if isinstance(error, Refused) else {"error": f"{type(error).__name__}: {error}"}
 
 

@@ -77,8 +77,11 @@ class Observer:
         self.flange, self.turn, self.twist, self.jac = self.chain.pose(q, dq)
 
     def feel(self, recent: np.ndarray) -> None:
-        """Give the wrist's sensors read `recent` (k, n, 6), the last RECENT control periods: what the tool puts on
-        the flange, in its axes and about its origin. To be said after `see`.
+        """Store the wrenches of the wrists' sensors; call it after `see`.
+
+        Args:
+            recent: (k, n, 6) N and N m of the last control periods (`RECENT`): wrench of the tool on the flange, in the
+                flange's axes and about its origin, the tool's weight included.
         """
         wrench, turn = np.nan_to_num(recent.mean(axis=0)), self.turn
         self.wrench = np.concatenate([rotated(turn, wrench[:, :3]) - self.weight, rotated(turn, wrench[:, 3:])], axis=1)
@@ -93,7 +96,7 @@ class Observer:
         return self.flange + self.lever(self.turn) if self.turns else self.flange - [0, 0, self.length]
 
     def readings(self) -> np.ndarray:
-        """Give readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of
+        """Return readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of
         the joints, place and velocity of the tool's tip in the base, force and torque at the flange.
         """
         return np.concatenate([self.measured[0], self.tip(), self.twist[:, :3], self.wrench], axis=1)
@@ -127,7 +130,7 @@ class Observer:
         return held, rot
 
     def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
-        """Give the action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by`
+        """Return the action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by`
         undone.
         """
         motion = np.zeros((self.n, 6))

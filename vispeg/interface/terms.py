@@ -109,5 +109,5 @@ def scaled(
 
 
 def told(stack: Stack) -> np.ndarray:
-    """Give the part POLICY of an observation: (n, depth size) float32 within +-LIMIT."""
+    """Return the part POLICY of an observation: (n, depth size) float32 within +-LIMIT."""
     return np.clip(stack.flat(), -LIMIT, LIMIT).astype(np.float32)

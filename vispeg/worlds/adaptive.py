@@ -38,7 +38,7 @@ class Schedule:
             raise UserError("not a schedule", key="points", expected=expected, got=self.points)
 
     def __call__(self, progress: float) -> float:
-        """Give the level (0 to 1) at this share of training."""
+        """Return the level (0 to 1) at this share of training."""
         x, y = np.array(self.points, float).T
         return float(np.interp(progress, x, y))
 

@@ -25,7 +25,7 @@ class Uniform:
         _ordered(self.low, self.high)
 
     def at(self, u: float) -> float:
-        """Give the quantile at u in (0, 1)."""
+        """Return the quantile at u in (0, 1)."""
         return self.low + (self.high - self.low) * u
 
 
@@ -42,7 +42,7 @@ class LogUniform:
             raise UserError("a log_uniform range must be above 0", got=self.low)
 
     def at(self, u: float) -> float:
-        """Give the quantile at u in (0, 1)."""
+        """Return the quantile at u in (0, 1)."""
         return float(np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * u))
 
 
@@ -61,7 +61,7 @@ class Normal:
             raise UserError("a standard deviation below 0", got=self.sd)
 
     def at(self, u: float) -> float:
-        """Give the quantile at u in (0, 1)."""
+        """Return the quantile at u in (0, 1)."""
         if self.sd == 0:
             return min(max(self.mean, self.low), self.high)
         bell = NormalDist()
@@ -77,7 +77,7 @@ class Choice:
     values: tuple[float, ...]
 
     def at(self, u: float) -> float:
-        """Give the value at u in (0, 1)."""
+        """Return the value at u in (0, 1)."""
         return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
 
 
@@ -86,7 +86,7 @@ KINDS = ("uniform", "log_uniform", "normal", "choice")
 
 
 def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | Distribution:
-    """Give a number, or one of {uniform: [a, b]}, {log_uniform: [a, b]}, {normal: [mean, sd]}, {choice: [..]}.
+    """Return a number, or one of {uniform: [a, b]}, {log_uniform: [a, b]}, {normal: [mean, sd]}, {choice: [..]}.
 
     Raises:
         UserError: anything else, and ranges that invert.
@@ -116,7 +116,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
 
 
 def written(value: float | Distribution) -> Any:
-    """Give the inverse of `parse`, for YAML."""
+    """Return the inverse of `parse`, for YAML."""
     if isinstance(value, Uniform):
         return {"uniform": [value.low, value.high]}
     if isinstance(value, LogUniform):

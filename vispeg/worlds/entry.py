@@ -19,7 +19,7 @@ KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 
 
 def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
-    """Give the entry as a RandomizedEffect, every name, place, range and bound checked.
+    """Return the entry as a RandomizedEffect, every name, place, range and bound checked.
 
     A parameter called `seed` that is not given is drawn from all its values.
 
@@ -70,7 +70,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
 
 
 def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
-    """Give the entry of a RandomizedEffect, for YAML and for hashing."""
+    """Return the entry of a RandomizedEffect, for YAML and for hashing."""
     out: dict[str, object] = {"effect": r.effect, "where": r.where}
     out["params"] = {name: written(value) for name, value in r.params.items()}
     out |= {"chance": r.chance} if r.chance != 1.0 else {}
@@ -79,7 +79,7 @@ def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
 
 
 def within(value: float | Distribution, param: Param) -> bool:
-    """Whether every value that may be drawn lies in the parameter's bounds (a normal is cut there: its mean)."""
+    """Return whether every value that may be drawn lies in the parameter's bounds (a normal is cut there: its mean)."""
     ends: tuple[float, ...]
     match value:
         case Uniform(low, high) | LogUniform(low, high):
@@ -94,7 +94,7 @@ def within(value: float | Distribution, param: Param) -> bool:
 
 
 def ranged_value(kind: Effect, name: Any, raw: Any, file: str | Path, key: str) -> float | Distribution:
-    """Give a parameter's number or distribution as a file states it, inside the parameter's bounds.
+    """Return a parameter's number or distribution as a file states it, inside the parameter's bounds.
 
     Raises:
         UserError: no such parameter, no distribution, or values out of bounds; names file and key.

@@ -62,7 +62,7 @@ class Identified:
 
 
 def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
-    """Give a range for each effect of a model: normal about the fitted value.
+    """Return a range for each effect of a model: normal about the fitted value.
 
     The standard deviation is the root of (sd * that of the interval)^2 + (widen * distance from null)^2; a shape, which
     has no null, counts from 0. A value for which both are nothing is the same in every episode: its range's source says
@@ -89,7 +89,7 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 
 
 def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
-    """Give the effects that a measurement became."""
+    """Return the effects that a measurement became."""
     path = stated.file
     measurement = load_measurement(path)
     if measurement.robot not in (None, robot):
@@ -110,7 +110,7 @@ def without_interval(placed: EffectInstance) -> list[str]:
 
 
 def constant(placed: EffectInstance, names: Sequence[str]) -> str:
-    """Give a sentence on values without an interval, and how to give them one."""
+    """Return a sentence on values without an interval, and how to give them one."""
     return (
         f"{placed.label} has no interval for {', '.join(names)}: the same in every episode of a world; `low` and "
         "`high` in the file vary it, or `model: {file, widen: 0.3}` by a share of what is not 0"

@@ -112,7 +112,7 @@ class Measurement:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def result(self, name: str) -> Quantity:
-        """Give the number of that name. Raises UserError where there is none."""
+        """Return the number of that name. Raises UserError where there is none."""
         for quantity in self.results:
             if quantity.quantity == name:
                 return quantity
@@ -131,7 +131,7 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_measurement(path: str | Path) -> Measurement:
-    """Give a measurement file.
+    """Return a measurement file.
 
     Raises:
         UserError: unreadable, another format, or a number, unit, place or key that cannot be; names file and key.
@@ -159,13 +159,13 @@ def load_measurement(path: str | Path) -> Measurement:
 
 
 def is_measurement(path: str | Path) -> bool:
-    """Whether a YAML file says that it is a measurement. Raises UserError where it cannot be read."""
+    """Return whether a YAML file says that it is a measurement. Raises UserError where it cannot be read."""
     data = read_yaml(path)
     return isinstance(data, dict) and data.get("format") == FORMAT
 
 
 def measurement_text(measurement: Measurement) -> str:
-    """Give the file; `load_measurement` of it gives the measurement back."""
+    """Return the file; `load_measurement` of it gives the measurement back."""
     return yaml.dump(measurement_data(measurement), Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
 
 

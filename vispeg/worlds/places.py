@@ -52,7 +52,7 @@ def instances(kind: Effect, where: str, model: Any) -> list[str]:
 
 
 def acts_on(where: str, names: Iterable[str]) -> bool:
-    """Whether an effect at `where` acts on any of these targets."""
+    """Return whether an effect at `where` acts on any of these targets."""
     return where in MANY or where in names
 
 

@@ -44,7 +44,7 @@ class RandomizedEffect:
         return f"{self.effect}({self.where})"
 
     def draw(self, seed: int, where: str, level: float = 1.0) -> EffectInstance | None:
-        """Give the effect at `where` for one seed; None where this episode does without it.
+        """Return the effect at `where` for one seed; None where this episode does without it.
 
         Args:
             seed: of the episode.
@@ -114,7 +114,7 @@ class RandomizedWorld:
         return self.base.add(*drawn)
 
     def only(self, wanted: Callable[[EffectInstance | RandomizedEffect], bool]) -> RandomizedWorld:
-        """Give this world with the wanted effects and ranges alone."""
+        """Return this world with the wanted effects and ranges alone."""
         return replace(self, ranges=tuple(filter(wanted, self.ranges)), base=self.base.only(wanted))
 
     @property

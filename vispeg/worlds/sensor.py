@@ -24,14 +24,14 @@ def sensors() -> list[str]:
 
 
 def sensor_file(name: str) -> Path:
-    """Give the file of a sensor. Raises UserError that lists the names."""
+    """Return the file of a sensor. Raises UserError that lists the names."""
     if name not in sensors():
         raise UserError("unknown sensor", got=name, choices=sensors())
     return PRESETS / f"{name}.yaml"
 
 
 def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
-    """Give the ranges of a sensor, to be added to a World's.
+    """Return the ranges of a sensor, to be added to a World's.
 
     Args:
         name: one of `sensors()`.

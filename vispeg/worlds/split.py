@@ -22,7 +22,7 @@ def of_arm(world: AnyWorld) -> AnyWorld:
 
 
 def physical(world: AnyWorld) -> AnyWorld:
-    """Give the world without what is only seen."""
+    """Return the world without what is only seen."""
     return world.only(lambda e: effect(e.effect).family not in OPTICAL)
 
 

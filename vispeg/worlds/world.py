@@ -59,11 +59,11 @@ class World:
         return f"<World: {', '.join(filter(None, [self.robot, *beside, *map(repr, self.effects)]))}>"
 
     def without(self, effect: str, where: str) -> World:
-        """Give this world without one effect."""
+        """Return this world without one effect."""
         return self.only(lambda e: (e.effect, e.where) != (effect, where))
 
     def only(self, wanted: Callable[[EffectInstance], bool]) -> World:
-        """Give this world with the wanted effects alone."""
+        """Return this world with the wanted effects alone."""
         return replace(self, effects=tuple(filter(wanted, self.effects)))
 
     @property
