@@ -157,7 +157,7 @@ def _pictures() -> Iterator[Finding]:
     osmesa = probe("osmesa")
     fix = "sudo apt-get install -y libosmesa6, then MUJOCO_GL=osmesa" + ("; not needed where EGL draws" * egl.ok)
     yield Finding("pictures (osmesa)", osmesa.ok, osmesa.detail, fix=fix)
-    use = "works everywhere; plain colours, no textures" + ("" if egl.ok or osmesa.ok else ": what is used here")
+    use = "works everywhere; no shadows, no highlights" + ("" if egl.ok or osmesa.ok else ": what is used here")
     yield Finding("pictures (raycast)", True, use)
     yield _vulkan()
 

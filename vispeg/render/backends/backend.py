@@ -71,7 +71,7 @@ class Renderer:
         model: a Scene, or a compiled model, which is copied. In a Scene's model each camera gets a row of the `cam_*`
             fields, which camera effects need.
         cameras: the cameras to render; `place` changes them.
-        backend: `classic` (OpenGL), `raycast` (no graphics driver, plain colours), `filament` (Vulkan, physically
+        backend: `classic` (OpenGL), `raycast` (no graphics driver, no shadows), `filament` (Vulkan, physically
             based) or `auto`: classic if it works here, else ray casting with a warning.
         labels: whether shots carry segmentation, normals and poses.
         shadows: whether lights with `light_castshadow` cast shadows, at extra cost.
@@ -271,5 +271,5 @@ def open_backend(name: BackendName, model: mujoco.MjModel, width: int, height: i
     except UserError as error:
         if name == "classic":
             raise
-        note(f"pictures by ray casting, with plain colours: {error}")
+        note(f"pictures by ray casting, without shadows and highlights: {error}")
         return Raycast(model)
