@@ -23,7 +23,7 @@ class Page(io.StringIO):
         return sys.__stdout__ is not None and sys.__stdout__.isatty()
 
     @property
-    def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]  # read alone
         """Encoding of standard output; the parser draws frames only in UTF-8."""
         return getattr(sys.__stdout__, "encoding", "ascii")
 

@@ -144,7 +144,7 @@ def _match(left: np.ndarray, right: np.ndarray, span: int, window: int) -> np.nd
     import cv2
 
     block = max(1, window | 1)
-    matcher = cv2.StereoSGBM_create(  # pyright: ignore[reportAttributeAccessIssue]
+    matcher = cv2.StereoSGBM_create(  # pyright: ignore[reportAttributeAccessIssue]  # not declared by cv2
         minDisparity=0,
         numDisparities=span,
         blockSize=block,

@@ -47,7 +47,7 @@ def write_json(path: Path, record: Mapping[str, object]) -> None:
 def _write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     # arrays of the next motion stay float64: the difference of two similar predictions must not be rounding error
     named = {k: v if k.startswith("next/") else _compact(v) for k, v in arrays.items()}
-    np.savez_compressed(path, **named)  # pyright: ignore[reportArgumentType]
+    np.savez_compressed(path, **named)  # pyright: ignore[reportArgumentType]  # no array is called allow_pickle
 
 
 def _write_motion(folder: Path, arrays: Mapping[str, np.ndarray]) -> None:

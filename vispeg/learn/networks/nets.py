@@ -106,7 +106,7 @@ def random_shift(x: Tensor, pixels: int, groups: int = 16) -> Tensor:
 def soft_update(target: nn.Module, source: nn.Module, tau: float) -> None:
     """Set target <- (1 - tau) target + tau source, for all parameters at once."""
     with torch.no_grad():
-        torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
+        torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]  # torch has it in no other place
             list(target.parameters()), list(source.parameters()), tau
         )
 
