@@ -136,7 +136,7 @@ def test_a_fit_killed_anywhere_ends_as_if_it_had_not_been(vispeg, rigs, tmp_path
         patched.setattr(Trace, "point", counted)
         code, _, err = vispeg(*args, "--out", "f")
     assert code == 130 and not (tmp_path / "f").exists()
-    assert "this goes on: vispeg fit" in err and err.endswith("--out f --resume\n")
+    assert "to continue: vispeg fit" in err and err.endswith("--out f --resume\n")
     assert vispeg(*args, "--out", "f", "--resume")[0] == 0
     one, two = fitted(tmp_path / "f"), fitted(tmp_path / "whole")
     assert {k: v for k, v in one.items() if k != "provenance"} == {k: v for k, v in two.items() if k != "provenance"}

@@ -182,7 +182,7 @@ def test_an_interrupt_says_what_goes_on_and_ends_the_workers_at_once(tmp_path, m
     os.killpg(running.pid, number) if number == signal.SIGINT else running.send_signal(number)
     said = running.communicate(timeout=20)[1].decode().strip().splitlines()
     assert running.returncode == 128 + number
-    assert said[-1] == f"vispeg: interrupted; this goes on: vispeg {command}"
+    assert said[-1] == f"vispeg: interrupted; to continue: vispeg {command}"
     assert not [line for line in said if "Traceback" in line]
     assert _alone(running.pid), "workers are still there"
 

@@ -139,7 +139,7 @@ def test_version(capsys):
         ("well", 0, ""),
         ("three", 3, ""),
         ("usererror", 2, "vispeg: error: f.yaml: two lines; got 1\n"),
-        ("interrupt", 130, "vispeg: interrupted; this begins anew: vispeg fake --how interrupt\n"),
+        ("interrupt", 130, "vispeg: interrupted; to begin again: vispeg fake --how interrupt\n"),
     ],
 )
 def test_exit_codes(fake, capsys, how, code, said):

@@ -1,4 +1,4 @@
-"""Calibrate a camera, or find its place; show camera files.
+"""Calibrate a camera, find its pose, or show camera files.
 
 Example:
     vispeg camera calibrate images --pattern 9x6 --square 0.0236 --poses images/poses.csv --out wrist
@@ -17,7 +17,7 @@ from vispeg.cli.command import REQUIRED, Call, Option, command
 def calibrate(call: Call, out: Path, overwrite: bool = False) -> None:
     """Calibrate a camera from images of a chessboard, a ChArUco board or a tag.
 
-    With --poses also its pose on the flange (board at rest) or on the base (board on the flange).
+    With --poses, also find its pose on the flange (board at rest) or on the base (board on the flange).
     Writes OUT/camera.yaml, OUT/results.json and a picture of each image's corners. Intervals are 95 %.
 
     Example:
@@ -33,11 +33,12 @@ def calibrate(call: Call, out: Path, overwrite: bool = False) -> None:
 
 @command("vispeg.api.camera_place:place_camera", "table")
 def place(call: Call, out: Path, overwrite: bool = False) -> None:
-    """Find where a camera is from robot poses and a tag's poses in the camera (hand-eye calibration).
+    """Find a camera's pose from robot poses and a tag's poses in the camera (hand-eye calibration).
 
-    A row a picture: the flange's pose on the base (flange_x .. flange_qz) or the joint angles (with --robot), and the
-    tag's pose in the camera (tag_x .. tag_qz). Turns may be qw qx qy qz, rx ry rz or roll pitch yaw; units stand in the
-    header, or the data decide. Writes OUT/results.json and, with --intrinsics, OUT/camera.yaml. Intervals are 95 %.
+    TABLE has one row per picture: the flange's pose on the base (flange_x .. flange_qz) or the joint angles (with
+    --robot), and the tag's pose in the camera (tag_x .. tag_qz). Orientations may be qw qx qy qz, rx ry rz, or roll
+    pitch yaw. Units are given in the header, or inferred from the data. Writes OUT/results.json and, with --intrinsics,
+    OUT/camera.yaml. Intervals are 95 %.
 
     Example:
         vispeg camera place tags.csv --robot iiwa14 --out wrist

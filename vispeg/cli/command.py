@@ -1,4 +1,4 @@
-"""A command: the function of `vispeg.api` that it calls, whose parameters are its options, and how it shows the result.
+"""Make commands from functions of `vispeg.api`: the parameters of the function are the options of the command.
 
     @command("vispeg.api.policies:tune", "policy", out=Option(default=REQUIRED), settings=None)
     def tune(call: Call, films: int = 0) -> None:
@@ -12,8 +12,8 @@
         call.give(call(say=call.output.line))
 
 `vispeg tune POLICY --out OUT` then has the options of `vispeg.api.policies.tune`, with the defaults and the words of
-its signature and docstring, and those of the command's own parameters (`--films`). What the command line cannot say,
-such as a callback, is no option.
+its signature and docstring, and those of the command's own parameters (`--films`). A parameter that the command line
+cannot express, such as a callback, gets no option.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ ARGS = re.compile(r"\n\s*Args:\n.*\Z", re.DOTALL)
 
 @dataclass(frozen=True)
 class Option:
-    """How an option differs from the parameter that it is.
+    """Differences between an option and the parameter that it sets.
 
     Attributes:
-        name: of the option, where it is another than the parameter's.
-        default: REQUIRED, or another one than in Python.
-        repeats: whether the option stands before each of its values.
-        group: heading of the option in help.
+        name: name of the option; "" for that of the parameter.
+        default: REQUIRED, or another default than in Python.
+        repeats: whether the option is repeated for each of its values.
+        group: heading above the option in the help text.
     """
 
     name: str = ""
@@ -59,7 +59,7 @@ class Option:
     group: str = ""
 
 
-TOLERANCE = Option(FLAG.removeprefix("--"))  # what a task calls it
+TOLERANCE = Option(FLAG.removeprefix("--"))  # the task's tolerance is called clearance on the command line
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ class Command:
     """A command, see `command`.
 
     Attributes:
-        place: MODULE:FUNCTION of the command itself.
-        functions: of what it calls; the parameters of all are its options.
-        positional: the parameters that are positional arguments, in order.
-        special: parameter -> its option, where it differs; None where there is none.
+        place: MODULE:FUNCTION of the function that shows the result.
+        functions: MODULE:NAME of the functions and dataclasses whose parameters are its options; the first is called.
+        positional: names of the parameters that are positional arguments, in order.
+        special: parameter -> its option if that differs from the default, or None for no option.
     """
 
     place: str
@@ -80,16 +80,16 @@ class Command:
 
     @property
     def name(self) -> str:
-        """Name of the function."""
+        """Name of the function that shows the result."""
         return self.place.partition(":")[2]
 
     @property
     def help(self) -> str:
-        """What is printed above the options."""
+        """The help text above the options."""
         return ARGS.sub("", doc(self.place))
 
     def taken(self) -> dict[str, tuple[Parameter, Option, Any]]:
-        """Give parameter -> itself, its option, and the type of the values, of all that are options."""
+        """Return name -> (parameter, option, type of the value) for all parameters that are options."""
         own = {k: v for k, v in parameters(self.place).items() if k != "call"}
         called: dict[str, Parameter] = {}
         for place in self.functions:
@@ -105,12 +105,12 @@ class Command:
         return {name: found[name] for name in dict.fromkeys([*first, *found])}
 
     def word(self, name: str) -> str:
-        """Return a parameter as written on the command line: --name, or NAME if it is positional."""
+        """Return a parameter as written on the command line: --name, or NAME if positional."""
         word = (self.special.get(name) or Option()).name or name
         return word.upper() if name in self.positional else f"--{word.replace('_', '-')}"
 
     def run(self, args: Any) -> int:
-        """Run it with what `form` has read."""
+        """Run the command with the arguments read by `form`; return the exit code."""
         values, taken = dict(_flat(args)), self.taken()
         given = {name: values[_field(name, option)] for name, (_, option, _) in taken.items()}
         changed = [self.word(name) for name, what in taken.items() if given[name] != _default(*what)]
@@ -124,25 +124,25 @@ class Command:
 
 
 class Call:
-    """The function of a command, with the arguments that were typed.
+    """The function of a command, with the arguments from the command line.
 
     Attributes:
-        given: parameter of the function -> value; also attributes.
-        output: how results and progress are shown.
-        changed: the arguments that are not the default, as they stand on the command line.
+        given: parameter of the function -> value; each is also an attribute of this object.
+        output: the form in which results and progress are shown.
+        changed: the arguments that differ from their default, as written on the command line.
     """
 
     def __init__(self, functions: Sequence[str], given: Mapping[str, Any], output: Output, changed: Sequence[str]):
         self._functions, self.given, self.output, self.changed = functions, given, output, changed
 
     def __call__(self, **more: Any) -> Any:
-        """Call it, with more or other arguments than were typed."""
+        """Call the function; `more` adds or replaces arguments."""
         place = self._functions[0]
         module, _, function = place.partition(":")
         return getattr(importlib.import_module(module), function)(**{**self.given_to(place), **more})
 
     def given_to(self, place: str) -> dict[str, Any]:
-        """Give the arguments that were typed for one of several functions, MODULE:FUNCTION."""
+        """Return the arguments from the command line for one of several functions, MODULE:FUNCTION."""
         return {key: value for key, value in self.given.items() if key in parameters(place)}
 
     def __getattr__(self, name: str) -> Any:
@@ -152,7 +152,7 @@ class Call:
             raise AttributeError(name) from None
 
     def saved(self, out: Path, overwrite: bool, holds: str, inputs: Iterable[Any] = (), **more: Any) -> Any:
-        """Call it and save the result in a folder, which is refused or reserved before anything is worked out."""
+        """Check and reserve the folder `out`, call the function, and save the result there."""
         from vispeg.core.files import reserved
 
         with reserved(out, overwrite, holds=holds, inputs=tuple(inputs)):
@@ -161,20 +161,20 @@ class Call:
         return result
 
     def give(self, result: Any, *lines: str | Block) -> None:
-        """Print a result with a record and a summary, and more lines."""
+        """Print a result's record (JSON) or its summary and further lines (text)."""
         self.output.give(result.record, [*result.summary, *lines])
 
 
 def command(
     function: str = "", /, *positional: str, also: Any = (), **special: Option | None
 ) -> Callable[[Callable[..., Any]], Any]:
-    """Make a command of the function that shows its result, whose own parameters are options too.
+    """Make a command from the decorated function, which shows the result; its own parameters are options too.
 
     Args:
-        function: MODULE:FUNCTION of `vispeg.api`, whose parameters are its options.
-        positional: the parameters that are positional arguments.
+        function: MODULE:FUNCTION that the command calls, whose parameters are options.
+        positional: names of the parameters that are positional arguments, in order.
         also: MODULE:NAME of other functions or dataclasses whose parameters are options.
-        special: parameters whose option is another one, or None for those that are none.
+        special: parameter -> its option if that differs from the default, or None for no option.
     """
 
     functions = [*filter(None, [function]), *also]
@@ -187,12 +187,12 @@ def command(
 
 
 def under(group: str, *names: str) -> dict[str, Option]:
-    """Give options that stand under a heading of their own in help."""
+    """Return options for these parameters, under a common heading in the help text."""
     return dict.fromkeys(names, Option(group=group))
 
 
 def found(place: str) -> Command | dict[str, Command]:
-    """Give the command at MODULE:FUNCTION; of a module, its commands by name, which are sub-commands."""
+    """Return the command at MODULE:FUNCTION; for MODULE, its sub-commands by name."""
     module, _, name = place.partition(":")
     there = vars(importlib.import_module(module))
     if name:
@@ -201,7 +201,7 @@ def found(place: str) -> Command | dict[str, Command]:
 
 
 def leaves() -> dict[str, Command]:
-    """Give every command that the parser reads, `camera show` where it has sub-commands."""
+    """Return all commands by name; a sub-command's name has two words, as in `camera show`."""
     out = {}
     for name, place in COMMANDS.items():
         if name != "doctor":
@@ -212,7 +212,7 @@ def leaves() -> dict[str, Command]:
 
 @cache
 def form(command: Command) -> type[Any]:
-    """Give a dataclass whose fields are what the parser reads."""
+    """Return a dataclass from whose fields tyro makes the parser of a command."""
     import tyro
 
     groups: dict[str, list[Any]] = {"": []}
@@ -227,7 +227,7 @@ def form(command: Command) -> type[Any]:
             hint = tyro.conf.UseAppendAction[hint]
         key = _field(name, option)
         about = NAMED_IN.sub(lambda m: command.word(m[1]) if m[1] in taken else m[0], parameter.help)
-        if re.split("[^a-z0-9-]", about)[0] not in choices(kind):  # `auto: ...` stays
+        if re.split("[^a-z0-9-]", about)[0] not in choices(kind):  # a value such as `auto: ...` keeps its case
             about = about[:1].upper() + about[1:]
         word = metavar(key, kind, positional, default)
         words = tyro.conf.arg(help=about, metavar=word, help_behavior_hint=default_shown(default))
@@ -243,9 +243,10 @@ def form(command: Command) -> type[Any]:
 
 
 def typed(hint: Any, name: str) -> Any:
-    """Give the type of an option's values, from that of a parameter; None where the command line cannot give one.
+    """Return the type of an option's value from a parameter's type; None if the command line cannot express it.
 
-    A sequence is a tuple, pairs are texts NAME=VALUE; of text and path it is a path, except for what has names.
+    A sequence becomes a tuple, a mapping a tuple of texts NAME=VALUE. Text or path becomes a path, except for options
+    whose values have names.
     """
     parts = [*_members(hint)]
     if _pairs(hint) is not None:
@@ -263,7 +264,11 @@ def typed(hint: Any, name: str) -> Any:
 
 
 def paired(texts: Iterable[str] | None, key: str, number: bool) -> dict[str, Any] | None:
-    """Give a dictionary of `NAME=VALUE` texts. Raises UserError for others, and for a name given twice."""
+    """Parse texts `NAME=VALUE` into a dictionary; None if empty.
+
+    Raises:
+        UserError: a text of another form, a name given twice, or, if `number`, a value that is no number.
+    """
     from vispeg.core.errors import UserError
 
     out: dict[str, Any] = {}
@@ -280,7 +285,7 @@ def paired(texts: Iterable[str] | None, key: str, number: bool) -> dict[str, Any
 
 
 def _pairs(hint: Any) -> bool | None:
-    """Whether a mapping of names has numbers for values; None for what is no mapping of names to text or numbers."""
+    """Return whether the values of a mapping type are numbers; None if it is no mapping to text or numbers."""
     for part in _members(hint):
         if get_origin(part) is Mapping and get_args(part)[1] in (str, float):
             return get_args(part)[1] is float
@@ -288,7 +293,7 @@ def _pairs(hint: Any) -> bool | None:
 
 
 def _members(hint: Any) -> Iterable[Any]:
-    """Yield the types that a union is of."""
+    """Yield the members of a union type, or the type itself."""
     if get_origin(hint) in (Union, UnionType):
         for part in get_args(hint):
             yield from _members(part)
@@ -307,7 +312,7 @@ def _field(name: str, option: Option) -> str:
 
 
 def _flat(args: Any) -> Iterable[tuple[str, Any]]:
-    """Yield the fields of a form, those of its groups in their place."""
+    """Yield (name, value) of the fields of a form, including those in its groups."""
     for each in fields(args):
         value = getattr(args, each.name)
         if is_dataclass(value) and each.name != "output":

@@ -1,4 +1,4 @@
-"""`vispeg completion`: what may follow each command and option, as cases of the shell."""
+"""`vispeg completion`: completion scripts for shells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.cli.overview import COMMANDS
 
 FILES = "<files>"  # stands for files and folders
 COMMON = {"--help": (), "--json": (), "--quiet": ()}
-Words = Mapping[str, Sequence[str]]  # option ("" for what is positional) -> what may follow it
+Words = Mapping[str, Sequence[str]]  # option ("" for positional arguments) -> words that may follow
 
 
 @command("", "shell")
@@ -35,7 +35,7 @@ def completion(call: Call, shell: Literal["bash", "zsh", "fish"]) -> None:
 
 
 def words() -> dict[str, Words]:
-    """Command (`camera show` where it has sub-commands) -> its options with what may follow each."""
+    """Return command (two words for a sub-command, as in `camera show`) -> option -> words that may follow."""
     table: dict[str, Words] = {"": {"": list(COMMANDS)}, "doctor": COMMON}
     for name, each in leaves().items():
         group, _, below = name.partition(" ")
@@ -49,7 +49,7 @@ def words() -> dict[str, Words]:
 
 
 def script(shell: Literal["bash", "zsh", "fish"]) -> str:
-    """Give the script for a shell; zsh runs the one for bash."""
+    """Return the script for a shell; zsh runs the one for bash."""
     rows = words()
     if shell == "fish":
         return _fish(rows)

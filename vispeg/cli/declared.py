@@ -1,6 +1,6 @@
-"""The parameters of a function, read from its source: to import what it needs takes seconds, which help must not.
+"""Read the parameters of a function from its source, because importing its dependencies would take seconds.
 
-Types and defaults are those that the function has when it is imported; `tests/cli/test_declarations.py` holds that.
+Types and defaults equal those of the imported function; `tests/cli/test_declarations.py` checks this.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 
 from docstring_parser.google import parse
 
-PLAIN = ("typing", "collections.abc", "pathlib")  # whose names are types by themselves
-SAME = re.compile(r"(?:as )?(?:in|for) `(\w+\.[\w.]+)`\.?")  # a docstring's pointer to another function's
+PLAIN = ("typing", "collections.abc", "pathlib")  # modules from which types are imported for evaluation
+SAME = re.compile(r"(?:as )?(?:in|for) `(\w+\.[\w.]+)`\.?")  # a docstring's reference to another function
 
 
 class Unknown:
-    """Stands for a type that no argument of a command can have."""
+    """Stand for a type that no argument of a command can have."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,10 @@ class Parameter:
     """A parameter of a function.
 
     Attributes:
-        hint: its type, in which `Unknown` stands for each class of this or another package.
-        default: MISSING where it is required, `Unknown` where it is no plain value.
-        help: what the docstring says of it.
+        name: name of the parameter.
+        hint: its type, with `Unknown` in place of classes of this or other packages.
+        default: its default; MISSING if required, `Unknown` if it cannot be evaluated.
+        help: its description in the docstring.
     """
 
     name: str
@@ -44,7 +45,7 @@ class Parameter:
 
 @cache
 def parameters(place: str) -> dict[str, Parameter]:
-    """Give name -> parameter of a function or of a dataclass at a place, MODULE:NAME."""
+    """Return name -> parameter of the function or dataclass at MODULE:NAME."""
     module, _, name = place.partition(":")
     body = _tree(module).body
     node = next(n for n in body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name)
@@ -77,19 +78,19 @@ def _tree(module: str) -> ast.Module:
 
 
 def _file(module: str) -> Path:
-    """Give the file of a module or package, without importing the packages that it is in."""
+    """Return the file of a module or package, without importing its parent packages."""
     top, *below = module.split(".")
     spec = importlib.util.find_spec(top)
     assert spec is not None and spec.origin is not None, module
     if not below:
         return Path(spec.origin)
     path = Path(spec.origin).parent.joinpath(*below)
-    package = path / "__init__.py"  # a folder alone may be what an older version has left
+    package = path / "__init__.py"  # a folder without this file may be left over from an older version
     return package if package.is_file() else path.with_suffix(".py")
 
 
 def _said(text: str) -> dict[str, str]:
-    """Give parameter -> what a docstring says of it, there or where it points to."""
+    """Return parameter -> its description in a docstring, or in the docstring that it refers to."""
     found = {}
     for entry in parse(text).params:
         about = " ".join((entry.description or "").split())
@@ -101,7 +102,7 @@ def _said(text: str) -> dict[str, str]:
 
 
 def _place(name: str) -> str:
-    """Give MODULE:FUNCTION of a dotted name, of the public face too."""
+    """Return MODULE:FUNCTION for a dotted name, including names such as `vispeg.NAME`."""
     module, _, function = name.rpartition(".")
     if module == "vispeg":
         from vispeg import _PLACES
@@ -111,16 +112,18 @@ def _place(name: str) -> str:
 
 
 class _Names(dict[str, Any]):
-    """Names bound in a module, resolved without importing it."""
+    """The names bound in a module, resolved without importing it."""
 
     def __init__(self, module: str):
         super().__init__()
         self.module = module
 
     def evaluated(self, node: ast.expr) -> Any:
-        """Give the value of an expression; `Unknown` where it has a part that is none."""
+        """Return the value of an expression; `Unknown` if it cannot be evaluated."""
         try:
-            value = eval(compile(ast.Expression(node), self.module, "eval"), {}, self)  # of this package's own source
+            value = eval(
+                compile(ast.Expression(node), self.module, "eval"), {}, self
+            )  # safe, as it is this package's source
             return Unknown if isinstance(value, Unknown) else value
         except (TypeError, AttributeError):
             return Unknown
@@ -139,7 +142,7 @@ class _Names(dict[str, Any]):
 
 
 class _Module:
-    """Stands for a module of this package in an expression."""
+    """Stand for a module of this package in an expression."""
 
     def __init__(self, module: str):
         self._names = _Names(module)
@@ -158,6 +161,6 @@ def _imported(module: str, name: str) -> Any:
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.stmt]:
-    """Yield the statements of a module, those below `if TYPE_CHECKING` too."""
+    """Yield the statements of a module, including those under `if TYPE_CHECKING`."""
     for node in tree.body:
         yield from node.body if isinstance(node, ast.If) else [node]

@@ -1,4 +1,4 @@
-"""`vispeg demo`: the main job on bundled recordings."""
+"""`vispeg demo`: compare and diagnose a model with bundled recordings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def demo(call: Call, out: Path = Path("vispeg-demo"), overwrite: bool = False) -
     """Run the main job on bundled recordings, in about three minutes.
 
     Compares the nominal model with recordings of a simulated robot, names the effects that it hides, and writes a
-    report. Then renders a contact sheet of the randomized task as its cameras deliver it.
+    report. Then renders a contact sheet of the randomized task as its cameras see it.
 
     Example:
         vispeg demo

@@ -1,4 +1,4 @@
-"""Checks this machine: what is missing, and how to get it.
+"""Check this machine: what is missing, and how to get it.
 
 Exit code 0: recordings can be checked, fitted and diagnosed here. Pictures,
 logs, training and videos are extras.
@@ -19,9 +19,9 @@ from vispeg.core.errors import UserError
 
 
 def doctor(argv: Sequence[str]) -> int:
-    """Print the findings; 0 if nothing that the base needs is missing, else 1.
+    """Print the findings; return 0 if nothing that the base needs is missing, else 1.
 
-    The arguments are read without the package that reads those of other commands: it may be what is missing.
+    The arguments are parsed by argparse, because the parser of the other commands may itself be missing.
     """
     form = argparse.RawDescriptionHelpFormatter
     parser = _Parser("vispeg doctor", description=__doc__, formatter_class=form, allow_abbrev=False)

@@ -1,4 +1,4 @@
-"""What `--help` prints: the parser's text, in which description and usage are wrapped at the terminal's width."""
+"""Format the text of `--help`: the parser's text, with description and usage wrapped to the terminal's width."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import sys
 import textwrap
 from itertools import groupby
 
-MARK = "@description@"  # what the parser gets as the description, whose lines it would not break
-WIDEST = 100  # columns of prose
-STYLE = re.compile(r"\x1b\[\d*m")  # a terminal's codes, which would count as columns
+MARK = "@description@"  # placeholder for the description, which the parser would not wrap
+WIDEST = 100  # most columns of prose
+STYLE = re.compile(r"\x1b\[\d*m")  # terminal codes, removed because they would count as columns
 
 
 class Page(io.StringIO):
-    """Takes what the parser prints; the parser asks it what standard output can show."""
+    """Collect what the parser prints, with the terminal properties of standard output."""
 
     def isatty(self) -> bool:
-        """Whether standard output is a terminal, where the parser uses colours."""
+        """Return whether standard output is a terminal; then the parser uses colours."""
         return sys.__stdout__ is not None and sys.__stdout__.isatty()
 
     @property
@@ -29,7 +29,7 @@ class Page(io.StringIO):
 
 
 def laid_out(page: str, description: str) -> str:
-    """Give the parser's text with the description in place of the mark; only examples are wider than the terminal."""
+    """Return the parser's text with the description in place of MARK, wrapped to the terminal except for examples."""
     columns = shutil.get_terminal_size().columns
     usage, mark, rest = page.partition(MARK)
     if not mark:
@@ -39,7 +39,7 @@ def laid_out(page: str, description: str) -> str:
 
 
 def wrapped(text: str, columns: int) -> str:
-    """Give a docstring whose paragraphs are wrapped; indented lines, such as commands, stay as they are."""
+    """Wrap the paragraphs of a docstring; indented lines, such as commands, stay unchanged."""
     lines = inspect.cleandoc(text).splitlines()
     groups = groupby(lines, lambda line: bool(line) and line[0] != " ")
     return "\n".join(_filled(" ".join(block), columns) if prose else "\n".join(block) for prose, block in groups)

@@ -19,7 +19,7 @@ OUT = Option(default=REQUIRED)
 
 
 def played(call: Call, **more: Any) -> Any:
-    """Call the function with a bar for each policy."""
+    """Call the command's function with a progress bar for its episodes."""
     from vispeg.cli.progress import playing
 
     return call(playing=lambda jobs, folder: playing(jobs, folder, call.output.quiet), **more)
@@ -33,7 +33,7 @@ def _task(call: Call, who: Iterable[Any], tolerance: float | None) -> Mapping[st
 
 
 def _judged(call: Call, tolerance: float | None) -> None:
-    """Play what is missing, write the folder, print the result and where its page is."""
+    """Call the function with the task's tolerance; print the result and the path of its page."""
     from vispeg.evaluation.entrants import entrants
 
     result = played(call, task=_task(call, entrants(call.policies), tolerance))
@@ -51,13 +51,12 @@ def _judged(call: Call, tolerance: float | None) -> None:
 def evaluate(call: Call, tolerance: float | None = None) -> None:
     """Evaluate policies in one world, with 95 % intervals.
 
-    A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted one), an .onnx
-    that says what its numbers mean (`vispeg export`), a policy of your own as MODULE:CLASS or MODULE:FUNCTION, a .zip
-    by Stable-Baselines3, or what LeRobot saved as lerobot:FOLDER. Where its actions are joints or metres, ?action=KIND
-    behind it says so (joint_goal, joint_delta, tip_goal, tip_delta). Several play the same seeds. Writes
-    OUT/evaluate.json, OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time, force, kinds of
-    failure, differences. OUT is evaluated/POLICIES-WORLD by default. A stopped run goes on when the command is
-    repeated.
+    A policy is a folder with policy.json and policy.safetensors, NAME=FOLDER, `expert` (the scripted policy), an .onnx
+    file by `vispeg export`, your own policy as MODULE:CLASS or MODULE:FUNCTION, a .zip by Stable-Baselines3, or
+    lerobot:FOLDER for a policy saved by LeRobot. If its actions are joint angles or metres, append ?action=KIND
+    (joint_goal, joint_delta, tip_goal, tip_delta). Several policies play the same seeds. Writes OUT/evaluate.json,
+    OUT/evaluate.html, OUT/episodes.jsonl and videos of failures: success, time, force, kinds of failure, differences.
+    OUT is evaluated/POLICIES-WORLD by default. Repeat the command to continue a stopped evaluation.
 
     Example:
         vispeg evaluate runs/{task}-state/20261121-0900_s0/checkpoints/best --world randomized --episodes 500
@@ -65,7 +64,7 @@ def evaluate(call: Call, tolerance: float | None = None) -> None:
         vispeg evaluate depth=runs/d/best rgb=runs/r/best --world S --controls shuffled frozen --workers 2 --out both
 
     Args:
-        tolerance: width of the goal less that of the part, mm; default: the world's.
+        tolerance: width of the goal minus that of the part, mm; default: the world's.
     """
     from vispeg.evaluation.entrants import entrants
     from vispeg.task.world_file import load_world
@@ -84,14 +83,14 @@ def perturb(call: Call, tolerance: float | None = None) -> None:
     """Test policies at hard positions, with and without pushes.
 
     A push is 20 to 60 N for 0.2 s. Writes OUT/perturb.json and OUT/perturb.html: success with its interval at each
-    position, and what the pushes cost.
+    position, and the loss of success due to pushes.
 
     Example:
         vispeg perturb runs/{task}-state/best --world randomized --episodes 40 --out pushed
         vispeg perturb runs/{task}-depth/best --positions my-positions.yaml --force 20 40 --out pushed
 
     Args:
-        tolerance: width of the goal less that of the part, mm; default: the world's.
+        tolerance: width of the goal minus that of the part, mm; default: the world's.
     """
     _judged(call, tolerance)
 
@@ -109,7 +108,7 @@ def exploit(call: Call, tolerance: float | None = None) -> None:
         vispeg exploit runs/{task}-state/best --world randomized --episodes 100 --out exploit
 
     Args:
-        tolerance: width of the goal less that of the part, mm; default: the world's.
+        tolerance: width of the goal minus that of the part, mm; default: the world's.
     """
     _judged(call, tolerance)
 
@@ -125,9 +124,9 @@ def sensitivity(call: Call) -> None:
     """Plot success over one parameter of one effect.
 
     SWEEP is focal-length, camera-shift, camera-turn, depth-noise, light, latency, image-latency, encoder-noise,
-    force-bias, force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... It may also be a model file of a
-    diagnosis: success without and with each of its effects; or a measurement: by how much success moves over its
-    interval. Effects on images need policies with cameras. Writes OUT/sensitivity.json and OUT/sensitivity.html.
+    force-bias, force-noise, friction, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,... It may also be a model file by
+    `vispeg diagnose`, to play without and with each of its effects, or a measurement file, to play over its interval.
+    Effects on images need policies with cameras. Writes OUT/sensitivity.json and OUT/sensitivity.html.
 
     Example:
         vispeg sensitivity runs/depth/best --world S --sweep focal-length --episodes 200 --out focal
@@ -144,14 +143,14 @@ def sensitivity(call: Call) -> None:
 def gap(call: Call) -> None:
     """Measure what policies lose in other worlds, factor by factor.
 
-    All policies play the same seeds. Losses count from the first world, the others are targets. The loss in a combined
+    All policies play the same seeds. The first world is the reference, the others are targets. The loss in a combined
     world (VNP combines V, N and P) is split into shares. Controls are played in the first and the last world; the blind
-    control is a policy of its own, of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
+    control is a separate policy of modality `proprio`. Writes OUT/gap.json, OUT/gap.html, OUT/episodes.jsonl.
 
-    A world that a policy was trained in is its home, and marked so. A policy that was trained with a part of a target
-    is refused without --fine-tuned. --measured adds a real robot's trials as a target: a folder of `vispeg run`, or a
-    CSV (policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or of an
-    earlier gap; films need the policies too.
+    A world that a policy was trained in is marked as its home. A policy that was trained with a part of a target is
+    refused without --fine-tuned. --measured adds a real robot's trials as a target: a folder by `vispeg run`, or a CSV
+    (policy, configuration, seed, outcome, category). --records reuses episodes of `vispeg evaluate` or `vispeg gap`;
+    videos then need the policies too.
 
     Example:
         vispeg gap runs/depth_s* runs/rgb_s* --worlds S V N P VNP --episodes 500 --workers 2 --out gap
@@ -178,11 +177,11 @@ def gap(call: Call) -> None:
 def explain(call: Call, tolerance: float | None = None) -> None:
     """Explain why trials of a policy fail on a robot.
 
-    Every trial's start is played again in simulation, by the policy and by the trial's own actions, over all that the
-    world draws. What the policy saw is exchanged for simulation's, one sense at a time, to see which moves its action.
-    Each effect of a model file is judged as a cause by what it costs the policy from those starts; `vispeg diagnose` of
-    a motion in free air, or with pictures, names such effects. `--remainder` plays what none of them explains, and says
-    whether the gap is unbridgeable here; next steps stand with what they win back at most, and their hours. Writes
+    Replays every trial's start in simulation with several draws of the world, by the policy and by the trial's own
+    actions. Replaces one sense of the policy at a time by simulation's, to see which changes its action. Plays each
+    effect of a model file from those starts, to see how much success it costs; `vispeg diagnose` finds such effects
+    from motions in free air or from pictures. `--remainder` adds the unexplained torque, and states whether the gap is
+    unbridgeable here. Lists next steps with the success that they can win back at most, and their hours. Writes
     OUT/explain.json and OUT/explain.html.
 
     Example:
@@ -191,7 +190,7 @@ def explain(call: Call, tolerance: float | None = None) -> None:
         vispeg explain trials --policy runs/{task}-state/best --model diagnosis/model.yaml --remainder 200 --out why
 
     Args:
-        tolerance: width of the goal less that of the part, mm; default: the world's.
+        tolerance: width of the goal minus that of the part, mm; default: the world's.
     """
     from vispeg.evaluation.entrants import entrants
 
@@ -201,10 +200,10 @@ def explain(call: Call, tolerance: float | None = None) -> None:
 
 @command("vispeg.api.plan:plan", "world", world=Option(default=REQUIRED))
 def plan(call: Call) -> None:
-    """Say what transfer to expect of a task, before anything is built.
+    """Estimate the transfer to expect for a task, before building it.
 
-    By an article of practitioners: success rates of such tasks, and its signs of a gap that cannot be bridged, each
-    with its number here. It measures nothing; `vispeg gap` and `vispeg run` do.
+    States success rates that an article of practitioners gives for such tasks, and its signs of a gap that cannot be
+    bridged, each with its value here. It measures nothing; `vispeg gap` and `vispeg run` do.
 
     Example:
         vispeg plan S

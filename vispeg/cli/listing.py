@@ -1,4 +1,4 @@
-"""A list of what can be named: a table in 80 columns, or JSON."""
+"""Print a list of names, such as worlds or policies, as a table or as JSON."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ def show(
     output: Output,
     ending: str = "",
 ) -> int:
-    """Print those that were asked for, with a line at the end; in JSON under the key `what`.
+    """Print the matching entries, with the line `ending`; in JSON, under the key `what`.
 
-    Raises UserError: there is no such family.
+    Raises:
+        UserError: an unknown family.
     """
     from vispeg.api.library.catalogue import search
     from vispeg.core.errors import UserError

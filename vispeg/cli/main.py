@@ -1,4 +1,4 @@
-"""The command `vispeg`: finds the sub-command's module, parses its arguments, and turns errors into exit codes."""
+"""The command `vispeg`: find the sub-command, parse its arguments, run it, and turn errors into exit codes."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from vispeg.core.memory import large_apart
 from vispeg.core.notes import Note, line
 from vispeg.core.provenance import command_line
 
-# Many small problems, side by side with simulations: BLAS threads of each only wait for one another (15 times the
-# processor time of a diagnosis in torque space). PyTorch's threads are others.
+# Problems are small and run beside simulations, so BLAS threads would only wait for one another: a diagnosis in torque
+# space took 15 times the processor time. PyTorch's threads are not affected.
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-GARBAGE = 10_000  # objects until cycles are looked for: of Python's own 700 it takes a quarter of the time of a page
+GARBAGE = 10_000  # objects between garbage collections; with Python's 700 they take a quarter of the time of a page
 EXIT_USAGE, EXIT_INTERRUPT, EXIT_PIPE, EXIT_TERMINATED = 2, 130, 141, 143
 
 
@@ -44,8 +44,8 @@ def run(argv: Sequence[str]) -> int:
     if argv[0] not in commands:
         raise UserError("unknown command", got=argv[0], choices=commands)
     choose_backend()
-    os.environ.setdefault(BLAS_THREADS, "1")  # before NumPy comes in
-    if argv[0] == "doctor":  # who has to work where a library or the parser is what is missing
+    os.environ.setdefault(BLAS_THREADS, "1")  # before NumPy is imported
+    if argv[0] == "doctor":  # must work even if a library or the parser is missing
         from vispeg.cli.doctor import doctor
 
         return doctor(argv[1:])
@@ -59,15 +59,18 @@ def run(argv: Sequence[str]) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point. Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 143 terminated, 141 the output's reader
-    went away.
+    """Run the program; return the exit code.
+
+    Exit codes: 0 done, 2 bad input or usage, 130 interrupted, 141 the reader of the output went away, 143 terminated.
     """
     UserError.in_command = True
     gc.set_threshold(GARBAGE)
     large_apart()
     try:
         with warnings.catch_warnings(), _terminable() as stopped:
-            warnings.simplefilter("default", Note)  # a command's notes are its output, whatever hides Python's warnings
+            warnings.simplefilter(
+                "default", Note
+            )  # notes are output, so they are shown even if Python's warnings are off
             warnings.showwarning = _note
             code = _main([*(sys.argv[1:] if argv is None else argv)])
     finally:
@@ -77,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _terminable() -> Iterator[list[int]]:
-    """SIGTERM, as a batch system sends it, ends a command as Ctrl-C does; yields the signals that came."""
+    """Make SIGTERM, which batch systems send, end a command as Ctrl-C does; yield a list of the received signals."""
     stopped: list[int] = []
     owner = os.getpid()
 
@@ -109,14 +112,14 @@ def _main(argv: list[str]) -> int:
             raise
         return _refuse(missing(module, f"vispeg {argv[0]}"))
     except Interrupted as stop:
-        print(f"vispeg: interrupted; this goes on: {command_line(['vispeg', *stop.again(argv)])}", file=sys.stderr)
+        print(f"vispeg: interrupted; to continue: {command_line(['vispeg', *stop.again(argv)])}", file=sys.stderr)
         return EXIT_INTERRUPT
     except KeyboardInterrupt:
-        print(f"vispeg: interrupted; this begins anew: {command_line(['vispeg', *argv])}", file=sys.stderr)
+        print(f"vispeg: interrupted; to begin again: {command_line(['vispeg', *argv])}", file=sys.stderr)
         return EXIT_INTERRUPT
-    except MemoryError as error:  # NumPy's says how much was asked for
+    except MemoryError as error:  # NumPy's states the requested amount
         what = " ".join(str(error).split()) or "no more memory"
-        print(f"vispeg: error: this needs more memory than there is: {what}", file=sys.stderr)
+        print(f"vispeg: error: not enough memory: {what}", file=sys.stderr)
         return EXIT_USAGE
     except BrokenPipeError:  # `vispeg effects | head`
         _drop_output()
@@ -133,7 +136,7 @@ def _main(argv: list[str]) -> int:
 
 
 def _drop_output() -> None:
-    """Nothing may be written to standard output any more, not even at exit, if it does not take it."""
+    """Redirect standard output to /dev/null if it cannot be written, so that flushing at exit does not fail."""
     try:
         sys.stdout.flush()
     except OSError:

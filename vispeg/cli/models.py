@@ -1,4 +1,4 @@
-"""Commands about what a model is missing."""
+"""Commands on models: compare, diagnose, fit, and change them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RECORDINGS = Option("recording", default=(), repeats=True)
 
 @command("vispeg.api.compare:compare", "model", recordings=RECORDINGS)
 def compare(call: Call, out: Path, overwrite: bool = False) -> None:
-    """Compare a model with recordings, without a fit.
+    """Compare a model with recordings, without fitting.
 
     Shows how large the error is, at which joint, and when. Writes OUT/compare.json, OUT/evidence.npz and
     OUT/report.html.
@@ -53,18 +53,17 @@ def diagnose(call: Call, out: Path, overwrite: bool = False) -> None:
 
     An effect is accepted if the error falls on held-out recordings. Writes OUT/diagnosis.json, OUT/report.html,
     OUT/model.yaml (the corrected model) and the next motion to record. Exits 0 with a verdict: adequate, identified,
-    ambiguous or unexplained. A diagnosis that was stopped goes on when the command is repeated; its steps are in
-    OUT.part.
+    ambiguous or unexplained. Repeat the command to continue a stopped diagnosis; its steps are in OUT.part.
 
-    `--baseline`: what changed since those recordings, such as a payload or a repair? Effects that the model lacked
-    before are named first and added to it; `effects` then holds the change alone.
+    `--baseline` finds what has changed since those recordings, such as a payload or a repair. Effects that the model
+    lacked before are named first and added to it; `effects` then holds only the change.
 
-    `--policy`: what does the remaining error cost a policy? It plays with the identified model, and again with each
-    value drawn from its interval and the unexplained torque added. The difference is in points of success.
+    `--policy` measures what the remaining error costs a policy. It plays with the identified model, and again with each
+    value drawn from its interval and the unexplained torque added. The difference is in percentage points of success.
 
-    Recordings may hold joint torques, pictures and, of a cell, a wrench. Each is diagnosed by itself (joints, contact,
-    pictures), again if another one has named an effect that it needs. One page has all verdicts. Pictures are held
-    against a cell, or against what the robot's own MJCF shows beside the arm.
+    Recordings may hold joint torques, pictures and, in a cell, a wrench. Each of these channels (joints, contact,
+    pictures) is diagnosed separately, and again if another one has named an effect that it needs. One page has all
+    verdicts. Pictures are compared with a cell, or with the objects beside the arm in the robot's own MJCF.
 
     Example:
         vispeg diagnose iiwa14 --recording rig-a rig-b --validate rig-c --out found
@@ -102,7 +101,7 @@ def fit(call: Call, out: Path, protocol: Literal["effects", "paper"] = "effects"
 
     An effect is EFFECT:WHERE; WHERE `all` fits one value for all places, `each` one for each. Without --effects, those
     of the model file are fitted. Writes OUT/fit.json, OUT/model.yaml, OUT/report.html and, for joints,
-    OUT/evidence.npz. A stopped fit goes on with --resume.
+    OUT/evidence.npz. --resume continues a stopped fit.
 
     `--protocol paper` fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in
     short sub-trajectories of one recording under operational space control (`vispeg record --motion osc`), with
@@ -202,10 +201,10 @@ def effects(call: Call, where: str | None = None, out: Path | None = None, overw
 
 @command()
 def robots(call: Call, family: str | None = None, search: str | None = None) -> None:
-    """List the arms that go by a name, and which of them are here.
+    """List the arms that have a name, and which of them are installed.
 
-    Any other arm is a path to its MJCF or URDF. Menagerie's own folders, and FOLDER/ENTRY, are names too. What
-    `downloads` is fetched once, when it is first asked for.
+    Any other arm is named by the path of its MJCF or URDF. Folders of Menagerie, and FOLDER/ENTRY, are names too. An
+    arm marked `downloads` is downloaded when it is first used.
 
     Example:
         vispeg robots
@@ -241,7 +240,7 @@ def add(call: Call) -> None:
 
 @command("vispeg.report.build:write_report", "out")
 def report(call: Call) -> None:
-    """Build the HTML report of a finished result again.
+    """Rebuild the HTML report of a finished result.
 
     Example:
         vispeg report out/rig-a --overwrite

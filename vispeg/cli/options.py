@@ -1,4 +1,4 @@
-"""The words for an option's values in help, and their choices."""
+"""The placeholders for option values in help texts, and the choices that options have."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 WORDS: dict[object, str] = {int: "N", float: "X", str: "NAME", Path: "PATH"}
-TEXTS = {  # words for values that are no names, by field
+TEXTS = {  # field -> placeholder, for text values other than names
     "search": "TEXT",
     "size": "WxH",
     "pattern": "CxR",
@@ -19,7 +19,7 @@ TEXTS = {  # words for values that are no names, by field
     **dict.fromkeys(("topic", "command_topic", "pose_topic", "wrench_topic"), "TOPIC"),
     "effects": "EFFECT:WHERE",
 }
-NAMED = {  # fields whose values are names of what comes with the package
+NAMED = {  # field -> kind of named thing, for values that can be names of bundled things
     "world": "worlds",
     "worlds": "worlds",
     "known_world": "worlds",
@@ -35,7 +35,7 @@ NAMED = {  # fields whose values are names of what comes with the package
 
 
 def _parts(bare: Any) -> list[Any]:
-    """Return the element type of a container, or the type inside an Optional."""
+    """Return the types inside a tuple or union, without None; else the type itself."""
     if get_origin(bare) in (Union, UnionType):
         return [p for part in get_args(bare) if part is not NoneType for p in _parts(part)]
     if get_origin(bare) is tuple:
@@ -44,25 +44,25 @@ def _parts(bare: Any) -> list[Any]:
 
 
 def choices(bare: Any) -> tuple[str, ...]:
-    """Give the values that an option of a type may have; none where they are not few."""
+    """Return the values that a Literal type allows; empty for other types."""
     return tuple(str(c) for part in _parts(bare) if get_origin(part) is Literal for c in get_args(part))
 
 
 def plain(hint: Any) -> type[Any] | None:
-    """Give int, float, str or Path, where values are of one of these; None where tyro's own words are right."""
+    """Return the type of the values if all are int, float, str or Path; else None."""
     kinds = set(_parts(hint))
     kind = kinds.pop() if len(kinds) == 1 else None
     return kind if kind in WORDS else None
 
 
 def metavar(name: str, kind: Any, positional: bool, default: Any) -> str | None:
-    """Give the words for the values of an option in help, such as NAME or {a,b}; None for a switch.
+    """Return the placeholder for an option's values in the help text, such as NAME or {a,b}; None for a switch.
 
     Args:
-        name: of the option.
-        kind: type of its value.
+        name: name of the option.
+        kind: type of the value.
         positional: whether it is a positional argument.
-        default: MISSING where it is required.
+        default: default value; MISSING if required.
     """
     basic = plain(kind)
     many = next((p for p in (kind, *get_args(kind)) if get_origin(p) is tuple), None)

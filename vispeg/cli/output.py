@@ -1,4 +1,4 @@
-"""`--json` and `--quiet`, which every command has: the form of its result, and whether it shows its progress."""
+"""The options `--json` and `--quiet` of every command: the form of its result, and whether it shows progress."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import tyro
 if TYPE_CHECKING:
     from vispeg.report.text.summary import Block
 
-SWITCH = tyro.conf.arg(help_behavior_hint="")  # says no default
+SWITCH = tyro.conf.arg(help_behavior_hint="")  # no default in the help text
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Output:
         print_summary(Line(block, path=True) if isinstance(block, str) else block for block in text)
 
     def line(self, text: str) -> None:
-        """Print a line of a result that comes bit by bit; nothing where JSON is asked for, whose record holds it."""
+        """Print one line of a result that arrives in pieces; nothing with --json, because the record has it."""
         if not self.json:
             print(text, flush=True)
 

@@ -1,4 +1,4 @@
-"""The commands there are, by section, and what `vispeg --help` prints of them."""
+"""All commands by section, and the text of `vispeg --help`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
-# Name -> MODULE:FUNCTION of its command, or the module whose commands are its sub-commands; imported when it runs.
+# Name -> MODULE:FUNCTION of the command, or MODULE of its sub-commands. A module is imported when its command runs.
 SECTIONS: dict[str, dict[str, str]] = {
     "start here": {
         "demo": "vispeg.cli.demo:demo",
@@ -74,7 +74,7 @@ examples; `vispeg --version` the version. Example:
 
 
 def available() -> dict[str, str]:
-    """Name -> first line of help of every command in this installation, without importing any of them."""
+    """Return name -> first line of help for every installed command, without importing any."""
     return {name: doc(place).partition("\n")[0] for name, place in COMMANDS.items() if _source(place) is not None}
 
 
@@ -98,7 +98,7 @@ def _source(place: str) -> Path | None:
 
 
 def doc(place: str) -> str:
-    """Give the docstring of MODULE:FUNCTION, or of MODULE."""
+    """Return the docstring of MODULE:FUNCTION, or of MODULE."""
     source, name = _source(place), place.partition(":")[2]
     assert source is not None
     tree = ast.parse(source.read_text(encoding="utf-8"))

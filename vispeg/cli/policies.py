@@ -1,4 +1,4 @@
-"""Commands about policies and the worlds that they are trained in."""
+"""Commands on policies and the worlds that they are trained in."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.core.interrupt import goes_on
 
 @command()
 def worlds(call: Call, family: str | None = None, search: str | None = None) -> None:
-    """List the built-in worlds, the names that --world takes.
+    """List the built-in worlds, whose names --world accepts.
 
     Example:
         vispeg worlds
@@ -31,7 +31,7 @@ def worlds(call: Call, family: str | None = None, search: str | None = None) -> 
 
 @command()
 def policies(call: Call, family: str | None = None, search: str | None = None) -> None:
-    """List the bundled policies, whose names stand for their folders.
+    """List the bundled policies, whose names can be used like folders.
 
     Example:
         vispeg policies
@@ -76,8 +76,8 @@ def train(
 ) -> None:
     """Train a policy for the task of a world.
 
-    TASK is the task and what the policy sees: {task}-state, {task}-proprio, {task}-depth, {task}-rgb, {task}-rgbd, or
-    {task}-privileged (a teacher with ground truth); or LABEL-MODALITY of your own task. The run's folder holds
+    TASK names the task and what the policy sees: {task}-state, {task}-proprio, {task}-depth, {task}-rgb, {task}-rgbd,
+    {task}-privileged (a teacher with ground truth), or LABEL-MODALITY for your own task. The run's folder holds
     config.yaml, progress.csv, tensorboard/, checkpoints/best and, after reinforcement learning, checkpoints/last. Each
     checkpoint is a policy for `vispeg play` and `vispeg evaluate`.
 
@@ -92,14 +92,14 @@ def train(
 
     Args:
         resume: continue the run in this folder from its last checkpoint; only `steps` and `films` may be added.
-        tolerance: width of the goal less that of the part, mm; default: the world's.
-        stack: observations and actions that the policy sees, with the present one; default: the world's (2).
-        dof: directions that the policy moves, of x y z rx ry rz; default: the world's (x y z).
-        reward: this project's reward, or that of Kaspar and Bock; default: the world's (shaped).
+        tolerance: width of the goal minus that of the part, mm; default: the world's.
+        stack: number of successive observations and actions that the policy sees; default: the world's (2).
+        dof: directions in which the policy moves, of x y z rx ry rz; default: the world's (x y z).
+        reward: `shaped`, this project's reward, or `paper`, that of Kaspar and Bock; default: the world's (shaped).
         distill_steps: environment steps of each of the five rounds.
         distill_updates: gradient steps after each round.
-        distill_looks: looks in which each state is stored: the episode's own and others.
-        films: episodes of the best policy to film at the end, if the run has no films.
+        distill_looks: number of looks in which each state is stored, including the episode's own.
+        films: number of episodes of the best policy to film at the end, if the run has no films.
     """
     if films < 0:
         raise UserError("must not be negative", key="--films", got=films)
@@ -133,7 +133,7 @@ def _goes_on(folder: Path, films: int):
 
 
 def _tell(call: Call, trained: Any, films: int) -> None:
-    """Say where the policy is, and film it unless that was done before."""
+    """Print the result of a training, and film the policy unless that was done before."""
     from vispeg.api.films import films as played
     from vispeg.learn.envs import HELD_OUT
 
@@ -195,10 +195,10 @@ def combine(call: Call, within_mm: float = 6.0) -> None:
 def export(call: Call) -> None:
     """Export a policy to ONNX, or a model to MJCF or URDF.
 
-    ONNX is for controllers without torch; its metadata say what goes in, what comes out, and of which arm. An MJCF
-    holds the effects that MuJoCo has elements for: friction, damping, rotor inertia, springs, inertials, gravity, motor
-    gain, bias and limit. A URDF holds masses, centres, inertias, damping and dry friction. Other effects are named, and
-    listed with their values in the file's first lines. Meshes are copied.
+    ONNX is for controllers without torch; its metadata describe inputs, outputs and arm. An MJCF holds the effects that
+    MuJoCo has elements for: friction, damping, rotor inertia, springs, inertials, gravity, motor gain, bias and limit.
+    A URDF holds masses, centres, inertias, damping and dry friction. Other effects are printed, and listed with their
+    values in the file's first lines. Meshes are copied.
 
     Example:
         vispeg export runs/depth/20261121-0900_s0/checkpoints/best --out policy.onnx

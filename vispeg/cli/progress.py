@@ -1,4 +1,4 @@
-"""How far long work is, on standard error: one bar on a terminal; elsewhere a line now and then, for a log."""
+"""Show progress on standard error: a bar on a terminal, else occasional lines for a log."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from vispeg.evaluation.records import Episode
     from vispeg.identify.checkpoint import Trace
 
-SHARE, SECONDS = 0.1, 10.0  # a line in a log is this much further than the last one, and so much later
-SURE = 5.0  # s of work, before which nothing is said of the time that remains
-LARGE = 50_000_000  # bytes that take long enough for a line
+SHARE, SECONDS = 0.1, 10.0  # least progress and least time, s, between two lines in a log
+SURE = 5.0  # s of work after which the remaining time is estimated
+LARGE = 50_000_000  # bytes; reading a larger file is worth a line
 
 
 class Pace:
-    """How long work still takes, from the time that its kinds took so far; unknown rather than wrong.
+    """Estimate the remaining time from the time that each kind of work took so far.
 
-    Policies differ a hundredfold in what an episode takes, so each counts by its own pace, and one that has not begun
-    has none. Where nothing has come for as long as everything should take, the estimate has shown to be false.
+    Policies differ a hundredfold in the time of an episode, so each has its own pace. There is no estimate until every
+    kind has begun, or after nothing has arrived for as long as all remaining work should take.
 
     Args:
-        totals: name -> how many there will be.
+        totals: name -> total count.
     """
 
     def __init__(self, totals: Mapping[str, int]):
@@ -40,7 +40,7 @@ class Pace:
         self.last = time.monotonic()
 
     def advance(self, name: str, by: int, resumed: bool = False) -> None:
-        """Count `by` more of a name, done since the last call; `resumed`: done by an earlier run."""
+        """Add `by` to the count of a name; with `resumed`, as work of an earlier run, which took no time now."""
         self.done[name] += by
         if not resumed:
             now = time.monotonic()
@@ -49,7 +49,7 @@ class Pace:
             self.last = now
 
     def left(self) -> float | None:
-        """Seconds that remain; None where that is not known."""
+        """Return the remaining time, s; None if unknown."""
         waiting = [n for n, total in self.totals.items() if self.done[n] < total]
         if any(not self.new[n] for n in waiting) or sum(self.took.values()) < SURE:
             return None
@@ -60,11 +60,11 @@ class Pace:
 
 @contextmanager
 def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[Callable[..., None]]:
-    """One bar of all names together; yields `advance(name, by, note="", resumed=False)`.
+    """Show one bar for all names together; yield `advance(name, by, note="", resumed=False)`.
 
     Args:
-        totals: name -> how many there will be.
-        unit: of what is counted, such as frames.
+        totals: name -> total count.
+        unit: what is counted, such as frames.
         quiet: show nothing.
     """
     from rich.console import Console
@@ -73,7 +73,7 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
     from rich.text import Text
 
     class Left(ProgressColumn):
-        """What remains, also while nothing comes."""
+        """The remaining time, updated even while nothing arrives."""
 
         def render(self, task: object) -> Text:
             return Text(_left(pace))
@@ -101,7 +101,10 @@ def bars(totals: Mapping[str, int], unit: str, quiet: bool = False) -> Iterator[
 
 @contextmanager
 def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int, int], None], Callable[[int], None]]]:
-    """Give a bar of frames with the rate of the new ones; yields a function of earlier and new frames."""
+    """Show a bar of frames with the present rate.
+
+    Yields `begun(total, resumed)`, which counts frames of an earlier run, and `watch(drawn)`, which counts new frames.
+    """
     began = time.monotonic()
     made = 0
     with bars({"rendering": frames}, "frames", quiet) as advance:
@@ -116,7 +119,7 @@ def rendering(frames: int, quiet: bool = False) -> Iterator[tuple[Callable[[int,
 
 @contextmanager
 def checking(quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar of frames that are checked; yields `watch(frames, total)`, whose first call tells the total."""
+    """Show a bar of checked frames; yield `watch(frames, total)`, whose first call sets the total."""
     with ExitStack() as stack:
         advance: list[Callable[..., None]] = []
 
@@ -132,7 +135,7 @@ def checking(quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
 def playing(
     jobs: Sequence[Job], folder: Path, quiet: bool = False
 ) -> Iterator[Callable[[Sequence[Episode], int, int], None]]:
-    """Give a bar of episodes for each policy, with the success so far; yields a function of episodes as they end."""
+    """Show a bar of all episodes, with the success so far; yield a function to call with episodes as they end."""
     from vispeg.evaluation.records import read
     from vispeg.evaluation.runner import EPISODES
 
@@ -155,14 +158,14 @@ def playing(
 
 
 class _Log:
-    """Lines in place of a bar."""
+    """Print lines in place of a bar."""
 
     def __init__(self, pace: Pace, unit: str, quiet: bool):
         self.pace, self.unit, self.quiet = pace, unit, quiet
         self.share, self.last = 0.0, time.monotonic()
 
     def told(self, note: str, resumed: bool) -> None:
-        """Says how far the work is, if it is much further than when it was said last."""
+        """Print the progress if it is far enough beyond the last line."""
         done, totals, now = self.pace.done, self.pace.totals, time.monotonic()
         count, total = sum(done.values()), sum(totals.values())
         share = count / max(total, 1)
@@ -175,27 +178,28 @@ class _Log:
 
 
 def _left(pace: Pace) -> str:
-    """`about 12 min left`; empty where that is not known."""
+    """Return the remaining time as `about 12 min left`; empty if unknown."""
     seconds = pace.left()
     return "" if seconds is None else f"about {duration(seconds)} left"
 
 
 @dataclass(frozen=True)
 class Stages:
-    """What tells the present stage; `keep` says what is to stay on the screen."""
+    """Functions that show text: `tell` shows the present stage, `keep` prints text that stays on the screen."""
 
     tell: Callable[[str], object]
     keep: Callable[[str], object]
 
     def __call__(self, text: str) -> None:
-        """Tell the present stage."""
+        """Show the present stage."""
         self.tell(text)
 
 
 @contextmanager
 def stages(quiet: bool = False) -> Iterator[Stages]:
-    """One line that changes on a terminal, with the time that it took so far; lines elsewhere. Nobody knows how many
-    stages there will be, so nothing is said of the time that remains. Yields what tells the present stage.
+    """Show the present stage: on a terminal in one changing line with the elapsed time, else in a line per stage.
+
+    The number of stages is unknown, so there is no remaining time. Yields the functions that show a stage.
     """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -217,7 +221,7 @@ def stages(quiet: bool = False) -> Iterator[Stages]:
 
 
 def duration(seconds: float) -> str:
-    """`40 s`, `12 min`, `3.5 h`."""
+    """Return a duration, s, as text: `40 s`, `12 min`, `3.5 h`."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
@@ -227,7 +231,7 @@ def duration(seconds: float) -> str:
 def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
     """Show the optimizers' progress while the body runs; yield a function to call at each step.
 
-    An optimizer may end long before its last step, so nothing is said of the time that remains.
+    An optimizer may end long before its last step, so no remaining time is shown.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -256,7 +260,7 @@ def following(starts: int, steps: int, quiet: bool) -> Iterator[Callable[[int, T
 
 @contextmanager
 def generations(steps: int, quiet: bool) -> Iterator[Callable[[int, Trace], None]]:
-    """Show the generations of one CMA-ES while the body runs; yield a function to call at each."""
+    """Show the generations of a CMA-ES while the body runs; yield a function to call at each."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -272,9 +276,9 @@ def progress_bar(title: str, size: int = 0, quiet: bool = False) -> Iterator[Cal
     """Show progress on standard error while the body runs; yield a function of the share, 0 to 1.
 
     Args:
-        title: what goes on, such as `reading rig-a`.
-        size: bytes that are read; where standard error is no terminal, large ones get one line.
-        quiet: nothing is shown.
+        title: the work, such as `reading rig-a`.
+        size: bytes to read; if standard error is no terminal, a large size gets one line.
+        quiet: show nothing.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -295,7 +299,7 @@ def reading_bars(quiet: bool = False) -> Callable[[Path], AbstractContextManager
 
 
 def size_of(recording: Path) -> int:
-    """Bytes of a recording's samples; 0 where there are none."""
+    """Return the size of a recording's samples in bytes; 0 if there are none."""
     from vispeg.recordings.load import SAMPLES
 
     return sum((recording / name).stat().st_size for name in SAMPLES if (recording / name).is_file())

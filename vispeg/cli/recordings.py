@@ -1,4 +1,4 @@
-"""Commands that make recordings and look at them."""
+"""Commands that make and check recordings."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ if TYPE_CHECKING:
 def check(call: Call) -> None:
     """Check recordings: clock, limits, noise, excitation, contact.
 
-    Also states which effects a recording can show. Camera frames: clock, light, depth, views, and which camera errors
-    they can show.
+    Also states which effects a recording can show. For camera frames: clock, light, depth, views, and which camera
+    errors they can show.
 
-    Wrench of a described sensor: time in each regime of contact, forces, speeds, and which effects of contact they can
-    show.
-
-    Exit code 0: the recordings can be used, with or without warnings; 2: one cannot, named in one line.
+    For the wrench of a described sensor: time in each regime of contact, forces, speeds, and which contact effects it
+    can show.
+    Exit code 0: the recordings can be used, with or without warnings; 2: one cannot, and an error line names it.
 
     Example:
         vispeg check rig-a rig-b
@@ -72,7 +71,7 @@ def convert(
         vispeg convert tosses.npz --robot cube.xml --rate-hz 148 --episodes 0:285 --out toss-a
 
     SOURCE is a table, a file of arrays (HDF5, MATLAB, NumPy, JSON), a LeRobot data set or a ROS bag.
-    A map names columns and units, one a line:
+    A map names columns and units, one per line:
     `time: {column: t, unit: ms}`, `q.joint1: {column: pos_1, unit: deg}`;
     `joints: {joint1: lbr_A1}` renames a bag's joints, `recording: {control: {mode: torque}}` adds to recording.yaml,
     `table: {separator: ";", decimal: ","}` describes a text table. `--guess` proposes a map from a table's header
@@ -83,7 +82,7 @@ def convert(
         guess: tables: propose the map, with a reason for each column, and ask before it is used.
         yes: with `guess`: accept the proposed map without a question.
         save_map: with `guess`: write the proposed map to this file, to be edited and passed as --map.
-        columns: names of the columns of a table without a header line, with commas: time,q1,q2.
+        columns: names of the columns of a table without a header line, separated by commas: time,q1,q2.
         calibration: with `guess`: LeRobot's calibration file (encoder ranges); default: calibration.json in the data
             set.
         episodes: for an object's archive: tosses to convert, FIRST:LAST without LAST. The others can be held out.
@@ -161,7 +160,7 @@ def _span(episodes: str | None) -> tuple[int, int | None]:
 def _guessed(
     call: Call, names: list[str], calibration: Path | None, save_map: Path | None, yes: bool
 ) -> ColumnMap | None:
-    """Give the proposed map if it is to be used now: shown, saved or asked about as the arguments say."""
+    """Propose a map, print it and save it if asked to; return it if the user accepts it now, else None."""
     from vispeg.api.recording.guess import propose
 
     if call.mapping is not None:
@@ -181,11 +180,11 @@ def _guessed(
 
 def _confirmed(call: Call) -> bool:
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        expected = "--yes to take it, or --save-map FILE to look at it and pass it as --map"
+        expected = "--yes to accept it, or --save-map FILE to check it and pass it as --map"
         raise UserError("a guess must be confirmed", key="--guess", expected=expected)
     if input("Convert with this map? [y/N] ").strip().lower() in ("y", "yes"):
         return True
-    call.output.line("nothing written; --save-map FILE keeps the map to be mended")
+    call.output.line("nothing written; --save-map FILE writes the map, to be corrected")
     return False
 
 
@@ -204,9 +203,9 @@ def record(call: Call, out: Path, overwrite: bool = False) -> None:
     model file. A named motion is scaled down, with a note, if a joint would exceed its speed limit; a CSV is replayed
     unchanged.
 
-    In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be a motion in contact, a look,
-    `expert` (the scripted policy), or a CSV with time and ee_cmd.*. The task's controller runs and the wrench is
-    recorded. `--cameras` adds pictures, also of a robot whose own MJCF shows more than the arm.
+    In a cell (MODEL is {cell}, a world, or a model with `cell`) MOTION may also be a motion in contact, a motion for
+    cameras, `expert` (the scripted policy), or a CSV with time and ee_cmd.*. The task's controller runs and the wrench
+    is recorded. `--cameras` adds pictures, also of a robot whose own MJCF shows more than the arm.
 
     Example:
         vispeg record iiwa14 --motion fourier --effects coulomb_friction:joint4:torque=1.2 --seed 1 --out rig-a
@@ -236,8 +235,8 @@ def record(call: Call, out: Path, overwrite: bool = False) -> None:
 def motions(call: Call, family: str | None = None, search: str | None = None) -> None:
     """List the motions of `vispeg record`, or write one as a CSV.
 
-    A robot can replay the CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints or, in contact, `ee_cmd.*` of the flange
-    with the gains (`kp.*`, 1/s^2) and the force limit (N) of the controller that it is made for.
+    A robot can replay the CSV. It holds `time` with `q_cmd.*` and `dq_cmd.*` of the joints or, for motions in contact,
+    `ee_cmd.*` of the flange with the gains (`kp.*`, 1/s^2) and the force limit (N) of the intended controller.
 
     Example:
         vispeg motions

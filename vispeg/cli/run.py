@@ -21,19 +21,19 @@ HOW, LIMITS = "vispeg.trials.loop:How", "vispeg.trials.limits:Limits"
 def run(call: Call, asked: bool = False) -> None:
     """Run a policy on a robot.
 
-    POLICY is a folder, a bundled policy's name, or an .onnx by `vispeg export`, which needs neither torch nor a
-    simulator. With --world it may be one of your own: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3,
-    with ?action=KIND behind it where its actions are joints or metres (joint_goal, joint_delta, tip_goal, tip_delta). A
-    robot holds a flange pose by itself; the policy moves that pose every 160 ms. A robot is `sim:WORLD`, a simulated
-    one in a process of its own with the world's hidden effects (`sim:WORLD?latency=0.01` delays commands and readings),
-    `ros2`, an arm over ROS 2 (`ros2:FILE.yaml` says how its topics are called), `lerobot:TYPE`, a robot of LeRobot's
-    (`lerobot:TYPE:FILE.yaml` says which motor is which joint's), `log:FOLDER`, recordings by `vispeg convert` of what
-    the policy did under another program, or `python:MODULE:CALLABLE`, a driver of your own with the calls connect,
-    read, command and stop.
+    POLICY is a folder, a bundled policy's name, or an .onnx file by `vispeg export`, which needs neither torch nor a
+    simulator. With --world it may be your own policy: lerobot:FOLDER, MODULE:CLASS, or a .zip by Stable-Baselines3; if
+    its actions are joint angles or metres, append ?action=KIND (joint_goal, joint_delta, tip_goal, tip_delta). The
+    robot holds a flange pose by itself; the policy moves that pose every 160 ms. ROBOT is one of:
+    `sim:WORLD`, a simulated robot in a separate process with the world's hidden effects (`sim:WORLD?latency=0.01`
+    delays commands and readings); `ros2`, an arm over ROS 2 (`ros2:FILE.yaml` names its topics); `lerobot:TYPE`, a
+    robot of LeRobot (`lerobot:TYPE:FILE.yaml` assigns motors to joints); `log:FOLDER`, recordings by `vispeg convert`
+    of the policy under another program; `python:MODULE:CALLABLE`, your own driver with the methods connect, read,
+    command and stop.
 
-    The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when readings stay away, and
-    when you press the space bar, q or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, which is a recording too:
-    `compare`, `diagnose` and `gap --measured` read it.
+    The arm stops at a limit (joints, joint speeds, speed of the tip, force, workspace), when no readings arrive, and
+    when you press the space bar, q, Escape or Ctrl-C. Each episode becomes a folder OUT/trial-NNNN, a recording that
+    `compare`, `diagnose` and `gap --measured` read.
 
     Example:
         vispeg run state-3mm --robot sim:VNP --episodes 3 --out trials
@@ -48,7 +48,7 @@ def run(call: Call, asked: bool = False) -> None:
     from vispeg.trials.loop import How
 
     if asked and not sys.stdin.isatty():
-        raise UserError("nobody to ask", key="--ask", expected="a terminal")
+        raise UserError("there is no terminal to ask in", key="--ask", expected="a terminal")
     how = How(Limits(**call.given_to(LIMITS)), **call.given_to(HOW))
     show = (lambda step: None) if call.output.quiet or not sys.stderr.isatty() else _show
     with _pressed() as key:
@@ -56,7 +56,7 @@ def run(call: Call, asked: bool = False) -> None:
 
 
 def _show(step: Step) -> None:
-    """Give a line that is written over: step, tip, force, lateness, missed deadlines."""
+    """Overwrite the status line: step, tip, force, delay, missed deadlines."""
     x, y, z = 1e3 * step.tip
     force = "" if step.force is None else f"  {step.force:5.1f} N"
     text = f"step {step.number:3d}/{step.of}  tip {x:+6.1f} {y:+6.1f} {z:+6.1f} mm{force}"
@@ -66,7 +66,7 @@ def _show(step: Step) -> None:
 
 @contextmanager
 def _pressed() -> Iterator[Callable[[], bool]]:
-    """Whether the space bar, q or escape was pressed, without waiting; never where there is no terminal."""
+    """Yield a function that returns whether space, q or Escape was pressed; without a terminal, always False."""
     if not sys.stdin.isatty():
         yield lambda: False
         return
@@ -87,7 +87,7 @@ def _pressed() -> Iterator[Callable[[], bool]]:
 
 
 def _answer(outcome: OutcomePart) -> OutcomePart:
-    """Give the outcome as a person saw it."""
+    """Ask the user how the episode ended; return the outcome."""
     import termios
 
     terminal = termios.tcgetattr(sys.stdin)

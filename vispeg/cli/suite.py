@@ -1,4 +1,4 @@
-"""Run a regression suite over the versions of a policy.
+"""Run a regression suite over versions of a policy.
 
 `run` plays one version in the training world and in a target, in named configurations, and writes OUT/suite.json and
 OUT/suite.html. `compare` reads such folders, oldest first: the correlation between training world and target over the
@@ -24,7 +24,7 @@ from vispeg.core.interrupt import goes_on
 @command("vispeg.api.stress.suite:suite", "policies", configurations=Option("suite"), out=OUT)
 @goes_on()
 def run(call: Call) -> int:
-    """Play the suite with one version.
+    """Play the suite with one version of a policy.
 
     Example:
         vispeg suite run runs/{task}-depth/best --train S --target VNP --version 3 --out suite/v3

@@ -1,4 +1,4 @@
-"""`--clearance`: the tolerance that a world's task states (`TaskConfig.tolerance`), as every command calls it."""
+"""The option `--clearance`, which sets the tolerance of a world's task (`TaskConfig.tolerance`)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ FLAG = "--clearance"
 
 
 def at_tolerance(who: Iterable[Entrant], world: WorldFile, value: float | None) -> Mapping[str, float]:
-    """Give the task of `world` that the option changes; says which policies were made for another tolerance than that.
+    """Return the settings of the world's task that the option changes, and print which policies were made for others.
 
     Args:
-        who: entrants.
-        world: what they are judged in.
-        value: in place of the world's, in the unit of the task's tolerance; None for the world's own.
+        who: the policies.
+        world: the world in which they are judged.
+        value: the tolerance, in the task's unit; None for the world's.
 
     Raises:
         UserError: the task has no tolerance.

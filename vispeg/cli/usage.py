@@ -1,4 +1,4 @@
-"""The argument parser's complaints, as the one line that every other mistake gets."""
+"""Parse a command's arguments, and turn the parser's framed error messages into one line."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from vispeg.core.errors import UserError
 if TYPE_CHECKING:
     from vispeg.cli.command import Command
 
-RULE, PLAIN_RULE = "─", "-"  # the latter where the terminal writes ASCII alone
+RULE, PLAIN_RULE = "─", "-"  # frame characters; the second is used by terminals that show only ASCII
 FRAME = "│╭╮╰╯ " + RULE
 POINTERS = ("For full helptext", "Argument helptext")
 UNKNOWN = "Unrecognized options: "
 MISSING = "Missing from "
-NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # in help, of what the package's own task has
-NOT_OF_KIND = (  # what the parser quotes of Python's own conversion, and what a person should type
+NAMES = ("{task}", "{cell}", "{held}", "{tolerance}")  # placeholders in help texts for names of the built-in task
+NOT_OF_KIND = (  # the parser's message for a failed conversion, and what is expected instead
     (r"Error parsing (\S+): .*invalid literal for int\(\) with base 10: '(.*?)'.*", "a whole number"),
     (r"Error parsing (\S+): .*could not convert string to float: '(.*?)'.*", "a number"),
 )
-ELSEWHERE = {  # what is looked for as an option and stands elsewhere
+ELSEWHERE = {  # option that does not exist -> where to find what it would set
     "--modality": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
     "--obs-mode": "what a policy sees is in the name of its task, as in TASK-depth, and in its folder",
 }
 
 
 def parsed(name: str, argv: Sequence[str]) -> tuple[Command, Any]:
-    """Give a command, or the sub-command that is named, and its arguments; see `parse`."""
+    """Return the named command or sub-command and its arguments; see `parse`."""
     from vispeg.cli.command import found
     from vispeg.cli.overview import COMMANDS, page
 
@@ -50,11 +50,11 @@ def parsed(name: str, argv: Sequence[str]) -> tuple[Command, Any]:
 
 
 def parse(command: Command, program: str, argv: Sequence[str]) -> Any:
-    """Give the arguments of a command, see `form`.
+    """Parse the arguments of a command into a dataclass, see `form`.
 
     Raises:
-        UserError: an argument is unknown, missing or of another kind; the parser's framed text becomes its message.
-        SystemExit: `--help` was asked for and has been printed.
+        UserError: an argument is unknown, missing or of another type.
+        SystemExit: the help text was requested and has been printed.
     """
     import tyro
 
@@ -75,7 +75,7 @@ def parse(command: Command, program: str, argv: Sequence[str]) -> Any:
 
 
 def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:
-    """Repeat a flag before each of the values that follow it, so that a shell's `rig-*` is several of them."""
+    """Repeat a flag before each of its values, so that a pattern such as `rig-*` may expand to several values."""
     out, flag, taken = list[str](), "", 0
     for word in argv:
         if word.startswith("--"):
@@ -89,9 +89,7 @@ def repeated(argv: Sequence[str], flags: Collection[str]) -> list[str]:
 
 
 def filled(text: str) -> str:
-    """Give a help text with what the package's own task and its cell are called in place of {task}, {cell}, {held}
-    and the like.
-    """
+    """Replace the placeholders NAMES in a help text by the names of the built-in task."""
     if not any(key in text for key in NAMES):
         return text
     from vispeg.cli.tolerance import FLAG
@@ -104,7 +102,7 @@ def filled(text: str) -> str:
 
 
 def one_line(framed: str) -> str:
-    """Give the message in a box of the parser's, without its frame, its title and what only points to the help."""
+    """Return the parser's framed message in one line, without frame, title and pointers to the help text."""
     parts: list[list[str]] = [[]]
     for line in framed.splitlines()[1:]:
         row = line.strip(FRAME)
@@ -125,7 +123,7 @@ def one_line(framed: str) -> str:
 
 
 def _missing(framed: str, others: Sequence[str]) -> str:
-    """Give the names of the arguments that must be given and were not, without the parser's lines of help on each."""
+    """Return a message on missing arguments, without the parser's lines of help on each."""
     edges = FRAME.replace(" ", "")
     lines = [line.strip(edges).rstrip() for line in framed.splitlines()[1:]]
     depth = [len(line) - len(line.lstrip()) for line in lines]
@@ -142,7 +140,7 @@ def _missing(framed: str, others: Sequence[str]) -> str:
 
 
 def _unknown(options: str, hints: str) -> str:
-    """Give the unknown options and their nearest matches, without the parser's lines of help."""
+    """Return a message on unknown options with their nearest matches, without the parser's lines of help."""
     near = dict.fromkeys(re.findall(r"(?<!\S)--[a-z][a-z-]*(?!\S)", hints))
     name = options.partition(",")[0].strip()
     if name in ELSEWHERE:

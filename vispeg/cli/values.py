@@ -1,6 +1,6 @@
-"""Refuse values of options that no command can use, before any work: impossible paths, and numbers beyond all sense.
+"""Refuse option values that no command can use: impossible paths, and absurdly large numbers.
 
-A leading `~` becomes the home folder here, once for all commands: a shell leaves it in `--out=~/x`.
+A leading `~` is replaced by the home folder here, for all commands, because shells do not expand it in `--out=~/x`.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import Any
 
 from vispeg.core.errors import UserError
 
-# Larger than every quantity of an arm in SI units (a steel contact's stiffness is 1e8 N/m) and than every count that
-# a run finishes; a value beyond is a slip of the keyboard or another unit.
+# Larger than every quantity of an arm in SI units (a steel contact's stiffness is 1e8 N/m), and than every count that a
+# run can finish; a larger value is a typing error or in another unit.
 LARGEST = 1e9
 SEEDS = 2**63  # exclusive: seeds are stored as 64-bit integers
-LONGEST_NAME, LONGEST_PATH = 255, 4095  # bytes, of Linux' file systems
+LONGEST_NAME, LONGEST_PATH = 255, 4095  # limits of Linux file systems, bytes
 
 
 def checked(args: Any) -> Any:
-    """Give a command's dataclass, groups of options included, with home folders in place of `~`.
+    """Check a command's dataclass, including groups of options; return it with home folders in place of `~`.
 
     Raises:
-        UserError: a value cannot be meant; names the option, what came, and what was expected.
+        UserError: an impossible value; the error names the option and what is expected.
     """
     new = {}
     for field in fields(args):
@@ -40,7 +40,7 @@ def checked(args: Any) -> Any:
 
 
 def _checked(name: str, value: Any) -> Any:
-    """One value of an option."""
+    """Check one value of an option; return it with the home folder in place of `~`."""
     if isinstance(value, str | Path):
         _check_text(name, str(value), isinstance(value, Path))
         return type(value)(_at_home(name, str(value))) if str(value).startswith("~") else value
@@ -56,7 +56,7 @@ def _check_text(name: str, text: str, path: bool) -> None:
         raise UserError("holds a zero byte", key=name, got=shown.replace("\0", "\\0"))
     try:
         size = len(text.encode("utf-8"))
-    except UnicodeEncodeError:  # results state their command and their inputs as UTF-8
+    except UnicodeEncodeError:  # results record their command and inputs in UTF-8
         raise UserError("is not UTF-8", key=name, got=shown, expected="a name in UTF-8; rename the file") from None
     longest = max((len(os.fsencode(part)) for part in Path(text).parts), default=0)
     if (path or os.sep in text) and (longest > LONGEST_NAME or size > LONGEST_PATH):
@@ -65,11 +65,11 @@ def _check_text(name: str, text: str, path: bool) -> None:
 
 
 def _at_home(name: str, text: str) -> str:
-    """Give a path that begins with `~` or `~USER`, from the home folder's."""
+    """Expand a path that begins with `~` or `~USER`."""
     try:
         return str(Path(text).expanduser())
     except RuntimeError:
-        raise UserError("no such user", key=name, got=text, expected="a home folder that is there") from None
+        raise UserError("no such user", key=name, got=text, expected="an existing home folder") from None
 
 
 def _check_number(name: str, value: float) -> None:

@@ -1,4 +1,4 @@
-"""`vispeg view`: the page in the browser."""
+"""`vispeg view`: the local web page."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def view(
 ) -> None:
     """Open the page in the browser: diagnosis, worlds, policies, data.
 
-    The page is served on this machine alone, to whoever has the address with its token. It shows where a model fails,
-    adds an effect by a click, and shows each step as the command that does the same. Results are written to OUT; a
-    stopped page goes on from there.
+    Only this machine can open the page, by the address with its token. It shows where a model fails, adds an effect
+    with a click, and shows each step as an equivalent command. Results are written to OUT, from which a restarted page
+    continues.
 
     Example:
         vispeg view rig-a rig-b rig-c
@@ -40,11 +40,11 @@ def view(
             default: an empty page.
         model: a model file, a robot's name, or a path to an MJCF or URDF; default: iiwa14.
         out: folder for what the page writes.
-        port: port; default: the first free one from 8080 on.
+        port: port to listen on; default: the first free one from 8080 on.
         no_browser: do not open the browser.
         dark: dark mode, whatever the system's setting.
         native: show the model in MuJoCo's own viewer, with the effects that MuJoCo has elements for.
-        threads: threads of the simulation.
+        threads: number of threads for the simulation.
     """
     import webbrowser
 

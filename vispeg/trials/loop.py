@@ -60,7 +60,7 @@ class How:
         limits: safety limits that stop the arm.
         shadow: compute and record commands, but do not send them.
         slow: factor on each action, 0.05 to 1; an episode gets correspondingly more steps.
-        goal: believed position of the goal in the base, m; None for the robot's statement, else the nominal position.
+        goal: believed position of the goal in the base, m; default: what the robot states, else the nominal position.
         silence: time without a new reading after which the arm stops, s.
         rest: time for which the arm is recorded at rest before the policy acts, s, on the host's and robot's clocks.
     """
