@@ -1,5 +1,5 @@
-"""What a policy sees of a robot and what its actions ask of it, without a simulator.
+"""A policy's observations and actions on a robot, without a simulator.
 
-Training, evaluation, `vispeg run` and whoever holds an exported file build observations here: `Observer` from an
-`Interface`. NumPy and the standard library alone; pictures of another camera also need OpenCV.
+Training, evaluation, `vispeg run` and users of an exported file all build observations here, with an `Observer` that is
+made from an `Interface`. It needs only NumPy and the standard library; pictures of another camera also need OpenCV.
 """

@@ -1,9 +1,9 @@
 """Kinds of actions, and their conversion to the commands of a task's controller.
 
-The controller takes an `offset`: how far the tip is to be from where it is measured, along the directions that the
-policy moves, in shares of the greatest step. Joints, and places and steps of the tip in SI units, are turned into that
-by the arm's kinematics. What the controller does not take is lost: which of an arm's postures reach a pose, and turns
-of a tool that the task holds straight. An offset beyond 1 is cut where it is taken, see `Observer.asked`.
+The controller takes an `offset`: the displacement of the tip from its measured position, along the directions that the
+policy moves, as shares of the greatest step. Joint angles, and positions and displacements of the tip in SI units, are
+converted to an offset by the arm's kinematics. The conversion loses which posture of the arm reaches a pose, and
+rotations of a tool that the task holds straight. Offsets beyond +-1 are cut later, see `Observer.asked`.
 """
 
 from __future__ import annotations
@@ -26,37 +26,38 @@ KINDS: Mapping[str, str] = {
     TIP_GOAL: "place of the tip in the base, m; or place and quaternion w x y z of the flange's turn",
     TIP_DELTA: "of the tip from where it is measured, m, base axes; or that and the turn's rotation vector, rad",
 }
-STATED = "?action="  # between what names a policy or demonstrations and the kind of their actions
-MOST = 4 * np.pi  # rad
-OBSERVED = "observation."  # before the features that LeRobot's policies see
-POSITION = ".pos"  # behind a motor's name in what LeRobot records
-TIP = ("tip_x", "tip_y", "tip_z")
+STATED = "?action="  # separates the name of a policy or of demonstrations from the kind of their actions
+MOST = 4 * np.pi  # rad, greatest angle of a joint; larger numbers can only be in degrees
+OBSERVED = "observation."  # prefix of the features that LeRobot's policies observe
+POSITION = ".pos"  # suffix of a motor's name in LeRobot's recordings
+TIP = ("tip_x", "tip_y", "tip_z")  # names of an action's entries that mean TIP_GOAL
 
 
 def split(text: str) -> tuple[str, str | None]:
-    """Return what a text names, and the kind of actions that `?action=KIND` behind it states; None where there is
-    none.
-    """
+    """Split a text NAME?action=KIND into the name and the kind of actions; None if no kind is stated."""
     place, stated, kind = text.partition(STATED)
     return place, kind if stated else None
 
 
 def checked(kind: Any, source: Any = None) -> str:
-    """Return a kind of action as it is. Raises UserError for an unknown one."""
+    """Return a kind of action unchanged. Raises UserError, which names the file `source`, for an unknown one."""
     if kind not in KINDS:
         raise UserError("no such kind of action", file=source, key="action", got=kind, choices=KINDS)
     return kind
 
 
 def entries(names: Any) -> tuple[str, ...]:
-    """Names of an action's numbers as LeRobot writes them: a list, or lists by what they are of; () for none."""
+    """Return the names of a feature's numbers in a LeRobot data set; () if it has none.
+
+    LeRobot writes a list of names, or a mapping to lists of names.
+    """
     if isinstance(names, Mapping):
         names = [name for part in names.values() for name in (part if isinstance(part, list | tuple) else [])]
     return tuple(map(str, names)) if isinstance(names, list | tuple) else ()
 
 
 def observed(features: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
-    """Return where each named number that was observed stands, of a data set's features: the feature and its column."""
+    """Return name -> (feature, column) for each named number in the observations of a data set's features."""
     places: dict[str, tuple[str, int]] = {}
     for feature, what in features.items():
         if feature.startswith(OBSERVED) and len(what["shape"]) == 1:
@@ -66,29 +67,29 @@ def observed(features: Mapping[str, Any]) -> dict[str, tuple[str, int]]:
 
 
 def columns_of(names: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
-    """Where the wanted names stand among others, `.pos` behind them or not; None where one is absent."""
+    """Return the indices of the wanted names in `names`, with or without the suffix `.pos`; None if one is missing."""
     places = {name.removesuffix(POSITION): i for i, name in enumerate(names)}
     return [places[name] for name in wanted] if all(name in places for name in wanted) else None
 
 
 class Actions:
-    """What a policy's actions mean on an arm.
+    """The meaning of a policy's actions on an arm.
 
     Args:
-        kind: of KINDS; None: what the names and the number of entries tell.
+        kind: a key of KINDS; None to infer it from the names and the number of entries.
         settings: of the task.
-        chain: the arm, as its controller knows it.
-        tip: of the tool below the flange, m.
-        joints: their names.
-        names: of an action's entries, where they have any.
-        width: of an action, where it is known.
-        source: who states it, for errors.
+        chain: the arm's kinematics, as its controller knows them.
+        tip: height of the tip below the flange, m.
+        joints: names of the arm's joints.
+        names: of an action's entries; empty if they have none.
+        width: number of an action's entries; None if not known.
+        source: the file that states the kind, for errors.
 
     Attributes:
-        kind: of KINDS.
+        kind: a key of KINDS.
 
     Raises:
-        UserError: an unknown kind, another width than the kind has, or nothing that tells the kind.
+        UserError: an unknown kind, a wrong number of entries for the kind, or a kind that cannot be inferred.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class Actions:
             got = ", ".join(names) or f"{width} numbers"
             raise UserError("what do its actions mean", file=source, key="action", got=got, choices=KINDS)
         self.kind = told
-        # of more entries than joints, such as a gripper's, those of the joints
+        # if actions have further entries, such as a gripper's, use only those of the joints
         columns = columns_of(names, self.joints) if told in (JOINT_GOAL, JOINT_DELTA) else None
         self._columns = slice(None) if columns is None else np.array(columns)
         self._entries = None if columns is None else len(names)
@@ -127,21 +128,28 @@ class Actions:
 
     @property
     def widths(self) -> tuple[int, ...]:
-        """How many numbers an action may have."""
+        """The numbers of entries that an action may have."""
         each = {OFFSET: (len(self.settings.dof),), TIP_GOAL: (3, 7), TIP_DELTA: (3, 6)}
         return each.get(self.kind, (self._entries or len(self.joints),))
 
     def check(self, width: int, source: Any = None) -> None:
-        """Raise UserError where actions of this kind do not have so many numbers."""
+        """Raise UserError if actions of this kind cannot have `width` entries."""
         if width not in self.widths:
             expected = f"{' or '.join(map(str, self.widths))} numbers: {KINDS[self.kind]}"
             raise UserError(f"no {self.kind}", file=source, key="action", expected=expected, got=width)
 
     def offset(self, action: np.ndarray, here: Observer) -> np.ndarray:
-        """Return the offset (n, len(dof)) that actions (n, k) ask of arms which an observer has seen; see `seen`.
+        """Convert actions to offsets as the controller takes them.
+
+        Args:
+            action: (n, k).
+            here: observer of the n arms, which has stored their present state (see `seen`).
+
+        Returns:
+            Offsets (n, len(dof)), not yet cut to +-1.
 
         Raises:
-            UserError: a quaternion of length 0, angles that can only be in degrees.
+            UserError: a quaternion of length 0, or angles that can only be in degrees.
         """
         action = np.asarray(action, float)
         if self.kind == OFFSET:
@@ -165,7 +173,7 @@ class Actions:
         return motion[:, here.places]
 
     def seen(self, q: np.ndarray) -> Observer:
-        """Return an observer of arms that are measured at q (n, nj) rad."""
+        """Return an observer of n arms at rest at the measured angles q (n, nj) rad."""
         q = np.asarray(q, float)
         observer = Observer(self.settings, self.chain, self.length, np.zeros(3), 0, len(q))
         observer.see(q, np.zeros_like(q))

@@ -1,4 +1,4 @@
-"""Observations of one episode, off the simulator: readings in, a policy's input out; actions in, targets out."""
+"""Build a policy's observations from a real robot's readings, and flange targets from its actions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from vispeg.render.image_kinds import KINDS, camera_of
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a camera saw.
+    """A picture that a camera took.
 
     Attributes:
         rgb: (H, W, 3) uint8 sRGB, or None.
         depth: (H, W) planar distance in m, 0 or NaN = no reading, or None.
-        camera: as calibrated; None for the very camera that the policy knows.
+        camera: the camera that took it, as calibrated; None if it is equal to the one that the policy knows.
     """
 
     rgb: np.ndarray | None = None
@@ -32,10 +32,10 @@ class Picture:
 
 
 class Builder:
-    """One episode of a policy on one arm.
+    """The observations and actions of one episode of a policy on one arm.
 
     Args:
-        interface: the policy's.
+        interface: of the policy.
     """
 
     def __init__(self, interface: Interface):
@@ -44,12 +44,12 @@ class Builder:
         self._begun = False
 
     def begin(self, q: np.ndarray, dq: np.ndarray, goal: np.ndarray | None = None) -> None:
-        """Note that an episode begins.
+        """Begin an episode.
 
         Args:
-            q, dq: (nj,) rad, rad/s: how the arm stands.
-            goal: (3,) m in the base, where the goal is believed to be; the nominal place for None. A policy that is
-                not told the goal keeps to the nominal place.
+            q, dq: (nj,) measured joint angles and velocities, rad and rad/s.
+            goal: (3,) m in the base, where the goal is believed to be; None for its nominal place. It is ignored for a
+                policy that is not told the goal.
         """
         o, known = self.observer, self.interface.goal
         o.believed[0] = goal if goal is not None and known.told else known.nominal_m
@@ -70,14 +70,14 @@ class Builder:
     def observe(
         self, q: np.ndarray, dq: np.ndarray, pictures: Mapping[str, Picture] | None = None
     ) -> dict[str, np.ndarray]:
-        """Return the policy's input, each part with a leading axis of one.
+        """Return the policy's observation for the next step; each part has a leading axis of length 1.
 
         Args:
-            q, dq: (nj,) rad, rad/s.
-            pictures: by camera.
+            q, dq: (nj,) measured joint angles and velocities, rad and rad/s.
+            pictures: by camera's name.
 
         Raises:
-            UserError: a picture is missing, or is not its camera's.
+            UserError: a picture is missing, has another size than its camera's, or lacks colour or depth.
         """
         o = self.observer
         o.see(np.asarray(q, float)[None], np.asarray(dq, float)[None])
@@ -90,7 +90,7 @@ class Builder:
         return {POLICY: told(o.stack), MEASURED: measured, **images(self.interface, pictures or {})}
 
     def act(self, action: np.ndarray) -> np.ndarray:
-        """Return the flange pose (7,) m and w x y z in the base that an action (d,) or (1, d) asks for."""
+        """Return the flange pose (7,), m and w x y z in the base, that an action (d,) or (1, d) commands."""
         o = self.observer
         o.hold(*o.offset_by(o.asked(np.reshape(action, (1, -1)))))
         return np.concatenate([o.goal[0], o.rot[0]])
@@ -136,7 +136,7 @@ def seen_by(eye: Camera, picture: Picture, camera: Camera) -> Picture:
     rgb, depth = picture.rgb, picture.depth
     return Picture(
         None if rgb is None else cv2.remap(rgb, at[..., 0], at[..., 1], cv2.INTER_LINEAR),
-        # the nearest: between the edges of two surfaces there is nothing
+        # nearest neighbour: an interpolated depth between two surfaces would be wrong
         None if depth is None else cv2.remap(np.asarray(depth, np.float32), at[..., 0], at[..., 1], cv2.INTER_NEAREST),
     )
 

@@ -15,17 +15,17 @@ from vispeg.core.rotation import quaternion
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Hinges one after another: each a fixed step from the frame before, then a turn about an axis.
+    """A chain of k hinges: each adds a fixed transform from the previous frame, then a rotation about an axis.
 
     Attributes:
-        turn: (k, 3, 3) rotation of the frame that carries a hinge, in the frame before it.
-        pos: (k, 3) its origin there, m.
-        anchor: (k, 3) a point of the hinge's axis in its own frame, m.
-        axis: (k, 3) unit axis in its own frame.
-        zero: (k,) the angle that stands for no turn, rad.
-        order: (k,) which entry of joint arrays it is.
-        end_turn: (3, 3) of the flange in the last frame.
-        end_pos: (3,) there, m.
+        turn: (k, 3, 3) rotation of the hinge's frame in the previous frame.
+        pos: (k, 3) m, origin of the hinge's frame in the previous frame.
+        anchor: (k, 3) m, a point on the hinge's axis, in the hinge's frame.
+        axis: (k, 3) unit vector of the axis, in the hinge's frame.
+        zero: (k,) rad, joint angle at which the hinge does not rotate.
+        order: (k,) index of the hinge in joint arrays.
+        end_turn: (3, 3) rotation of the flange in the last frame.
+        end_pos: (3,) m, position of the flange in the last frame.
     """
 
     turn: np.ndarray
@@ -46,12 +46,14 @@ class Chain:
         return self.turn @ cross, self.turn @ cross @ cross
 
     def rotation(self, q: np.ndarray) -> np.ndarray:
-        """(n, 3, 3) flange to base at joint angles q (n, nj) rad."""
+        """Return the rotations (n, 3, 3) from flange to base axes at joint angles q (n, nj) rad."""
         return self._walk(q)[1]
 
     def pose(self, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Flange in the base: position (n, 3) m, quaternion (n, 4) wxyz, twist (n, 6) m/s and rad/s, Jacobian
-        (n, 6, nj); of joint angles q and velocities dq (n, nj) rad and rad/s.
+        """Compute pose, twist and Jacobian of the flange in the base at q and dq (n, nj), rad and rad/s.
+
+        Returns:
+            Position (n, 3) m, quaternion (n, 4) wxyz, twist (n, 6) m/s and rad/s, Jacobian (n, 6, nj).
         """
         pos, turn, axes, anchors = self._walk(q)
         jac = np.zeros((len(q), 6, q.shape[1]))
@@ -61,7 +63,7 @@ class Chain:
         return pos, quaternion(turn), np.matmul(jac, dq[:, :, None])[:, :, 0], jac
 
     def _walk(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Position (n, 3) and rotation (n, 3, 3) of the flange, the hinges' axes and anchors (n, k, 3), in the base."""
+        """Return the flange's position (n, 3) and rotation (n, 3, 3), the hinges' axes and anchors (n, k, 3)."""
         angle = q[:, self.order] - self.zero
         sine, versine = np.sin(angle)[..., None, None], 1.0 - np.cos(angle)[..., None, None]
         steps = self.turn + sine * self._turns[0] + versine * self._turns[1]
@@ -77,12 +79,12 @@ class Chain:
         return pos + turn @ self.end_pos, turn @ self.end_turn, axes, anchors
 
     def to_json(self) -> Mapping[str, Any]:
-        """Ready for JSON; `from_json` reads it to the same bits."""
+        """Return the chain as data for JSON, from which `from_json` restores it exactly."""
         return {f.name: getattr(self, f.name).tolist() for f in fields(self)}
 
     @classmethod
     def from_json(cls, entries: Mapping[str, Any]) -> Chain:
-        """Return the inverse of `to_json`. Raises UserError: an entry is missing, or is no such array."""
+        """Make a chain from the data of `to_json`. Raises UserError: an entry is missing or has the wrong form."""
         k = len(entries["axis"]) if isinstance(entries, Mapping) and isinstance(entries.get("axis"), list) else 0
         shapes = {"turn": (k, 3, 3), "zero": (k,), "order": (k,), "end_turn": (3, 3), "end_pos": (3,)}
         arrays = {}

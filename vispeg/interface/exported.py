@@ -1,4 +1,4 @@
-"""A policy in an ONNX file, played with ONNX Runtime alone."""
+"""A policy in an ONNX file, run with ONNX Runtime."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ ACTION = "action"  # name of the output
 
 
 class Exported:
-    """What `vispeg export` wrote; it acts as a policy does.
+    """A policy from a file of `vispeg export`, with the methods of other policies.
 
     Attributes:
-        interface: the meaning of its numbers.
-        measured: whether it asks for readings in SI units, from which its actions are turned into offsets.
-        digest: SHA-256 of the file.
+        interface: the meaning of its inputs and outputs.
+        measured: whether `act` needs readings in SI units (MEASURED), because its actions are not offsets.
+        digest: SHA-256 (hex) of the file.
     """
 
     def __init__(self, path: str | Path):
@@ -39,7 +39,7 @@ class Exported:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         try:
             self._session: Any = ort.InferenceSession(blob, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # the runtime's own kinds, one a fault
+        except Exception as error:  # the runtime raises various exceptions of its own
             raise UserError("is not an ONNX model", file=self.path, got=str(error).splitlines()[0][:100]) from None
         stated = self._session.get_modelmeta().custom_metadata_map
         if KEY not in stated:
@@ -52,7 +52,7 @@ class Exported:
         outputs = {x.name: x.shape for x in self._session.get_outputs()}
         if ACTION not in outputs:
             raise UserError("has no such output", file=self.path, key=ACTION, got=sorted(outputs))
-        width = outputs[ACTION][-1]  # a name where the network leaves it open
+        width = outputs[ACTION][-1]  # a name, not a number, if the network does not fix it
         self._actions = Actions(
             i.action,
             i,
@@ -65,7 +65,7 @@ class Exported:
         self.reset(1)
 
     def _check(self) -> None:
-        """Check that the network's inputs are those that its interface states."""
+        """Raise UserError unless the network's inputs are those that its interface states."""
         i = self.interface
         expected: dict[str, tuple[int, ...]] = {"policy": (i.stack * sum(t.size for t in i.told),)}
         expected |= {key: seen.shape for key, seen in i.images.items()}
@@ -80,7 +80,7 @@ class Exported:
         return [x.name for x in self._session.get_outputs()]
 
     def reset(self, n: int, rows: np.ndarray | None = None) -> None:
-        """Forget the episodes of these rows (n,) bool of n that are played side by side; of all by default."""
+        """Clear the memory of `n` parallel episodes, or of those that `rows` (n,) bool selects."""
         width = self.interface.recurrent
         fresh = {name: np.zeros((1, n, width), np.float32) for name in MEMORY} if width else {}
         if rows is not None:
@@ -89,7 +89,7 @@ class Exported:
         self._memory = fresh
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return actions (n, d) float32 for observations (n, ...): always offsets, whatever the network outputs."""
+        """Return actions (n, d) float32 for observations (n, ...), converted to offsets if they are of another kind."""
         parts = {key: obs[key] for key in ("policy", *self.interface.images)}
         values = self._session.run(None, {**parts, **self._memory})
         out = dict(zip(self._outputs, values, strict=True))

@@ -1,6 +1,6 @@
-"""The meaning of a policy's numbers: what it is told, what it sees, what its actions ask for, of which arm.
+"""The meaning of a policy's inputs and outputs: observation terms, images, actions, arm, tool, goal and controller.
 
-An exported file carries it (`vispeg-interface/1`, docs/formats.md), so that it can be played where nothing else is.
+An exported file contains it (`vispeg-interface/1`, docs/formats.md), so that the policy can run without other files.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vispeg.render.cameras.camera import Camera
 from vispeg.render.image_kinds import KINDS
 
 FORMAT = "vispeg-interface/1"
-KEY = "vispeg"  # of an ONNX file's metadata
+KEY = "vispeg"  # key of the interface in an ONNX file's metadata
 OFFSET = "offset from the measured pose"
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -35,7 +35,7 @@ Open = Annotated[float, BeforeValidator(lambda value: np.inf if value is None el
 
 
 class NoInterface(UserError):
-    """A policy that no robot can be given: it reads or does what only simulation has, or its world is gone."""
+    """A policy that cannot run on a robot: its observations or actions need the simulation, or its world is missing."""
 
 
 class _Part(BaseModel):
@@ -43,7 +43,7 @@ class _Part(BaseModel):
 
 
 class Told(_Part):
-    """A term of the vector, see `vispeg.interface.terms.Sensed`."""
+    """A term of the observation's vector part, see `vispeg.interface.terms.Sensed`."""
 
     name: str
     size: Count
@@ -53,7 +53,14 @@ class Told(_Part):
 
 
 class Seen(_Part):
-    """An image (C, H, W): its kind, and the camera that takes it, px and OpenCV axes in the frame of `parent`."""
+    """An image of the observation.
+
+    Attributes:
+        kind: see `vispeg.render.image_kinds`.
+        unit: of its values.
+        shape: (C, H, W).
+        camera: arguments of the Camera that takes it; its pose is in the frame of its `parent`, with OpenCV axes.
+    """
 
     kind: str
     unit: str
@@ -62,7 +69,7 @@ class Seen(_Part):
 
     @cached_property
     def eye(self) -> Camera:
-        """The camera. Raises UserError: one that cannot be."""
+        """The camera that takes the image. Raises UserError: wrong arguments of a camera."""
         try:
             return Camera(**self.camera)
         except TypeError as error:
@@ -70,7 +77,7 @@ class Seen(_Part):
 
 
 class Arm(_Part):
-    """The arm as its controller knows it; null limits are unknown."""
+    """The arm as its controller knows it; a limit of null is not known."""
 
     robot: str
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -83,8 +90,14 @@ class Arm(_Part):
 
 
 class Tool(_Part):
-    """Height of the tip below the flange, m; what the wrist's sensor carries at rest, N in the base's axes; and mass
-    (kg), centre (m) and inertia (kg m^2) of all that the flange carries, in its axes.
+    """The tool and the held part.
+
+    Attributes:
+        name: of the tool.
+        tip_m: height of the tip below the flange.
+        weight_n: weight that the wrist's sensor carries at rest, base axes.
+        mass_kg, com_m, inertia_kgm2: mass, centre of mass and inertia of everything that the flange carries, flange
+            axes.
     """
 
     name: str = ""
@@ -96,7 +109,7 @@ class Tool(_Part):
 
 
 class Controller(_Part):
-    """The law that holds the flange: forces `Lambda (kp e - kd v)`, gains per unit mass, 1/s^2 and 1/s."""
+    """The controller that holds the flange, with the wrench `Lambda (kp e - kd v)`; gains in 1/s^2 and 1/s."""
 
     law: Literal["operational space"] = "operational space"
     period_s: Positive
@@ -109,9 +122,13 @@ class Controller(_Part):
 
 
 class Goal(_Part):
-    """Where the goal nominally is, m in the base; whether the policy is told another place where one is believed; and
-    the tip's place in the goal's frame that the task asks for, m; `cell`: what is believed to stand there, as a
-    recording states it.
+    """The goal and its surroundings.
+
+    Attributes:
+        nominal_m: nominal position of the goal in the base.
+        told: whether the policy is told where the goal is believed to be; otherwise it is told the nominal position.
+        reached_m: position of the tip in the goal's frame that the task asks for.
+        cell: settings of the believed cell, as in a recording.
     """
 
     nominal_m: Vec3
@@ -121,23 +138,31 @@ class Goal(_Part):
 
 
 class Interface(_Part):
-    """Everything that must be known to play a policy on an arm. Numbers in SI units.
+    """Everything that is needed to run a policy on an arm. Numbers are in SI units.
 
     Attributes:
-        task, title: its name, and what a person would ask for.
-        modality: what the policy sees.
-        told: terms of the observation's part `policy`, in order, each divided by its scale and cut to +-20.
-        stack: moments of these, newest first; an episode begins with its first one repeated.
-        images: further parts by key.
-        recurrent: width of the policy's memory.
-        dof, offset_m, turn_rad: what an action within +-1 moves, and how far 1 is.
-        action: what the numbers of the network's action are, of `vispeg.interface.actions.KINDS`.
+        format: name and version of the format.
+        task, title: the task's name, and the task as an instruction in a sentence.
+        modality: of the policy.
+        told: terms of the observation's part `policy`, in order. Each is divided by its scale and cut to +-`limit`.
+        limit: see `told`.
+        stack: number of time steps that the part `policy` holds, newest first. At an episode's begin the first one is
+            repeated.
+        images: images of the observation by key.
+        recurrent: width of the policy's memory; 0 for none.
+        dof: directions that an action moves.
+        offset_m, turn_rad: displacement and rotation for an action of 1.
+        action: kind of the network's actions, a key of `vispeg.interface.actions.KINDS`.
         law: how an offset becomes a target, see `Observer.offset_by`.
-        policy_period_s, steps: of an action; of an episode.
-        wrench_periods: control periods over whose mean the wrench is told.
-        force_abort_n: contact force that ends an episode.
-        start_height_m, start_radius_m: where episodes began in training, the tip above the nominal goal.
-        world, world_hash, policy: where it was trained, and the hash of its folder.
+        policy_period_s: time between two actions.
+        steps: actions in an episode.
+        wrench_periods: number of control periods over which the wrench is averaged.
+        arm, tool, goal, controller: see these classes.
+        force_abort_n: contact force above which an episode ends.
+        start_height_m, start_radius_m: start of the tip in training, relative to the nominal goal: lowest and highest
+            height above it, greatest offset to the side.
+        world, world_hash: the world in which the policy was trained, and its hash.
+        policy: hash of the policy's folder.
     """
 
     format: Literal["vispeg-interface/1"] = FORMAT
@@ -185,27 +210,27 @@ class Interface(_Part):
 
     @property
     def offset(self) -> float:
-        """As `offset_m`."""
+        """The same as `offset_m`, for `vispeg.interface.observer.Settings`."""
         return self.offset_m
 
     @property
     def turn(self) -> float:
-        """As `turn_rad`."""
+        """The same as `turn_rad`, for `vispeg.interface.observer.Settings`."""
         return self.turn_rad
 
     @property
     def feels(self) -> bool:
-        """Whether the policy is told force or torque."""
+        """Whether the policy observes force or torque."""
         return any(term.name in FELT for term in self.told)
 
     @property
     def ticks(self) -> int:
-        """Control periods of an action."""
+        """Control periods per action."""
         return round(self.policy_period_s / self.controller.period_s)
 
     @cached_property
     def chain(self) -> Chain:
-        """The arm's kinematics. Raises UserError: no such."""
+        """The arm's kinematics. Raises UserError: wrong data."""
         return Chain.from_json(self.arm.chain)
 
     def flange(self, q: np.ndarray) -> np.ndarray:
@@ -215,7 +240,7 @@ class Interface(_Part):
 
     @cached_property
     def terms(self) -> tuple[Sensed, ...]:
-        """The terms with the scales of this interface. Raises NoInterface: one that nobody here can build."""
+        """The terms, with the scales of this interface. Raises NoInterface: a term that is not in `SENSED`."""
         out = []
         for told in self.told:
             if told.name not in SENSED:
@@ -225,22 +250,26 @@ class Interface(_Part):
         return tuple(out)
 
     def observer(self, n: int = 1) -> Observer:
-        """Return an observer of this arm. Raises NoInterface: actions that mean something of a task's own."""
+        """Return an observer of `n` such arms. Raises NoInterface: the task has its own law for actions."""
         if self.law != OFFSET:
             raise NoInterface("actions of a task's own law", key="law", expected=OFFSET, got=self.law)
         size = sum(told.size for told in self.told)
         return Observer(self, self.chain, self.tool.tip_m, np.array(self.tool.weight_n), size, n)
 
     def text(self) -> str:
-        """As JSON; `read` reads it to the same bits."""
+        """Return the interface as JSON, from which `read` restores it exactly."""
         return json.dumps(_plain(self.model_dump()), allow_nan=False)
 
 
 def read(text: str, file: Any) -> Interface:
-    """Return the interface that a file's metadata hold.
+    """Read an interface from JSON text, such as a file's metadata.
+
+    Args:
+        text: JSON.
+        file: for errors.
 
     Raises:
-        UserError: no JSON, or an entry that is missing or cannot be; names the file and the key.
+        UserError: not JSON, or an entry that is missing or impossible; it names the file and the key.
     """
     try:
         data = json.loads(text)
@@ -263,7 +292,7 @@ def read(text: str, file: Any) -> Interface:
 
 
 def _plain(value: Any) -> Any:
-    """Without infinities, which JSON has not: null."""
+    """Return data with null in place of infinite numbers, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):

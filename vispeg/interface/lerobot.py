@@ -1,7 +1,7 @@
-"""LeRobot in a process of its own: its policies, and its robots.
+"""Run LeRobot's policies and robots in a separate process.
 
-LeRobot asks for other versions of packages than this project does, so the process may run in another environment: the
-interpreter that LEROBOT_PYTHON names, else the present one.
+LeRobot needs other versions of packages than this project. Therefore the process may run in another environment: it
+uses the interpreter that LEROBOT_PYTHON names, else the present one.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ ENDED = "the process of LeRobot has ended"
 
 
 class LeRobotProcess:
-    """LeRobot, asked one thing after the other.
+    """A process of LeRobot with a policy or a robot, which answers one message after the other.
 
     Args:
-        name: of what it holds, for errors.
+        name: of the policy or robot, for errors.
         *args: of the process, see `vispeg.interface.lerobot_process`.
 
     Attributes:
-        python: the interpreter.
+        python: path of the interpreter.
 
     Raises:
-        UserError: nothing that runs LeRobot.
+        UserError: LeRobot is not installed here, and LEROBOT_PYTHON is not set.
     """
 
     def __init__(self, name: str, *args: str):
@@ -51,8 +51,12 @@ class LeRobotProcess:
         self._process: subprocess.Popen | None = None
 
     def begin(self) -> dict[str, np.ndarray]:
-        """Start the process; return what it says of itself. Raises UserError: it cannot be started, or refuses."""
-        # isolated: neither this package's folder nor PYTHONPATH puts modules before those of that environment
+        """Start the process and return its first message.
+
+        Raises:
+            UserError: it cannot be started, or it reports an error.
+        """
+        # -I: neither this package's folder nor PYTHONPATH may hide modules of that environment
         command = [self.python, "-I", str(Path(lerobot_process.__file__)), *self.args]
         pipes: Any = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
         environment = {**os.environ, "HF_HUB_OFFLINE": "1"}
@@ -65,10 +69,14 @@ class LeRobotProcess:
         return self._answer()
 
     def ask(self, message: Mapping[str, Any], wait: float | None = None) -> dict[str, np.ndarray]:
-        """Return the answer to a message, which starts the process where it does not run.
+        """Send a message and return the answer; start the process first if it does not run.
+
+        Args:
+            message: arrays by name, see `vispeg.interface.lerobot_process`.
+            wait: s, timeout; None for no limit.
 
         Raises:
-            UserError: it refuses, or is not there any more.
+            UserError: the process reports an error, or has ended.
             TimeoutError: no answer within `wait` s.
         """
         if self._process is None:
@@ -94,7 +102,7 @@ class LeRobotProcess:
         return answer
 
     def close(self, wait: float) -> None:
-        """End the process, which has `wait` s to take leave of what it holds."""
+        """End the process; it has `wait` s to disconnect from its robot before it is killed."""
         if self._process is not None:
             assert self._process.stdin is not None  # it was given pipes
             self._process.stdin.close()
@@ -109,6 +117,6 @@ class LeRobotProcess:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """End a process."""
+    """Kill a process and wait for its end."""
     process.kill()
     process.wait()

@@ -1,13 +1,14 @@
-"""The side of LeRobot: run by an interpreter that has it, with `policy FOLDER` or `robot TYPE CONFIG` as arguments.
+"""The program of the LeRobot process, run by an interpreter with LeRobot: `policy FOLDER` or `robot TYPE CONFIG`.
 
-It imports nothing of this project, for LeRobot asks for other versions of packages. A message is its length (8 bytes,
-little-endian) and an .npz; what goes wrong is answered by `error`, or `refused` where that is in words of ours.
+It imports nothing of this project, because LeRobot needs other versions of packages. A message is its length (8 bytes,
+little-endian) followed by an .npz archive. Errors are answered with the entry `error`, or `refused` if the message is
+written for users.
 
-- A policy: in comes `row` and what the row observes, or `row` alone where an episode begins there; out goes `action`.
-  Each row has a memory of its own, and all share the network.
-- A robot: the first answer names its numbers (`state`, `action`) and its cameras (`cameras`). In comes `action` to send
-  or nothing, and `look` where pictures are wanted; out goes `time` (monotonic, s) of what it observes, `state`, and
-  `camera.NAME`.
+- A policy receives `row` and the row's observation, and answers with `action`. `row` alone begins a new episode in that
+  row. All rows share the network, and each has its own memory.
+- A robot first sends the names of its numbers (`state`, `action`) and cameras (`cameras`). It receives `action` to
+  execute (optional), and `look` if pictures are wanted. It answers with its observation: `time` (monotonic, s), `state`
+  and `camera.NAME`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 
 
 def read(stream: IO[bytes]) -> dict[str, np.ndarray] | None:
-    """Return the next message, or None where the other side is gone."""
+    """Read the next message; return None if the other side has ended."""
     head = stream.read(8)
     if len(head) < 8:
         return None
@@ -51,7 +52,11 @@ def write(stream: IO[bytes], message: dict[str, Any]) -> None:
 
 
 class Player:
-    """A policy with what LeRobot puts before and behind its network."""
+    """A policy of LeRobot with its pre- and postprocessors.
+
+    Args:
+        folder: of the policy.
+    """
 
     def __init__(self, folder: str):
         self.torch = importlib.import_module("torch")
@@ -68,14 +73,14 @@ class Player:
         self.rows: dict[int, Any] = {}
 
     def begin(self, row: int) -> None:
-        """Clear the memory of a row: queues of actions and of observations."""
+        """Clear the memory of a row: its queues of actions and of observations."""
         if row not in self.rows:
             shared = {id(t): t for t in (*self.policy.parameters(), *self.policy.buffers())}
             self.rows[row] = copy.deepcopy(self.policy, shared)
         self.rows[row].reset()
 
     def act(self, row: int, seen: dict[str, np.ndarray]) -> np.ndarray:
-        """Return the action of a row."""
+        """Return the action (d,) float32 of a row for its observation."""
         if row not in self.rows:
             self.begin(row)
         torch = self.torch
@@ -86,31 +91,34 @@ class Player:
         return np.asarray(action.float().cpu().numpy().reshape(-1), np.float32)
 
     def answer(self, asked: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Answer a message."""
+        """Return the answer to a message."""
         row = int(asked.pop("row"))
         return {"action": self.act(row, asked)} if asked else self.begin(row) or {}
 
     def close(self) -> None:
-        """Do nothing: a policy holds nothing."""
+        """Do nothing: a policy has nothing to close."""
 
 
 class Refused(Exception):
-    """What is wrong, in words of ours."""
+    """An error whose message is written for users."""
 
 
 class Body:
-    """A robot of LeRobot's, or of a package of the environment that is called as LeRobot's plugins are.
+    """A robot of LeRobot or of one of its plugins that are installed in the environment.
 
     Args:
-        kind: its type.
-        config: fields of its configuration, in JSON.
+        kind: type of the robot.
+        config: fields of its configuration, as JSON.
+
+    Raises:
+        Refused: no robot of that type, or it is not calibrated.
     """
 
     def __init__(self, kind: str, config: str):
         robots = importlib.import_module("lerobot.robots")
-        for package in (robots, importlib.import_module("lerobot.cameras")):  # each makes its kinds known
+        for package in (robots, importlib.import_module("lerobot.cameras")):  # importing a module registers its types
             for module in pkgutil.iter_modules(package.__path__):
-                with suppress(ImportError):  # of one kind of robot alone
+                with suppress(ImportError):  # the dependencies of some types may be missing
                     importlib.import_module(f"{package.__name__}.{module.name}")
         importlib.import_module("lerobot.utils.import_utils").register_third_party_plugins()
         known = sorted(robots.RobotConfig.get_known_choices())
@@ -128,12 +136,12 @@ class Body:
         self.action = [key for key, what in self.robot.action_features.items() if what is float]
 
     def said(self) -> dict[str, Any]:
-        """Return what it says of itself."""
+        """Return the first message: names of the robot's numbers and cameras."""
         names = {"state": self.state, "cameras": self.cameras, "action": self.action}
         return {key: np.array(value, dtype=np.str_) for key, value in names.items()}
 
     def answer(self, asked: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Answer a message."""
+        """Execute a message's action, if it has one, and return the robot's observation."""
         if "action" in asked:
             self.robot.send_action(dict(zip(self.action, asked["action"].tolist(), strict=True)))
         seen = self.robot.get_observation()
@@ -141,25 +149,25 @@ class Body:
         return out | {f"camera.{key}": np.asarray(seen[key]) for key in self.cameras if "look" in asked}
 
     def close(self) -> None:
-        """Take leave of the robot."""
+        """Disconnect from the robot."""
         self.robot.disconnect()
 
 
 def said(error: Exception) -> dict[str, str]:
-    """Return what went wrong as a message."""
+    """Return the message that reports an error."""
     return {"refused": str(error)} if isinstance(error, Refused) else {"error": f"{type(error).__name__}: {error}"}
 
 
 def main() -> None:
-    """Answer until the other side is gone; what LeRobot prints goes to stderr, and it can ask nobody."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side is told, and says what follows
+    """Answer messages until the other side ends. LeRobot's output goes to stderr, and its input is empty."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other side handles interrupts
     come, out = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     kinds: dict[str, Callable[..., Any]] = {"policy": Player, "robot": Body}
     try:
         held = kinds[sys.argv[1]](*sys.argv[2:])
-    except Exception as error:  # whatever LeRobot raises
+    except Exception as error:  # LeRobot may raise anything
         write(out, said(error))
         return
     write(out, held.said() if isinstance(held, Body) else {})
@@ -167,7 +175,7 @@ def main() -> None:
         while (asked := read(come)) is not None:
             try:
                 write(out, held.answer(asked))
-            except Exception as error:  # whatever LeRobot raises
+            except Exception as error:  # LeRobot may raise anything
                 write(out, said(error))
     except BrokenPipeError:
         pass

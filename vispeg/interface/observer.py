@@ -1,4 +1,4 @@
-"""From what a robot measures to what a policy sees, and from an action to the pose that the robot is to hold."""
+"""Convert a robot's measurements to a policy's observations, and actions to the pose that the robot is to hold."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from vispeg.interface.chain import Chain
 
 DOF = ("x", "y", "z", "rx", "ry", "rz")
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # flange z straight down, wxyz
-BEYOND = 1e-3  # of an action of 1, by which one counts as cut: readings in float32 give 1e-5
-RECENT = 4  # control periods over whose mean the wrench is told: contact chatters in step with the controller
+BEYOND = 1e-3  # how far an action must be beyond +-1 to count as clipped; rounding to float32 gives up to 1e-5
+RECENT = 4  # control periods over which the wrench is averaged, as contact chatters in step with the controller
 
 
 class Settings(Protocol):
-    """What an observer needs to know of the task: `TaskConfig` and `Interface` both say it.
+    """The settings of a task that an observer needs; `TaskConfig` and `Interface` have them.
 
     Attributes:
-        dof: directions that the policy moves, of DOF.
-        offset, turn: of an action of 1, m and rad.
-        stack: moments that the policy is told.
+        dof: directions that the policy moves, a part of DOF.
+        offset, turn: displacement and rotation for an action of 1, m and rad.
+        stack: number of time steps in an observation.
     """
 
     @property
@@ -36,33 +36,37 @@ class Settings(Protocol):
 
 
 class Observer:
-    """n robots at once, each in an episode of its own.
+    """Measured state and commanded pose of n robots, each in its own episode.
 
     Args:
         settings: of the task.
-        chain: the arm, as its controller knows it.
-        tip: of the tool below the flange, m.
-        weight: (3,) N in the base, that the wrist's sensor carries at rest.
-        size: numbers of one moment.
-        n: robots.
+        chain: the arm's kinematics, as its controller knows them.
+        tip: height of the tip below the flange, m.
+        weight: (3,) N in the base, weight that the wrist's sensor carries at rest.
+        size: length of the observation vector at one time step.
+        n: number of robots.
 
     Attributes:
-        flange, turn: (n, 3) m, (n, 4) wxyz: the measured pose in the base; `twist` (n, 6) and `jac` (n, 6, nj) there.
-        wrench: (n, 6) N and N m that the tool puts on the flange, base axes, the tool's weight off; 0 as an episode
-            begins.
-        action: (n, len(dof)) the last one; `clipped` (n,) how many of the episode's were beyond what is taken.
-        believed: (n, 3) m, where the goal is believed to be, base.
-        held, rot: (n, 3) m, (n, 4): the pose that is asked for of the point that actions move; `goal` (n, 3) of the
-            flange.
-        straight: (n, 4) the flange straight down.
-        stack: the last moments.
+        measured: joint angles and velocities, (n, nj) each, rad and rad/s.
+        flange, turn: (n, 3) m and (n, 4) wxyz, measured flange pose in the base.
+        twist, jac: (n, 6) m/s and rad/s, and (n, 6, nj), of the flange in the base.
+        wrench: (n, 6) N and N m, of the tool on the flange without the tool's weight, base axes; 0 at an episode's
+            begin.
+        action: (n, len(dof)) the last action, within +-1.
+        clipped: (n,) number of the episode's actions that were beyond +-1.
+        believed: (n, 3) m, position in the base where the goal is believed to be.
+        held: (n, 3) m, commanded position of the point that actions move (see `lever`), in the base.
+        rot: (n, 4) wxyz, commanded orientation of the flange.
+        goal: (n, 3) m, commanded position of the flange.
+        straight: (n, 4) wxyz, orientation of the flange straight down.
+        stack: observations of the last time steps.
     """
 
     def __init__(self, settings: Settings, chain: Chain, tip: float, weight: np.ndarray, size: int, n: int = 1):
         self.settings, self.chain, self.length, self.weight, self.n = settings, chain, tip, np.asarray(weight, float), n
         self.turns = any(d.startswith("r") for d in settings.dof)
         self.move = np.array([d in settings.dof for d in DOF])
-        self.places = [DOF.index(d) for d in settings.dof]  # of an action's entries among all directions
+        self.places = [DOF.index(d) for d in settings.dof]  # index in DOF of each entry of an action
         self.straight = np.tile(DOWN, (n, 1))
         self.goal, self.rot, self.believed = np.zeros((n, 3)), self.straight.copy(), np.zeros((n, 3))
         self.held = self.goal.copy()
@@ -72,7 +76,7 @@ class Observer:
 
     # Measured -------------------------------------------------------------------------------------------------
     def see(self, q: np.ndarray, dq: np.ndarray) -> None:
-        """Note that the arms stand at q and move at dq, (n, nj) rad and rad/s."""
+        """Store measured joint angles q and velocities dq, (n, nj) rad and rad/s."""
         self.measured = q, dq
         self.flange, self.turn, self.twist, self.jac = self.chain.pose(q, dq)
 
@@ -87,29 +91,40 @@ class Observer:
         self.wrench = np.concatenate([rotated(turn, wrench[:, :3]) - self.weight, rotated(turn, wrench[:, 3:])], axis=1)
 
     def lever(self, rot: np.ndarray) -> np.ndarray:
-        """From the flange to the point that actions move and turn about, (n, 3) m: the tip of a tool held straight
-        where the policy turns it, else the flange itself. A turn about the flange would throw the tip aside."""
+        """Return the vector (n, 3) m, base axes, from the flange to the point that actions move and rotate about.
+
+        This point is the tip if the policy rotates the tool, because a rotation about the flange would move the tip
+        aside. Otherwise it is the flange itself.
+
+        Args:
+            rot: (n, 4) wxyz, orientation of the flange.
+        """
         return rotated(rot, np.array([0.0, 0.0, self.length])) if self.turns else np.zeros((self.n, 3))
 
     def tip(self) -> np.ndarray:
-        """(n, 3) m in the base, as measured. Of a policy that does not turn the tool, straight below the flange."""
+        """Return the measured position of the tip in the base, (n, 3) m.
+
+        For a policy that does not rotate the tool, the tip is taken to be straight below the flange.
+        """
         return self.flange + self.lever(self.turn) if self.turns else self.flange - [0, 0, self.length]
 
     def readings(self) -> np.ndarray:
-        """Return readings in SI units, (n, nj + 12), as rendered datasets hold them in `observation.state`: angles of
-        the joints, place and velocity of the tool's tip in the base, force and torque at the flange.
+        """Return readings in SI units, (n, nj + 12), like `observation.state` of rendered datasets.
+
+        They are joint angles, position of the tip, velocity of the flange, force and torque at the flange; all but the
+        angles in base axes.
         """
         return np.concatenate([self.measured[0], self.tip(), self.twist[:, :3], self.wrench], axis=1)
 
     # Commanded ------------------------------------------------------------------------------------------------
     def begin(self, rows: np.ndarray, flange: np.ndarray) -> None:
-        """Rows begin an episode with the flange asked to be at `flange` (n, 3) m, straight down."""
+        """Begin an episode in `rows`, with the flange commanded to `flange` (n, 3) m in the base, straight down."""
         self.goal[rows], self.rot[rows] = flange[rows], DOWN
         self.held[rows] = (self.goal + self.lever(self.rot))[rows]
         self.action[rows], self.wrench[rows], self.clipped[rows] = 0.0, 0.0, 0
 
     def asked(self, action: np.ndarray) -> np.ndarray:
-        """Take note of an action (n, len(dof)); return it within +-1 among all directions, (n, 6)."""
+        """Store an action (n, len(dof)), cut to +-1; return it with an entry for each direction of DOF, (n, 6)."""
         wanted = np.nan_to_num(np.asarray(action, float))
         self.action = np.clip(wanted, -1.0, 1.0)
         self.clipped += (np.abs(wanted - self.action) > BEYOND).any(axis=1)
@@ -118,9 +133,12 @@ class Observer:
         return motion
 
     def offset_by(self, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where an action (n, 6), an offset from where the arm is, puts the held point and the flange's turn.
+        """Convert an action (n, 6), an offset from the measured pose, to the pose to hold.
 
-        Directions that the policy does not move are held.
+        Directions that the policy does not move keep their commanded value.
+
+        Returns:
+            Position (n, 3) m of the point that actions move, orientation (n, 4) wxyz of the flange; as for `hold`.
         """
         moved = self.flange + self.lever(self.turn) + self.settings.offset * motion[:, :3]
         held, rot = np.where(self.move[:3], moved, self.held), self.rot
@@ -130,8 +148,11 @@ class Observer:
         return held, rot
 
     def offset_to(self, tip: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
-        """Return the action (n, 6) that asks for the tip at (n, 3) m and the flange turned by (n, 4): `offset_by`
-        undone.
+        """Return the action (n, 6) that commands a pose: the inverse of `offset_by`.
+
+        Args:
+            tip: (n, 3) m, position of the tip in the base.
+            turn: (n, 4) wxyz, orientation of the flange; None to leave the rotation at 0.
         """
         motion = np.zeros((self.n, 6))
         motion[:, :3] = (tip - self.tip()) / self.settings.offset
@@ -141,26 +162,26 @@ class Observer:
         return motion
 
     def hold(self, held: np.ndarray, rot: np.ndarray) -> None:
-        """Note that the held point is asked to be at `held` (n, 3) m, the flange turned by `rot` (n, 4)."""
+        """Store a commanded pose: `held` (n, 3) m of the point that actions move, `rot` (n, 4) wxyz of the flange."""
         self.held, self.rot = held, rot
         self.goal = held - self.lever(rot)
 
 
 class Stack:
-    """The last `depth` observations (n, size), newest first; a row that begins repeats its first one."""
+    """The last `depth` observation vectors (n, size), newest first; an episode begins with its first one repeated."""
 
     def __init__(self, depth: int, n: int, size: int):
         self.values = np.zeros((depth, n, size))
 
     def fill(self, rows: np.ndarray, value: np.ndarray) -> None:
-        """Reset rows to their `value` (n, size)."""
+        """Fill the stack of some rows with their `value` (n, size)."""
         self.values[:, rows] = value[rows]
 
     def push(self, value: np.ndarray) -> None:
-        """One more observation (n, size) of every row."""
+        """Add an observation (n, size) of every row, and drop the oldest."""
         self.values[1:] = self.values[:-1]
         self.values[0] = np.nan_to_num(value, posinf=0.0, neginf=0.0)
 
     def flat(self) -> np.ndarray:
-        """(n, depth size)."""
+        """Return the stack as one vector per row, (n, depth * size)."""
         return np.swapaxes(self.values, 0, 1).reshape(self.values.shape[1], -1)

@@ -1,6 +1,6 @@
 """Named observation terms other than images, each computed from a robot's measurements.
 
-A term of a task's own is enrolled here too, so that it can be built off the simulator.
+Register a task's own term here too, so that it can be computed without the simulator.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from vispeg.interface.observer import Observer, Stack
 
 LIMIT = 20.0  # largest scaled value
-NEAR = 0.03  # m, a unit of positions near the goal
-# keys of an observation: what a policy may see, the ground truth, and readings as a robot's driver has them
+NEAR = 0.03  # m, scale of positions near the goal
+# keys of an observation: the policy's terms, the ground truth, and readings in SI units
 POLICY, PRIVILEGED, MEASURED = "policy", "privileged", "measured"
-FELT = ("force", "torque")  # terms that a robot without a sensor at its wrist cannot tell
+FELT = ("force", "torque")  # terms that need a force sensor at the wrist
 
 
 @dataclass(frozen=True)
 class Sensed:
-    """One term.
+    """One observation term.
 
     Attributes:
-        name: by which it is found.
-        read: observer -> (n, size), in `unit`.
-        size: numbers; 0 for one a direction that the policy moves.
-        unit: of what `read` gives.
-        scale: in `unit`; an observation holds `read / scale`, near 1.
-        about: one line for people.
-        turning: whether only policies that turn the flange are told it.
+        name: of the term, unique.
+        read: function from an Observer to the term's values (n, size), in `unit`.
+        size: number of values; 0 for one per direction that the policy moves.
+        unit: of the values.
+        scale: in `unit`; an observation holds `read / scale`, of order 1.
+        about: one line of description.
+        turning: whether only policies that rotate the flange observe it.
     """
 
     name: str
@@ -51,7 +51,7 @@ SENSED: dict[str, Sensed] = {}
 
 
 def enrol(term: Sensed) -> Sensed:
-    """Make a term known by its name. Raises UserError where another has it."""
+    """Register a term by its name, and return it. Raises UserError: another term has that name."""
     if SENSED.setdefault(term.name, term) is not term:
         raise UserError("two observation terms share a name", got=term.name)
     return term
@@ -93,7 +93,7 @@ for _term in (
 
 
 class Readable(Protocol):
-    """A term as `scaled` needs it: one of these, or of a task's (`vispeg.task.terms.Term`)."""
+    """The attributes of a term that `scaled` needs; `Sensed` and `vispeg.task.terms.Term` have them."""
 
     @property
     def read(self) -> Callable[[Any], np.ndarray]: ...  # noqa: D102
@@ -104,7 +104,13 @@ class Readable(Protocol):
 def scaled(
     terms: Iterable[Readable], subject: Any, noisy: Callable[[Any, np.ndarray], np.ndarray] = lambda t, value: value
 ) -> np.ndarray:
-    """(n, d) scaled values of terms, read from what they are read from; `noisy` adds to one in its unit."""
+    """Return the scaled values (n, d) of terms.
+
+    Args:
+        terms: in order.
+        subject: the argument of their `read`.
+        noisy: function of a term and its values (n, size) that returns them with noise, before scaling.
+    """
     return np.concatenate([noisy(t, t.read(subject)) / t.scale for t in terms], axis=1)
 
 

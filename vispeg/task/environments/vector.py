@@ -134,8 +134,8 @@ class TaskVec(VectorEnv):
         privileged: whether observations hold the ground truth, for critics and teachers; a real robot does not have it.
         depth_image: whether depth comes as uint8 images, for libraries that expect these; see
             `vispeg.render.image_kinds.grey_depth`.
-        measured: whether observations hold readings in SI units, like `observation.state` of rendered datasets: joint
-            angles, position and velocity of the tip, force and torque at the flange.
+        measured: whether observations hold readings in SI units, like `observation.state` of rendered datasets; see
+            `vispeg.interface.observer.Observer.readings`.
         **settings: fields of the task's TaskConfig that replace the world's.
     """
 
