@@ -1,10 +1,10 @@
-"""What no named cause explains, played back: the arm's missing torque, resampled in blocks, disturbs the found world.
+"""Play back the torque that no named cause explains: resampled in blocks, it disturbs the arm of the identified world.
 
-Of each recording the torque is known that its controller asked for and that the measured wrench puts on the joints; the
-found world says, by inverse dynamics, what the motion needed. The difference is the missing torque, in free air and in
-contact alike. Blocks of it (all joints at once, so that they hang together as they did) are drawn with replacement and
-set one behind the other: the moving-block bootstrap (H. R. Kunsch, Annals of Statistics 17 (1989) 1217). A block is
-twice the integrated autocorrelation time long, in which nearly all that hangs together lies.
+For each recording, the torque commanded by its controller and the joint torque of the measured contact wrench are
+known. Inverse dynamics in the identified world give the torque that the motion needed. The difference is the missing
+torque, in free air and in contact. Blocks of it, of all joints at once to keep their correlation, are drawn with
+replacement and joined: the moving-block bootstrap (H. R. Kunsch, Annals of Statistics 17 (1989) 1217). A block is twice
+the integrated autocorrelation time long, which keeps nearly all of the correlation in time.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from vispeg.sim.segments.segment import segments
 from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
-SHORTEST = 0.1  # s, of a block: under it the filter of the motion, and no disturbance, is what hangs together
-RUNS_A_PIECE = 2  # blocks that a recording must hold to be resampled
-CONTROLLED = ("osc", "position", "torque")  # modes of which the commanded torque is known
+SHORTEST = 0.1  # s, shortest block: correlation in less time is due to the filter of the motion, not to a disturbance
+RUNS_A_PIECE = 2  # fewest blocks in a recording that is resampled
+CONTROLLED = ("osc", "position", "torque")  # control modes with a known commanded torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +38,10 @@ class Missing:
     """The missing torque of one recording.
 
     Attributes:
-        name: of the recording.
-        time: (m,) s, even.
-        torque: (m, nj) N m, what must be added to the found world's arm to move as measured, below 8 Hz.
-        touching: (m,) bool.
+        name: name of the recording.
+        time: (m,) s, evenly spaced.
+        torque: (m, nj) N m, torque that makes the identified world's arm move as measured, below 8 Hz.
+        touching: (m,) bool, whether the arm is in contact.
     """
 
     name: str
@@ -51,10 +51,10 @@ class Missing:
 
 
 def missing_of(rec: Recording, world: World) -> Missing | None:
-    """Return the missing torque of a world along a recording; None if the recording is too short.
+    """Return the missing torque of a world along a recording; None if the recording is too short or has gaps.
 
     Raises:
-        UserError: a recording whose controller is not known.
+        UserError: the recording's controller is not known.
     """
     if rec.control.mode not in CONTROLLED:
         expected = f"a known controller: {', '.join(CONTROLLED)}"
@@ -70,7 +70,7 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
         jac = nominal_of(robot, len(rec.time)).operational(np.nan_to_num(rec.q))[1]
         tau = tau + np.einsum("nij,ni->nj", jac, np.nan_to_num(felt.contact))
         touching = felt.touching
-    low = smooth(rec.time, tau, MOTION_HZ)[0]  # as the motion is, for the two are compared
+    low = smooth(rec.time, tau, MOTION_HZ)[0]  # filtered as the motion is
     evidence = TorqueEvidence([replace(rec, tau=low, torque_sensor="motor", ft=None, wrench=None)])
     item, (least, most) = evidence.items[0], evidence.torque_range(0, world)
     valid = item.valid.all(axis=1)
@@ -79,7 +79,10 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
 
 
 def _commanded(rec: Recording) -> np.ndarray:
-    """Torque (n, nj) N m that the controller asked for at each sample: the mean of before and after it."""
+    """Return the torque (n, nj) N m that the controller commanded at each sample.
+
+    It is the mean of the commands of the control periods before and after the sample.
+    """
     robot, (segment,) = robot_of(rec), segments(rec)
     rows = Rows([segment], 1)
     law = Controller(robot, rows, nominal_of(robot, 1), rows.by_tick(lambda s: s.q), along=False)
@@ -90,9 +93,9 @@ def _commanded(rec: Recording) -> np.ndarray:
 
 
 def time_constant(pieces: Sequence[np.ndarray], period: float) -> float:
-    """Integrated autocorrelation time, s, of series (m, nj) that are pooled, each joint by its power.
+    """Return the integrated autocorrelation time of series (m, nj), s.
 
-    The sum of autocorrelations up to their first zero, from the mean over pieces.
+    The autocovariance is summed over joints and pieces, and the autocorrelation added up to its first zero.
     """
     most = min(map(len, pieces))
     total = np.zeros(most)
@@ -109,16 +112,16 @@ def time_constant(pieces: Sequence[np.ndarray], period: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """Missing torques to be resampled.
+    """Missing torques to resample.
 
     Attributes:
-        joints: their names.
-        pieces: (m, nj) N m of each recording, every `period` s.
-        period: s.
-        block: s.
-        tick: control period, s, of what is drawn.
-        names: of the recordings.
-        touching: of each piece (m,) bool.
+        joints: names of the joints.
+        pieces: missing torque of each recording, (m, nj) N m, one row every `period`.
+        period: time between rows, s.
+        block: length of a block, s.
+        tick: control period of the torques to draw, s.
+        names: names of the recordings.
+        touching: (m,) bool for each piece, whether the arm is in contact.
     """
 
     joints: tuple[str, ...]
@@ -133,16 +136,17 @@ class Remainder:
     def of(
         cls, missing: Sequence[Missing], floor: Sequence[Missing], joints: tuple[str, ...], tick: float
     ) -> Remainder | None:
-        """Gather what recordings miss, with the variance that the method itself leaves taken off each joint.
+        """Make a remainder of recordings' missing torques, scaled down by the method's own error.
 
         Args:
-            missing: of the held-out recordings.
-            floor: of simulated ones against their own world; none: nothing is taken off.
-            joints: their names.
-            tick: control period, s.
+            missing: missing torques of the held-out recordings.
+            floor: missing torques of simulated recordings in their own world, which are errors of the method. Their
+                variance is subtracted from each joint's; empty to subtract nothing.
+            joints: names of the joints.
+            tick: control period of the torques to draw, s.
 
         Returns:
-            None where no recording is long enough.
+            The remainder; None if `missing` is empty.
         """
         period = 0.02
         whole = [(m, _even(m, period)) for m in missing]
@@ -159,15 +163,15 @@ class Remainder:
 
     @property
     def rms(self) -> np.ndarray:
-        """(nj,) N m."""
+        """RMS of the missing torque in each joint, (nj,) N m."""
         return np.sqrt(np.mean(np.concatenate(self.pieces) ** 2, axis=0))
 
     def draw(self, seed: int, ticks: int) -> np.ndarray:
-        """Give torques (ticks, nj) N m for an episode, from a stream of its own."""
+        """Return torques (ticks, nj) N m for the episode with this seed, one row per control period."""
         rng = stream(seed, "remainder")
         length = max(1, round(self.block / self.period))
         needed = int(np.ceil(ticks * self.tick / self.period)) + 2
-        weight = np.array([max(1, len(p) - length + 1) for p in self.pieces], float)  # every block is as likely
+        weight = np.array([max(1, len(p) - length + 1) for p in self.pieces], float)  # number of blocks in each
         blocks: list[np.ndarray] = []
         while sum(map(len, blocks)) < needed:
             piece = self.pieces[int(rng.choice(len(self.pieces), p=weight / weight.sum()))]
@@ -178,12 +182,15 @@ class Remainder:
         return np.stack([np.interp(at, np.arange(needed), column) for column in rows.T], axis=1)
 
     def sizes(self) -> list[RemainderSize]:
-        """Give of each joint the missing torque's RMS, N m, worst first."""
+        """Return the missing torque's RMS in each joint, N m, the largest first."""
         order = np.argsort(-self.rms)
         return [{"joint": self.joints[j], "rms": float(self.rms[j]), "unit": "N m"} for j in order]
 
     def regimes(self) -> dict[str, Regime]:
-        """Regime -> share of the missing torque's power, and recordings that have half a block of it."""
+        """Return for free air and contact the share of the missing torque's power, and the number of recordings.
+
+        A recording counts if at least half a block of it is in that regime.
+        """
         power = np.concatenate([(p**2).sum(axis=1) for p in self.pieces])
         enough = 0.5 * self.block / self.period
         out: dict[str, Regime] = {}
@@ -195,7 +202,7 @@ class Remainder:
 
 
 def _even(m: Missing, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Give a recording's torque (k, nj) and whether it touches (k,), every `period` s."""
+    """Return a recording's missing torque (k, nj) N m, and whether the arm is in contact (k,), every `period` s."""
     at = np.arange(m.time[0], m.time[-1] + 1e-9, period)
     rows = np.stack([np.interp(at, m.time, column) for column in m.torque.T], axis=1)
     near = np.clip(np.searchsorted(m.time, at - 1e-9), 0, len(m.time) - 1)

@@ -1,4 +1,4 @@
-"""Episodes that begin as trials began: played by the policy, or by the actions that a trial recorded."""
+"""Play episodes that begin as trials began, with the policy's actions or with those that a trial recorded."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vispeg.task.start import Start
 
 @dataclass(frozen=True, eq=False)
 class Replays:
-    """How the episodes of a job begin, by their seeds.
+    """The starts and actions of a job's episodes.
 
     Attributes:
         starts: seed -> start.
-        actions: seed -> (n, k) actions, one a step, in place of the policy's; empty where the policy acts.
+        actions: seed -> recorded actions (n, k), one per step; the policy acts in episodes of other seeds.
     """
 
     starts: Mapping[int, Start]
@@ -25,7 +25,7 @@ class Replays:
 
 
 class Begun:
-    """An environment whose episodes begin as their seed's trial began."""
+    """An environment in which an episode begins as the trial of its seed began."""
 
     def __init__(self, env: Any, replays: Replays):
         self.env, self.replays, self.num_envs = env, replays, env.num_envs
@@ -33,7 +33,7 @@ class Begun:
         self._step = np.zeros(env.num_envs, int)
 
     def reset(self, *, seed: Any = None, options: Mapping[str, Any] | None = None) -> Any:
-        """As the environment's; rows whose seed is no trial's begin by their seed."""
+        """Reset as the environment does; rows whose seed has a trial begin as that did, others as their seed draws."""
         rows = np.flatnonzero((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
         starts: list[Start | None] = [None] * self.num_envs
         for row in rows.tolist():
@@ -42,7 +42,7 @@ class Begun:
         return self.env.reset(seed=seed, options={**(options or {}), "start": starts})
 
     def step(self, actions: np.ndarray) -> Any:
-        """As the environment's; a row with recorded actions takes those, and stays where it is after the last one."""
+        """Step as the environment does; rows with recorded actions take those, and zero actions after the last one."""
         actions = np.array(actions, np.float32)
         for row, recorded in enumerate(self._actions):
             if recorded is not None:

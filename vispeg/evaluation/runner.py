@@ -1,4 +1,4 @@
-"""Runs jobs in worker processes of one thread each, and writes every episode down as soon as its batch is done."""
+"""Run jobs in worker processes of one thread each, and store the episodes of a job as soon as it is done."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vispeg.formats.json_data import read_json
 from vispeg.render.backends.backend import jobs_a_process
 from vispeg.task.world_file import load_world
 
-DIVERGED = "diverged"  # folder of episodes that stopped being finite, to be played again
+DIVERGED = "diverged"  # folder of episodes whose simulation diverged, to be replayed
 EPISODES, RUN = "episodes.jsonl", "run.json"
 Arena = Callable[[Job], list[Episode]]
 J = TypeVar("J", bound=Job)
@@ -42,15 +42,15 @@ def run(
     """Play the episodes that are not yet in OUT/episodes.jsonl; return all episodes in the order of the jobs.
 
     Args:
-        jobs: what is asked for.
-        out: the folder; a run that was stopped goes on there.
-        workers: processes; 0 or 1: in this one, except for worlds that Filament draws.
-        arena: plays one job. Sent to workers by name.
-        watch: called with the new episodes, the number done, and the total.
-        engine: where the processes are: on this machine, or on a Ray cluster whose nodes see `out` at the same path.
+        jobs: the jobs to play.
+        out: the run's folder; a stopped run in it is resumed.
+        workers: number of processes; with 0 or 1 jobs run in this process, except in worlds that Filament renders.
+        arena: function that plays one job; it is sent to workers by name.
+        watch: called with the new episodes, the number of episodes done, and the total.
+        engine: where the processes run: on this machine, or on a Ray cluster whose nodes see `out` at the same path.
 
     Raises:
-        UserError: OUT holds episodes of other policies or worlds under the same names; whatever a job raises.
+        UserError: OUT holds episodes of other policies or worlds under the same names; or what a job raises.
     """
     path = out / EPISODES
     names = _same_run(jobs, out)
@@ -62,7 +62,7 @@ def run(
         todo += replace(job, seeds=missing, dump=out / DIVERGED).split(max(job.rows, IMAGE_ROWS)) if missing else []
     done = total - sum(len(job.seeds) for job in todo)
     watch([], done, total)
-    for played in each(todo, workers, arena, engine):  # a policy that cannot be played has left nothing to go on with
+    for played in each(todo, workers, arena, engine):  # nothing is written before the first job has succeeded
         write_text_atomic(out / RUN, names, overwrite=True)
         append(path, played)
         have |= {e.key: e for e in played}
@@ -73,12 +73,15 @@ def run(
 
 
 def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engine = "local") -> Iterator[R]:
-    """Do jobs in worker processes; gives what `arena` returns as it comes, in any order.
+    """Do jobs in worker processes; yield each result of `arena` as soon as it is there, in any order.
 
     Args:
-        todo: jobs.
+        todo: the jobs.
         workers, engine: as in `run`.
-        arena: does one job. Sent to workers by name.
+        arena: function that does one job; it is sent to workers by name.
+
+    Raises:
+        UserError: a policy object cannot be sent to another process; or what a job raises.
     """
     backends = {str(load_world(world).renderer.get("backend", "auto")) for world in {job.world for job in todo}}
     tasks = min(filter(None, map(jobs_a_process, backends)), default=None)
@@ -99,7 +102,7 @@ def each(todo: Sequence[J], workers: int, arena: Callable[[J], R], engine: Engin
 
 
 def _sendable(who: Entrant) -> None:
-    """Raise UserError for an object that cannot be sent to a process of its own."""
+    """Raise UserError for a policy object that cannot be sent to another process."""
     try:
         pickle.dumps(who.source)
     except Exception as error:  # pickle and what it calls raise many kinds
@@ -108,8 +111,10 @@ def _sendable(who: Entrant) -> None:
 
 
 def _same_run(jobs: Sequence[Job], out: Path) -> str:
-    """Give the content of run.json: what names stand for. Raises UserError where they stand for something else
-    already.
+    """Return the content of run.json, the hashes behind the names of policies and worlds.
+
+    Raises:
+        UserError: a name already has another hash in the folder.
     """
     worlds = {"/".join(filter(None, (j.world_name, j.configuration, j.control))): j.world_hash for j in jobs}
     now: dict[str, dict[str, str]] = {
@@ -141,7 +146,7 @@ def read_names(path: Path) -> dict[str, dict[str, str]]:
     """Return the hashes behind the names in a run's folder: `policies` and `worlds`, each a map from name to hash.
 
     Raises:
-        UserError: no run.json that a run wrote.
+        UserError: the file cannot be read, or is not a run's record.
     """
     data = read_json(path)
     tables = {}
@@ -153,7 +158,7 @@ def read_names(path: Path) -> dict[str, dict[str, str]]:
 
 
 def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
-    """Up to `most` failures, every category in turn, so that rare ones are among them."""
+    """Return up to `most` failures, one of each category in turn, so that rare categories are included."""
     by: dict[str, list[Any]] = {}
     for e in episodes:
         if not e.success:
@@ -167,9 +172,13 @@ def failures(episodes: Iterable[Episode], most: int) -> list[Episode]:
 
 
 def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable[Path]) -> None:
-    """Raise UserError where `stored`, read from `files`, would stand beside other policies or worlds of the same name.
+    """Raise UserError where stored episodes have the name of a job's policy or world, but come from another one.
 
-    Which policies they were made with, the run.json beside a file tells; a file without one is believed.
+    Args:
+        jobs: the jobs of the run.
+        stored: stored episodes.
+        files: the files they were read from. The run.json next to a file has the hashes of its policies; for a file
+            without one, policies are not checked.
     """
     hashes = {(j.world_name, j.configuration, j.control): j.world_hash for j in jobs}
     for e in stored:
@@ -190,7 +199,7 @@ def check_stored(jobs: Sequence[Job], stored: Iterable[Episode], files: Iterable
 
 
 def take_in(stored: Iterable[Episode], out: Path) -> None:
-    """Write what is `stored` into the folder of a run, which then has nothing to play for it."""
+    """Write stored episodes into the folder of a run, which then does not play them again."""
     path = out / EPISODES
     have = {e.key for e in read(path)} if path.exists() else set()
     append(path, [e for e in stored if e.key not in have])

@@ -1,9 +1,9 @@
-"""Which of a policy's senses tells it something else on the robot: one is exchanged for simulation's, the action moves.
+"""Find which of a policy's senses differs on the robot: exchange one for simulation's, see how far the action moves.
 
-The policy goes through a trial again on what it saw there, with one sense taken from simulation: the pictures of the
-same places (the arm put where the robot's was measured), or the arm's or the wrench's readings of a replay of its
-actions. Two draws of the world are used. A robot that is like a third draw moves the action from either as far as
-these are from each other; what it moves more is what simulation lacks.
+The policy acts again on the observations of a trial, with one sense taken from simulation. Pictures are rendered with
+the arm where the robot's was measured; readings of the arm or the wrench come from a replay of the trial's actions.
+This is done with two draws of the world. If the robot were like a third draw, the exchange would move the action as far
+as the exchange of one draw for the other. What the robot moves beyond that shows what the simulation lacks.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from vispeg.task.start import Start
 from vispeg.trials.trial import Trial
 
 PICTURES, ARM, WRENCH, CONTACT = "pictures", "arm", "wrench in free air", "wrench in contact"
-TERMS = {ARM: ("tip", "velocity", "turn", "spin"), WRENCH: FELT, CONTACT: FELT}  # sense -> terms that tell it
+TERMS = {ARM: ("tip", "velocity", "turn", "spin"), WRENCH: FELT, CONTACT: FELT}  # sense -> its observation terms
 POINTS_TO = {
     PICTURES: "camera or looks",
     ARM: "the arm or its drives",
     WRENCH: "the wrist's sensor",
     CONTACT: "contact",
 }
-TOUCH, HELD = 5.0, 3  # N off the start's wrench, for so many samples: more than a moving tool's own weight makes
-ASSUMED = 0.15  # mm: the pose repeatability (ISO 9283) of an arm of which nobody states it, that of a KUKA LBR iiwa 14
-DRAWS = 2  # of the world, for each trial
-AT_TIME = 1e-6  # s: a picture is of the reading at which the policy acted
+TOUCH, HELD = 5.0, 3  # contact: force differs from that at the start by this many N, over this many samples
+ASSUMED = 0.15  # mm, pose repeatability (ISO 9283) assumed where none is stated: that of a KUKA LBR iiwa 14
+DRAWS = 2  # draws of the world for each trial
+AT_TIME = 1e-6  # s, largest difference of times that count as equal
 
 Images = Mapping[str, np.ndarray]  # by key, (1, C, H, W)
 
 
 @dataclass(frozen=True, eq=False)
 class Look(Job):
-    """Simulated pictures of the places where a robot's were taken.
+    """A job that renders the places where a robot's pictures were taken.
 
     Attributes:
-        number: of the trial and the draw.
-        places: how the world stands at each step.
+        number: numbers of the trial and of the draw.
+        places: state of the arm and the goal at each step.
     """
 
     number: tuple[int, int] = (0, 0)
@@ -58,13 +58,13 @@ class Look(Job):
 
     @classmethod
     def of(cls, job: Job, seed: int, number: tuple[int, int], places: tuple[Start, ...]) -> Look:
-        """Give the pictures in a job's world, as `seed` draws it."""
+        """Return the job of rendering in the world of `job` as `seed` draws it."""
         same = {f.name: getattr(job, f.name) for f in fields(Job)}
         return cls(**{**same, "seeds": (seed,), "replays": None, "trials": None}, number=number, places=places)
 
 
 def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
-    """Take the pictures of a job in a worker: its number, and of each place the images (1, C, H, W) by key."""
+    """Render the pictures of a job; return its number, and for each place the images (1, C, H, W) by key."""
     env, (seed,) = environment(job), job.seeds
     taken: list[Images] = []
     for first in range(0, len(job.places), env.num_envs):
@@ -77,17 +77,17 @@ def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
 
 
 def places(trial: Trial) -> tuple[Start, ...]:
-    """Give the robot's joints at each step of a trial, with its goal, in a world that is left to the seed."""
+    """Return the robot's joint angles at each step of a trial, with its goal, as starts that leave the world to the seed."""
     rows = np.searchsorted(trial.recording.time, trial.steps.time - AT_TIME)
     begun = trial.said.begin()
     return tuple(Start(trial.recording.q[row], begun.goal, begun.believed) for row in rows)
 
 
 def seen(trial: Trial, interface: Interface) -> list[Images]:
-    """Give the pictures of a trial as its policy saw them, a mapping a step.
+    """Return the pictures of a trial as its policy saw them, one mapping per step.
 
     Raises:
-        UserError: a step without a picture that the policy sees.
+        UserError: a step lacks a picture that the policy sees.
     """
     out = []
     for time in trial.steps.time:
@@ -102,7 +102,7 @@ def seen(trial: Trial, interface: Interface) -> list[Images]:
 
 
 def before_contact(recording: Recording) -> int:
-    """Count the samples before the force leaves that of the start by `TOUCH`; all where there is no wrench."""
+    """Return the number of samples before contact (TOUCH, HELD); all samples where there is no contact or no wrench."""
     if recording.ft is None:
         return len(recording.time)
     force = np.linalg.norm(recording.ft[:, :3] - recording.ft[0, :3], axis=1) > TOUCH
@@ -112,14 +112,14 @@ def before_contact(recording: Recording) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Parting:
-    """How one trial's actions move as a sense is exchanged.
+    """How one trial's actions move when a sense is exchanged for simulation's.
 
     Attributes:
-        moved: of each sense the action's distance (steps,) m from the robot's with simulation's, the mean of the draws;
-            NaN where it is not compared.
-        among: likewise between the draws.
-        robot: (steps, k) offsets that the policy asks for on what the robot saw, m.
-        simulated: of each sense (steps, k) with simulation's in its place, first draw.
+        moved: sense -> (steps,) m, distance between the actions with the robot's and with simulation's sense, mean over
+            the draws; NaN at steps where the sense is not compared.
+        among: sense -> (steps,) m, distance between the actions with the two draws of that sense.
+        robot: (steps, k) m, offsets that the policy asks for with the robot's senses.
+        simulated: sense -> (steps, k) m, offsets with that sense from the first draw.
     """
 
     moved: Mapping[str, np.ndarray]
@@ -131,14 +131,14 @@ class Parting:
 def part(
     policy: Any, interface: Interface, trial: Trial, replays: Sequence[Trial], drawn: Sequence[Sequence[Images]]
 ) -> Parting:
-    """Play a trial's observations again, with one sense at a time from simulation.
+    """Let the policy act on a trial's observations again, with one sense at a time from simulation.
 
     Args:
         policy: see `vispeg.learn.policy.Policy`.
-        interface: what its numbers mean.
-        trial: of the robot.
-        replays: of its actions, one a draw.
-        drawn: pictures of the same places, one list a draw; empty for a policy that sees none.
+        interface: the meaning of its inputs and outputs.
+        trial: a trial of the robot.
+        replays: simulated replays of its actions, one per draw.
+        drawn: pictures of the same places, one list per draw; empty for a policy without images.
     """
     n = min(len(trial.steps.time), *(len(r.steps.time) for r in replays))
     free = np.arange(n) < min(_free(t) for t in (trial, *replays))
@@ -173,14 +173,14 @@ def part(
 
 
 def _free(trial: Trial) -> int:
-    """Count the steps before the tool touches: after that, arms that parted feel other things."""
+    """Return the number of steps before contact: from then on, the trial and its replay may diverge."""
     touch = before_contact(trial.recording)
     time = trial.recording.time
     return int((trial.steps.time < (time[touch] if touch < len(time) else np.inf) - AT_TIME).sum())
 
 
 def _stored(pictures: Images, trial: Trial) -> Images:
-    """Round simulated depth as the trial's pictures were stored."""
+    """Return the pictures with depth rounded to the unit in which the trial's was stored."""
     units = {name: c.depth_unit for name, c in trial.recording.frames.cameras.items()} if trial.recording.frames else {}
 
     def rounded(key: str, image: np.ndarray) -> np.ndarray:
@@ -191,7 +191,7 @@ def _stored(pictures: Images, trial: Trial) -> Images:
 
 
 def _columns(interface: Interface, names: Sequence[str]) -> np.ndarray:
-    """Give the places of terms in a policy's vector, in all moments of its stack."""
+    """Return the indices of terms in a policy's vector, in all observations of its stack."""
     ends = np.cumsum([told.size for told in interface.told])
     told = [range(end - t.size, end) for t, end in zip(interface.told, ends, strict=True) if t.name in names]
     one = np.array([i for some in told for i in some], int)
@@ -199,13 +199,16 @@ def _columns(interface: Interface, names: Sequence[str]) -> np.ndarray:
 
 
 def tests(parted: Sequence[Parting]) -> dict[str, Difference]:
-    """Test for each sense whether the robot moves the action farther than the draws do; the trial is the unit."""
+    """Test for each sense whether the robot's differs more from the draws than these differ from each other.
+
+    The measure is the distance of actions; the trial is the unit.
+    """
     excess = {sense: _excess(parted, sense) for sense in parted[0].moved}
     return {sense: _more(each) for sense, each in excess.items() if len(each)}
 
 
 def _excess(parted: Sequence[Parting], sense: str) -> np.ndarray:
-    """(n,) mm, of the trials in which the sense is compared."""
+    """Return `moved` minus `among`, mean over steps, (n,) mm for the n trials in which the sense is compared."""
     each = [p.moved[sense] - p.among[sense] for p in parted]
     return 1e3 * np.array([np.nanmean(x) for x in each if np.isfinite(x).any()])
 
@@ -224,10 +227,14 @@ def _more(excess: np.ndarray) -> Difference:
 
 
 def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision], least: float = ASSUMED) -> list[Sense]:
-    """Give a row a sense, the one first that moves the action most beyond the world's draws.
+    """Return one row per sense, ordered by how far it moves the action beyond the world's draws, most first.
 
-    A sense that moves it by no more than `least`, mm, the arm's own repeatability, points to nothing. Contact comes
-    behind an arm that parts before it: what it feels then may follow from where it went.
+    If the arm's own readings differ too, contact comes last: the force may differ because the arm was elsewhere.
+
+    Args:
+        parted: the moves of each trial's actions.
+        decided: the page's decision on each sense.
+        least: the arm's repeatability, mm; a sense that moves the action by no more points to nothing.
     """
     speak = [sense for sense, d in decided.items() if d.certain and d.estimate.value > least]
     rows: list[Sense] = []
@@ -236,7 +243,7 @@ def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision], least: fl
         among = 1e3 * float(np.nanmean(np.concatenate([p.among[sense] for p in parted])))
         points = POINTS_TO[sense] if sense in speak else ""
         if sense == CONTACT and points and ARM in speak:
-            points = "contact, if not what the arm did before"
+            points = "contact, unless the arm's motion before it is the reason"
         words = f"{moved:.1f} mm, {among:.1f} mm between two draws of the world"
         rows.append(
             {
@@ -253,7 +260,7 @@ def ranked(parted: Sequence[Parting], decided: Mapping[str, Decision], least: fl
 
 
 def moment(trials: Sequence[Trial], parted: Sequence[Parting], sense: str) -> Moment:
-    """Find where a sense moves the action farthest beyond the draws, in a failed trial if one failed."""
+    """Return the step at which a sense moves the action farthest beyond the draws, in a failed trial if any failed."""
     failed = [i for i, t in enumerate(trials) if not t.said.outcome.success]
     excess = {i: p.moved[sense] - p.among[sense] for i, p in enumerate(parted)}
     best = {i: x for i, x in excess.items() if np.isfinite(x).any()}
@@ -273,12 +280,12 @@ def moment(trials: Sequence[Trial], parted: Sequence[Parting], sense: str) -> Mo
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """One trial's pictures beside the simulated ones of the same places.
+    """One trial's pictures, and simulated ones of the same places.
 
     Attributes:
-        steps: (n,) whose pictures they are.
-        moment: which of `steps` is the moment.
-        robot, simulated: of each image key n pictures (H, W, 3) uint8.
+        steps: numbers of the n steps shown.
+        moment: index in `steps` of the step to highlight.
+        robot, simulated: image key -> n pictures (H, W, 3) uint8.
     """
 
     steps: tuple[int, ...]
@@ -288,7 +295,7 @@ class Strip:
 
 
 def strip(robot: Sequence[Images], simulated: Sequence[Images], step: int, most: int = 8) -> Strip:
-    """Choose up to `most` steps spread evenly over a trial, `step` among them, and give their pictures."""
+    """Return the pictures of up to `most` steps spread evenly over a trial; `step` is one of them."""
     n = min(len(robot), len(simulated))
     steps = sorted({*np.linspace(0, n - 1, min(n, most - 1)).round().astype(int).tolist(), step})
     sides = [

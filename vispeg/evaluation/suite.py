@@ -1,13 +1,17 @@
-"""The regression suite: named configurations in the training world and in the target, tracked over versions of a
-policy.
+"""Regression suite: named configurations in the training world and in the target, tracked over a policy's versions.
 
-After the practitioners' article: the correlation of success between simulation and target, over configurations, is
-healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations
-as the target does, whatever the averages say. It is judged by the interval of the correlation of the true rates, from
-which the noise of the episodes is taken off (`vispeg.evaluation.statistics.correlation`): an alarm where the whole
-interval lies below 0.6, healthy where it lies above 0.6 and the correlation above 0.8, and where it contains both these
-episodes cannot tell. A correlation does not see a fall that is the same everywhere: one whose whole interval lies above
-5 points is an alarm whatever the correlation.
+After the practitioners' article, the correlation of success between training world and target, over configurations, is
+healthy above 0.8 and an alarm below 0.6. A low correlation means that the training world no longer ranks situations as
+the target does, whatever the averages are. The status follows from the interval of the correlation of the true rates,
+which is corrected for the noise of the episodes (`vispeg.evaluation.statistics.correlation`):
+
+* alarm: the whole interval lies below 0.6;
+* healthy: the whole interval lies above 0.6, and the correlation above 0.8;
+* cannot tell: the interval contains both 0.6 and 0.8;
+* watch: otherwise.
+
+A correlation does not show a loss that is the same in all configurations. So a mean loss whose whole interval lies
+above 5 points is an alarm, whatever the correlation.
 """
 
 from __future__ import annotations
@@ -60,10 +64,10 @@ KEYS = ("name", "task", "effects", "about")
 
 @enrol(LIST.name, lambda folder: copy(HERE / "suite.yaml", folder))
 def configurations(path: Path | None = None) -> list[Configuration]:
-    """Give the suite that comes with the package, or one of the user's own.
+    """Return the configurations of the user's own suite, or those of the package's for None.
 
     Raises:
-        UserError: as `read_list`; a task or an effect that no world can have.
+        UserError: as `read_list`, or an invalid task setting or effect.
     """
     file = path or HERE / "suite.yaml"
     listed = read_list(file, LIST, "configurations", KEYS)
@@ -84,7 +88,7 @@ def configurations(path: Path | None = None) -> list[Configuration]:
 
 
 def settings(listed: Sequence[Configuration], worlds: Mapping[str, str]) -> list[Setting]:
-    """Every configuration in every world (name -> path or built-in name)."""
+    """Return the setting of every configuration in every world (name -> path or built-in name)."""
     entries = []
     for name, world in worlds.items():
         for c in listed:
@@ -96,14 +100,17 @@ def settings(listed: Sequence[Configuration], worlds: Mapping[str, str]) -> list
 def summarise(
     episodes: Sequence[Episode], train: str, target: str, version: str, hashes: Mapping[str, str] | None = None
 ) -> SuiteRecord:
-    """{format, version, train, target, worlds, rows: [{configuration, policy, train, target}], falls, health}.
+    """Return the content of suite.json.
 
-    `falls` is [{policy, fall, beyond_doubt}], success in the training world less that in the target.
-    `worlds` is [{name, hash}] of training world and target as they are (from `hashes`; "" for a measured target) and of
-    every configuration, `WORLD / CONFIGURATION`.
+    Args:
+        episodes: episodes of all policies in both worlds.
+        train, target: names of the training world and of the target.
+        version: name of the policy's version.
+        hashes: world -> hash without a configuration; "" for a measured target. The record also has those of the
+            configurations, under `WORLD / CONFIGURATION`.
 
     Raises:
-        UserError: no configuration with episodes on both sides, one world's name under two hashes.
+        UserError: no configuration with episodes in both worlds, or a world's name with two hashes.
     """
     made = {**(hashes or {}), **{name: h for name, h in check_worlds(episodes).items() if h}}
     found: list[SuiteRow] = []
@@ -116,7 +123,7 @@ def summarise(
                 rows(e for e in episodes if (e.policy, e.configuration, e.world) == (policy, c, w))
                 for w in (train, target)
             )
-            tried = [t for t in first if t in second]  # a robot tries one network of several
+            tried = [t for t in first if t in second]  # a robot may have tried only one of several networks
             if tried:
                 first, second = ({t: side[t] for t in tried} for side in (first, second))
                 sides = [rate(side).to_json() for side in (first, second)]
@@ -145,7 +152,7 @@ def summarise(
 
 
 def _health(found: Sequence[SuiteRow], known: Sequence[np.ndarray], falls: Sequence[Fall]) -> Health:
-    """{pearson, mean_difference, n, status, words}; status: healthy, watch, alarm or cannot tell."""
+    """Return the verdict on a version, from the correlation and the policies' losses."""
     measures, status, words = _correlation(found, known)
     fallen = [f for f in falls if f["beyond_doubt"]]
     if fallen:
@@ -160,7 +167,7 @@ def _points(e: Interval) -> str:
 
 
 def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tuple[Measures, str, str]:
-    """Interpret a correlation over the configurations: measures, status, words."""
+    """Return the correlation over configurations as measures, status and words."""
     if len(found) < FEWEST_POLICIES:
         return {}, CANNOT_TELL, f"{len(found)} configurations, a correlation needs {FEWEST_POLICIES}"
     x, y = (np.array([r[side]["value"] for r in found], float) for side in ("train", "target"))
@@ -181,10 +188,10 @@ def _correlation(found: Sequence[SuiteRow], known: Sequence[np.ndarray]) -> tupl
 
 
 def other_worlds(versions: Sequence[SuiteRecord]) -> list[str]:
-    """Give a line a version whose configurations were other worlds than the last version's, or which does not tell.
+    """Return a line for each earlier version whose configurations were other worlds, or are not known.
 
     Raises:
-        UserError: the training world or the target was another one, so that the correlations are not of the same thing.
+        UserError: the training world or the target was another one, so that the correlations cannot be compared.
     """
     last, lines = versions[-1], []
     now = _hashes(last)
@@ -208,14 +215,13 @@ def _hashes(version: SuiteRecord) -> dict[str, str]:
 
 
 def regressions(old: Sequence[Episode], new: Sequence[Episode]) -> list[VersionChange]:
-    """Every configuration and world that both versions ran on the same seeds: what fell, what rose.
+    """Compare two versions in every configuration and world that both played on the same seeds.
 
-    Policies are paired by name where the names agree, else the only one of each side. [{world, configuration, change,
-    p_holm, verdict}],
-    change: new minus old; verdict `fell`, `rose`, `equal` or that these data cannot tell.
+    Policies are paired by name; if no name agrees, the only policy of each version is. The change is success of the new
+    version minus that of the old; the verdict is `fell`, `rose`, `equal`, or that these data cannot tell.
 
     Raises:
-        UserError: nothing in common, or versions with several policies under different names.
+        UserError: the versions have no policy or no configuration in common.
     """
     names = [list(dict.fromkeys(e.policy for e in side)) for side in (old, new)]
     shared = [n for n in names[0] if n in names[1]]

@@ -1,4 +1,4 @@
-"""`suite.json` as `vispeg suite compare` reads it again."""
+"""Read the `suite.json` of earlier versions, for `vispeg suite compare`."""
 
 from __future__ import annotations
 
@@ -70,10 +70,10 @@ def _example(folder: Path) -> Path:
 
 @enrol(RESULT.name, _example)
 def read_result(folder: Path) -> SuiteRecord:
-    """Give the record in a folder that `vispeg suite run` wrote.
+    """Return the record in a folder that `vispeg suite run` wrote.
 
     Raises:
-        UserError: no such file, another format, or a value that no result has; names the key.
+        UserError: no such file, another format, or an invalid value; the error names its key.
     """
     path = folder / "suite.json"
     values = RESULT.read(path)

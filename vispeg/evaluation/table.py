@@ -1,4 +1,4 @@
-"""Episodes as matrices: the same training seeds and episode seeds in every cell that is compared."""
+"""Arrange episodes by policy, world and control, with the same networks and seeds in cells that are compared."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from vispeg.core.errors import UserError
 from vispeg.evaluation.records import Episode
 from vispeg.evaluation.statistics import Rows
 
-BLIND = "proprio"  # the modality that is a control by itself
+BLIND = "proprio"  # modality of the policies without images, which serve as a control
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Whose success, where, and under which control ("" for none)."""
+    """A policy in a world under a control ("" for none)."""
 
     policy: str
     world: str
@@ -25,13 +25,13 @@ class Cell:
 
 
 class Table:
-    """Episodes by (policy, world, control), then by training seed and episode seed.
+    """Episodes by (policy, world, control), then by training seed, then by (seed, configuration).
 
     Args:
-        episodes: the records; configurations are identified by the episode's seed and configuration together.
+        episodes: the records.
 
     Raises:
-        UserError: no episode; a policy with two modalities.
+        UserError: no episode, or a policy with two modalities.
     """
 
     def __init__(self, episodes: Iterable[Episode]):
@@ -39,7 +39,7 @@ class Table:
         self.modality: dict[str, str] = {}
         self.hashes: dict[str, str] = {}
         episodes = list(episodes)
-        for e in sorted(episodes, key=lambda e: e.control != ""):  # a control may be a world of its own
+        for e in sorted(episodes, key=lambda e: e.control != ""):  # a control may have another world's hash
             self.hashes.setdefault(e.world, e.world_hash)
         for e in episodes:
             cell = self.cells.setdefault(Cell(e.policy, e.world, e.control), {})
@@ -53,39 +53,39 @@ class Table:
 
     @property
     def policies(self) -> list[str]:
-        """Policies in the order in which they came."""
+        """Names of policies, in the order of the episodes."""
         return list(dict.fromkeys(cell.policy for cell in self.cells))
 
     @property
     def worlds(self) -> list[str]:
-        """Worlds in the order in which they came."""
+        """Names of worlds, in the order of the episodes."""
         return list(dict.fromkeys(cell.world for cell in self.cells))
 
     @property
     def controls(self) -> list[str]:
-        """Controls in the order in which they came, without the empty one."""
+        """Names of controls, in the order of the episodes, without the empty one."""
         return [c for c in dict.fromkeys(cell.control for cell in self.cells) if c]
 
     def has(self, *cells: Cell) -> bool:
-        """Whether all cells hold episodes."""
+        """Return whether all cells hold episodes."""
         return all(cell in self.cells for cell in cells)
 
     def all(self, cell: Cell) -> list[Episode]:
-        """Every episode of a cell, by training seed, then seed."""
+        """Return all episodes of a cell, ordered by training seed, then by seed."""
         return [e for _, row in sorted(self.cells.get(cell, {}).items()) for _, e in sorted(row.items())]
 
     def networks(self, cells: Sequence[Cell]) -> list[int]:
-        """Training seeds that every cell has."""
+        """Return the training seeds that all cells have, sorted."""
         return sorted(set.intersection(*(set(self.cells.get(cell, {})) for cell in cells)))
 
     def rows(self, cell: Cell) -> Rows:
-        """Outcomes of a cell as `vispeg.evaluation.statistics` compares them; none where nothing was played."""
+        """Return the outcomes of a cell for `vispeg.evaluation.statistics`; empty where nothing was played."""
         return rows(self.all(cell), lambda e: (e.seed, e.configuration))
 
     def aligned(self, policy: str, worlds: Sequence[str]) -> dict[str, np.ndarray] | None:
-        """World -> (k, n) successes of one policy, row i the same network and column j the same seed in all worlds.
+        """Return world -> successes (k, n) of one policy: row i is the same network, column j the same episode in all.
 
-        None where the worlds share no network, or the networks no episode.
+        None where the worlds share no network, or the networks share no episode.
         """
         sides = [self.rows(Cell(policy, w)) for w in worlds]
         networks = self.networks([Cell(policy, w) for w in worlds])
@@ -103,13 +103,13 @@ def rows(
     name: Callable[[Episode], Hashable] = lambda e: e.seed,
     value: Callable[[Episode], Any] = lambda e: float(e.success),
 ) -> dict[int, dict[Hashable, Any]]:
-    """Outcomes as `vispeg.evaluation.statistics` compares them: training seed -> episode -> 0 or 1.
+    """Return outcomes for `vispeg.evaluation.statistics`: training seed -> episode's key -> value.
 
     Args:
-        episodes: of one policy.
-        name: what an episode is known by; the same seed is the same start and draw for everybody. A real robot's trial
-            is known by its policy and training seed too, for its number is no start.
-        value: what is compared of an episode.
+        episodes: episodes of one policy.
+        name: the key of an episode; episodes with the same key pair across policies and worlds. A real robot's trial
+            also gets its policy and training seed in the key, because equal numbers of trials are not equal starts.
+        value: the value to compare; by default success, 0 or 1.
     """
     found: dict[int, dict[Hashable, Any]] = {}
     for e in episodes:

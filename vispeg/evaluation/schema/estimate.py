@@ -1,4 +1,4 @@
-"""Numbers with intervals, and the world that they are of."""
+"""Records of numbers with intervals, and of worlds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TypedDict
 
 
 class Interval(TypedDict):
-    """An estimate, its 95 % interval and its number of episodes; None for numbers that are not finite."""
+    """An estimate, its 95 % interval, and the number n of episodes behind it; None for a number that is not finite."""
 
     value: float | None
     low: float | None
@@ -15,7 +15,7 @@ class Interval(TypedDict):
 
 
 class WorldHash(TypedDict):
-    """A world under its name; the hash is "" of a measured one."""
+    """A world's name and hash; the hash is "" for a measured world, such as a robot's."""
 
     name: str
     hash: str

@@ -1,4 +1,4 @@
-"""explain.json: why trials fail."""
+"""Records of explain.json: why trials fail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ from vispeg.evaluation.schema.gap import Measure, PartingRecord, Worth
 
 
 class TrialRow(TypedDict):
-    """One trial: how it ended, and how often the policy and its recorded actions succeed from its start."""
+    """One trial: how it ended, and how often replays from its start succeed.
+
+    Keys:
+        trial: name of its folder.
+        success, category: its outcome.
+        closed: success of replays in which the policy acts.
+        open: success of replays of the trial's recorded actions.
+    """
 
     trial: str
     success: bool
@@ -20,7 +27,16 @@ class TrialRow(TypedDict):
 
 
 class Rule(TypedDict):
-    """One of the article's rules: what it looks at, the number here, the number from which it speaks, of what."""
+    """One of the article's rules of thumb.
+
+    Keys:
+        rule: what it looks at.
+        value: the number here.
+        limit: the number above which the rule applies.
+        unit: unit of both.
+        points_to: what is then to blame, such as `actuator`.
+        speaks: whether it applies here.
+    """
 
     rule: str
     value: float
@@ -31,8 +47,19 @@ class Rule(TypedDict):
 
 
 class Cause(TypedDict):
-    """A named effect: success from the trials' starts without and with it, its share of what is lost, what points to
-    it, its cure, and the hours of that (None: not known).
+    """A named effect as a cause of failure.
+
+    Keys:
+        effect: its label, or that of all effects together.
+        params: its parameters' values.
+        without, with_it: success from the trials' starts without and with it.
+        cost: loss of success due to it.
+        p_holm, verdict: the page's decision on the cost.
+        share: its share of the whole loss; None where that cannot be told.
+        points_to_it: the rules and senses that point to it.
+        cure: what to do about it.
+        hours: duration of the cure, h; None where it is not known.
+        words: the cost in words.
     """
 
     effect: str
@@ -50,9 +77,16 @@ class Cause(TypedDict):
 
 
 class Sense(TypedDict):
-    """One of a policy's senses: how far the action moves as simulation's is taken in its place, and what that shows.
+    """One of a policy's senses, exchanged for simulation's.
 
-    `among_mm` is the same between two draws of the world, `more_mm` how much farther the robot is.
+    Keys:
+        sense: its name.
+        moved_mm: mean distance by which the exchange moves the policy's action, mm.
+        among_mm: the same between two draws of the simulated world, mm.
+        more_mm: the difference of the two, mm.
+        p_holm: the page's adjusted p-value of that difference.
+        points_to: what the sense points to; "" for nothing.
+        words: the distances in words.
     """
 
     sense: str
@@ -65,9 +99,14 @@ class Sense(TypedDict):
 
 
 class Moment(TypedDict):
-    """Where a sense moves the action most: what the policy asks for (mm) by the robot's and by simulation's.
+    """The step at which exchanging a sense moves the action most.
 
-    `number` is the trial's, from 0, in the order of the trials.
+    Keys:
+        number: index of the trial, from 0.
+        trial: name of its folder.
+        sense: the exchanged sense.
+        step, time_s: the step, and its time since the trial's first step, s.
+        robot_mm, simulated_mm: the offset that the policy asks for with the robot's and with simulation's sense, mm.
     """
 
     number: int
@@ -88,17 +127,26 @@ class RemainderSize(TypedDict):
 
 
 class Regime(TypedDict):
-    """Share of the unexplained torque's power in a regime, and recordings that have it."""
+    """Share of the unexplained torque's power in a regime (free air or contact), and the number of its recordings."""
 
     share: float
     recordings: int
 
 
 class RemainderRecord(TypedDict):
-    """What no named cause explains, played back: its size, and the policy's success without and with it.
+    """The torque that no named cause explains, and the policy's success without and with it.
 
-    `recordings` it is from, resampled in blocks of `block_s`; `regimes`: free air and contact. `home`: what as much
-    random torque costs where the policy was trained; None where that was not played.
+    Keys:
+        recordings: names of the recordings that it comes from.
+        block_s: length of the blocks in which it is resampled, s.
+        joints: its size in each joint.
+        regimes: its share in free air and in contact.
+        without, with_it: success without and with it.
+        cost: loss of success due to it.
+        home: loss of success due to as much random torque in the policy's training world; None if not played.
+        home_world: name of that world.
+        matters: whether the cost is above 5 points; None where it cannot be told.
+        words: the result in words.
     """
 
     recordings: list[str]
@@ -115,8 +163,9 @@ class RemainderRecord(TypedDict):
 
 
 class Condition(TypedDict):
-    """One condition of the verdict that a gap cannot be bridged: its number here, and whether it is met (None: not
-    known).
+    """One condition of the verdict that a gap cannot be bridged: its number here, and whether it is met.
+
+    `met` is None where that is not known.
     """
 
     condition: str
@@ -134,8 +183,15 @@ class Bridge(TypedDict):
 
 
 class Step(TypedDict):
-    """A next step: what it can gain at most, in success, its hours and where they are from, the gain an hour, and the
-    command.
+    """A next step.
+
+    Keys:
+        step: what to do.
+        gain: success that it can win back at most.
+        hours: its duration, h; None where it is not known.
+        hours_from: where that number comes from.
+        an_hour: gain per hour; None without hours.
+        command: the command that does it; "" for none.
     """
 
     step: str
@@ -147,14 +203,14 @@ class Step(TypedDict):
 
 
 class Next(TypedDict):
-    """What to do now: why, and the command."""
+    """What to do now: the reason and the command."""
 
     why: str
     command: str
 
 
 class ExplainRecord(TypedDict):
-    """explain.json without world and provenance; `left`: what is lost of which no cause says why."""
+    """explain.json without world and provenance; `left` is the loss of success that no cause explains."""
 
     format: str
     policy: str

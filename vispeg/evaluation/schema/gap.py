@@ -1,4 +1,4 @@
-"""gap.json: policies in worlds, what is lost, and to what."""
+"""Records of gap.json: policies in worlds, their losses of success, and the factors of these."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from vispeg.evaluation.schema.estimate import Interval, WorldHash
 
 
 class PolicyRow(TypedDict):
-    """A policy that takes part; `home`: the worlds it was trained in, None where nothing tells."""
+    """A policy that takes part; `home` lists the worlds that it was trained in, None where they are not known."""
 
     name: str
     modality: str
@@ -19,7 +19,11 @@ class PolicyRow(TypedDict):
 
 
 class SuccessRow(TypedDict):
-    """A policy in a world under a control ("": none): success, outcomes, mean time (s) and peak force (N)."""
+    """A policy in a world under a control ("" for none): success, outcomes, mean time (s) and mean peak force (N).
+
+    The time is that of successes. `needed` is the number of episodes that would tell the rate to 5 points; None where
+    these are enough, or with several networks.
+    """
 
     policy: str
     modality: str
@@ -34,7 +38,7 @@ class SuccessRow(TypedDict):
 
 
 class Worth(TypedDict):
-    """Value of a simulator in real trials: correlation of paired outcomes, and how many further trials it is worth."""
+    """Value of a simulator in real trials, see `vispeg.evaluation.statistics.Worth`."""
 
     rho: Interval
     trials: Interval
@@ -43,8 +47,14 @@ class Worth(TypedDict):
 
 
 class GapRow(TypedDict):
-    """Loss of a policy from the reference world to another, over its networks (by training seed); `home`: trained in
-    that other world, so not a transfer. `worth`: for a robot whose trials are paired with episodes, else None.
+    """Loss of success of a policy from the reference world to another.
+
+    Keys:
+        home: whether it was trained in that other world, so that this is no transfer.
+        paired: whether both sides played the same episodes.
+        train_seeds: training seeds of the networks that played both sides.
+        gap: success in the reference minus success in the other world.
+        worth: value of simulation for a robot whose trials pair with episodes, else None.
     """
 
     policy: str
@@ -62,8 +72,12 @@ class GapRow(TypedDict):
 
 
 class AttributionRow(TypedDict):
-    """A policy's total gap, split into factors and their interaction; a factor's share of it with Fieller's interval,
-    None where the total may be 0.
+    """A policy's total gap, its parts by factor, and their interaction.
+
+    Keys:
+        parts: `total`, each factor, and `remainder` (the interaction) -> loss of success.
+        verdict: the same names -> verdict.
+        share: factor -> its share of the total, with Fieller's interval; None where the total may be 0.
     """
 
     policy: str
@@ -74,7 +88,11 @@ class AttributionRow(TypedDict):
 
 
 class ComparisonRow(TypedDict):
-    """Two policies in one world: success of `first` minus that of `second`; `refused`: why no test is made, or ""."""
+    """Two policies in one world: success of `first` minus that of `second`.
+
+    `refused` tells why no test is made, "" if one is. `needed` is the number of pairs that would decide; None where
+    these are enough, or where episodes do not pair.
+    """
 
     world: str
     first: str
@@ -98,9 +116,16 @@ class Point(TypedDict):
 
 
 class PredictionRow(TypedDict):
-    """How well success in the reference world tells success in the target, over policies: the correlation of their true
-    rates, that of the measured ones and its ceiling by the number of episodes (None where it has none), the mean
-    maximum rank violation among the `ordered` pairs whose order is beyond doubt in both worlds, and the mean loss.
+    """How well success in the reference world predicts success in another world, over policies.
+
+    Keys:
+        n: number of policies.
+        pearson: correlation of their true rates.
+        measured: correlation of their measured rates; None where it is not defined.
+        ceiling: largest value of `measured` to be expected with so many episodes; None where it is not defined.
+        mmrv: mean maximum rank violation, over pairs whose order is decided in both worlds.
+        ordered: number of these pairs.
+        mean_difference: mean loss of success.
     """
 
     world: str
@@ -140,7 +165,7 @@ class PartingRecord(TypedDict):
 
 
 class PartingRow(PartingRecord):
-    """The same of a policy in the reference world and in another, with the episodes on each side."""
+    """A PartingRecord for a policy in the reference world and in another, with the number of episodes on each side."""
 
     policy: str
     world: str
@@ -148,7 +173,10 @@ class PartingRow(PartingRecord):
 
 
 class Measure(TypedDict):
-    """Medians of time or peak force in the simulation and on the robot, with the rank test's p."""
+    """Medians of time or peak force in simulation and on the robot, with the p-value of the rank test.
+
+    `apart` marks a peak force that was found to differ, and by more than half.
+    """
 
     measure: str
     unit: str
@@ -162,14 +190,14 @@ class Measure(TypedDict):
 
 
 class MeasureRow(Measure):
-    """The same of a policy."""
+    """A Measure of one policy in one world."""
 
     policy: str
     world: str
 
 
 class GapRecord(TypedDict):
-    """The record."""
+    """gap.json, see `vispeg.evaluation.gap.gap`."""
 
     format: str
     reference: str
@@ -189,7 +217,7 @@ class GapRecord(TypedDict):
 
 
 class Side(TypedDict):
-    """One film: names of its files relative to the folder of the record."""
+    """One film: its world, its outcome, and the paths of its files relative to the folder of the record."""
 
     world: str
     outcome: str

@@ -1,4 +1,4 @@
-"""perturb.json, sensitivity.json and exploit.json: where policies fail though they do well on average."""
+"""Records of perturb.json, sensitivity.json and exploit.json: conditions in which a policy fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from vispeg.evaluation.schema.estimate import Interval
 
 
 class HardPosition(TypedDict):
-    """One start of a list of positions, relative to the nominal goal, m and rad."""
+    """One entry of a list of hard positions.
+
+    Keys:
+        x, y: offset of the goal from its nominal place, m.
+        height: height from which the tip starts, right above the nominal goal, m; without it the task's own range.
+        roll, pitch, yaw: rotation of the goal, rad.
+    """
 
     name: str
     x: NotRequired[float]
@@ -40,7 +46,7 @@ class PushRecord(TypedDict):
 
 
 class SweepPoint(TypedDict):
-    """Success at one value of the effect; compared with the null value: loss, Holm's p, verdict."""
+    """Success at one value of the effect; for values other than null, the loss against null, Holm's p and verdict."""
 
     value: float
     success: Interval
@@ -50,7 +56,10 @@ class SweepPoint(TypedDict):
 
 
 class Curve(TypedDict):
-    """Success of one policy over the values of a sweep."""
+    """Success of one policy over the values of a sweep.
+
+    `falls_at` is the value nearest to null at which success is found to be lower; None for none.
+    """
 
     policy: str
     modality: str
@@ -72,7 +81,7 @@ class SweepRecord(TypedDict):
 
 
 class Peak(TypedDict):
-    """Median peak force, N, with fixed and randomized parameters, and p of the rank test."""
+    """Median peak force with fixed and with randomized contact parameters, N, and p-values of the rank test."""
 
     fixed: float | None
     randomized: float | None
@@ -81,7 +90,7 @@ class Peak(TypedDict):
 
 
 class Count(TypedDict):
-    """Successes of n episodes."""
+    """Number of successes in n episodes."""
 
     successes: int
     n: int

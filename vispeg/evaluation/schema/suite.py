@@ -1,4 +1,4 @@
-"""suite.json and compare.json: configurations in two worlds, over versions of a policy."""
+"""Records of suite.json and compare.json: configurations in two worlds, over versions of a policy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vispeg.evaluation.schema.estimate import Interval, WorldHash
 
 
 class Changed(TypedDict):
-    """An effect of a configuration, in place of the world's own."""
+    """An effect in a configuration; it replaces the world's own."""
 
     effect: str
     where: NotRequired[str]
@@ -17,7 +17,7 @@ class Changed(TypedDict):
 
 
 class Configuration(TypedDict):
-    """An entry of a suite: `task` replaces keys of the world's task, `effects` its effects."""
+    """An entry of a suite: `task` replaces settings of the world's task, `effects` replaces effects of the world."""
 
     name: str
     about: NotRequired[str]
@@ -35,7 +35,10 @@ class SuiteRow(TypedDict):
 
 
 class Fall(TypedDict):
-    """Loss of a policy from the training world to the target, over configurations."""
+    """Loss of success of a policy from the training world to the target, its mean over configurations.
+
+    `beyond_doubt` tells whether the whole interval lies above 5 points.
+    """
 
     policy: str
     fall: Interval
@@ -43,14 +46,14 @@ class Fall(TypedDict):
 
 
 class Measures(TypedDict, total=False):
-    """How success in one world goes with success in the other; absent of too few configurations."""
+    """Correlation of success in the two worlds over configurations, and mean loss; absent if there are too few."""
 
     pearson: Interval
     mean_difference: Interval
 
 
 class Health(Measures):
-    """The verdict on a version: healthy, watch, alarm or cannot tell."""
+    """The verdict on a version, `status`: `healthy`, `watch`, `alarm` or `these data cannot tell`."""
 
     n: int
     status: str
@@ -73,7 +76,7 @@ class SuiteRecord(TypedDict):
 
 
 class VersionChange(TypedDict):
-    """A configuration of a policy in two versions, new minus old."""
+    """Change of success of a policy in a configuration, new version minus old."""
 
     policy: str
     world: str

@@ -1,9 +1,8 @@
-"""Pushes, and hard positions: where a policy that does well on average does not.
+"""Stress test with pushes and hard positions: conditions in which a policy that does well on average may fail.
 
-Kaspar and Bock (docs/sources.md) pushed the arm away from the goal by hand, and say no force. Here every pushed episode
-gets 20-60 N from any side for 0.2 s. Every position of a frozen list is tried as often as asked
-for, still and pushed on the same seeds, each with its own interval: an average over positions hides the one that
-always fails.
+Kaspar and Bock (docs/sources.md) pushed the arm away from the goal by hand and state no force. Here every pushed
+episode gets 20 to 60 N from any side for 0.2 s. Every position of a frozen list is played with and without a push, on
+the same seeds. Each position has its own interval, because an average over positions hides one that always fails.
 """
 
 from __future__ import annotations
@@ -40,10 +39,14 @@ def _listed(task: Task) -> Path:
 
 @enrol(LIST.name, lambda folder: copy(_listed(task(FIRST)), folder))
 def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosition]:
-    """Give the frozen list of a task, or one of the user's own.
+    """Return the hard positions in a file, or those of a task.
+
+    Args:
+        path: the user's own list; None for the task's.
+        of: the task; None for the first built-in one.
 
     Raises:
-        UserError: as `read_list`; what is no number; a task without a list.
+        UserError: as `read_list`, a value that is not a number, or a task without a list.
     """
     file = path or _listed(of or task(FIRST))
     listed = read_list(file, LIST, "positions", KEYS)
@@ -56,7 +59,11 @@ def positions(path: Path | None = None, of: Task | None = None) -> list[HardPosi
 
 
 def settings(world: str, name: str, listed: Sequence[HardPosition], pushes: Pushes | None = None) -> list[Setting]:
-    """Still and pushed: where the world puts the goal, then every position, from right above its nominal place."""
+    """Return the settings, all without a push and then all with one.
+
+    The first of each has the goal where the world draws it. The others have it at the listed positions, and the tip
+    starts right above its nominal place.
+    """
     entries, scene = [], scene_of(load_world(world).task)
     for push, suffix in ((None, ""), (pushes or Pushes(), PUSHED)):
         entries.append(Setting(world, name, FREE + suffix, pushes=push))
@@ -86,13 +93,15 @@ def check(listed: Sequence[HardPosition], file: Path | None, world: WorldFile) -
 
 
 def _starts(p: HardPosition) -> dict[str, Any]:
-    """Give the task's settings by which episodes start right above a position."""
+    """Return the task settings that make the tip start right above the nominal goal, at the position's height."""
     return {"start_radius": 0.0} | ({"start_height": [float(p["height"])] * 2} if "height" in p else {})
 
 
 def summarise(episodes: Sequence[Episode]) -> PushRecord:
-    """{format, rows: [{policy, position, still, pushed, cost, p_holm, verdict}], rule}; cost: still less pushed on the
-    same seeds. All policies and positions are one family.
+    """Return the content of perturb.json: success at each position without and with a push.
+
+    The cost is success without the push minus success with it, on the same seeds. The tests of all policies and
+    positions are one family.
     """
     names = dict.fromkeys(e.configuration.removesuffix(PUSHED) for e in episodes)
     sides = {

@@ -27,12 +27,12 @@ IDENTIFIED, LEFT = "as identified", "with what is left"
 
 
 def settings(base: WorldFile, identified: World, remainder: Sequence[Mapping[str, Any]], folder: Path) -> list[Setting]:
-    """Both settings; their worlds and the model are written into `folder`.
+    """Return both settings; write their worlds and the model into `folder`.
 
     Args:
-        base: the cell, and whatever else varies in it.
+        base: the world with the cell and whatever else varies in it.
         identified: the identified model.
-        remainder: of each joint the RMS of the missing torque, N m, as in diagnosis.json; none is none.
+        remainder: RMS of the missing torque in each joint, N m, as in diagnosis.json; empty for none.
         folder: for the files.
 
     Raises:
@@ -56,7 +56,7 @@ def settings(base: WorldFile, identified: World, remainder: Sequence[Mapping[str
 
 
 def summarise(episodes: Sequence[Episode]) -> list[Priced]:
-    """Give of each policy the success in both settings and what the difference costs; all policies are one family."""
+    """Return each policy's success in both settings and its loss; the tests of all policies are one family."""
     sides = {
         p: [rows(e for e in episodes if (e.policy, e.configuration) == (p, setting)) for setting in (IDENTIFIED, LEFT)]
         for p in dict.fromkeys(e.policy for e in episodes)

@@ -1,8 +1,8 @@
-"""Success against one parameter of one effect: a curve with bands, and from where on it has fallen.
+"""Success against one parameter of one effect: a curve with intervals, and the value at which it has fallen.
 
-A sweep replaces the effect in the world by each value in turn, on the same seeds. The value at which nothing is
-changed (the effect's null) is always among them, and every other one is compared with it, paired. Of a measurement's
-interval the two ends are compared.
+A sweep sets the effect in the world to each value in turn, on the same seeds. The null value, at which the effect
+changes nothing, is always one of them, and every other value is compared with it on the same seeds. For a measurement,
+the two ends of its interval are compared.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ FORMAT = "vispeg-sensitivity/1"
 
 @dataclass(frozen=True)
 class Sweep:
-    """One effect's parameter over values.
+    """The values that parameters of one effect take in turn.
 
     Attributes:
         effect, where: as in Change.
-        params: parameters that take the value together (fx and fy of a focal length).
-        values: in the parameter's unit; of a file's effect, on the way from `start` (0) to `end` (1).
-        start, end: values of `params`: null and what a model file says, or the two ends of a measurement's interval;
-            empty for values of one parameter's own.
-        measured: whether they are those two ends.
+        params: parameters that take the same value together (such as fx and fy of a focal length).
+        values: values in the parameter's unit; for an effect from a file, shares of the way from `start` (0) to `end`
+            (1).
+        start, end: for an effect from a file, values of `params`: null and the model's, or the low and high ends of a
+            measurement's interval. Empty for a sweep by values.
+        measured: whether they are the ends of a measurement's interval.
     """
 
     effect: str
@@ -48,7 +49,7 @@ class Sweep:
     measured: bool = False
 
     def at(self, value: float) -> dict[str, float]:
-        """Give the parameters at one of the values."""
+        """Return the effect's parameters at one of the values."""
         if not self.end:
             return dict.fromkeys(self.params, value)
         return {p: a + value * (b - a) for p, a, b in zip(self.params, self.start, self.end, strict=True)}
@@ -69,7 +70,7 @@ class Sweep:
 
     @property
     def label(self) -> str:
-        """`focal_error.fx,fy`; `focal_error(wrist_wide)` of what was found."""
+        """Name of the sweep: `focal_error.fx,fy`, or `focal_error(wrist_wide)` for an effect from a file."""
         if self.end:
             return f"{self.effect}({self.where})"
         return f"{self.effect}.{','.join(self.params)}"
@@ -91,10 +92,10 @@ SWEEPS = {
 
 
 def sweep(text: str) -> Sweep:
-    """Give a sweep's name, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,...
+    """Return the sweep that a text names or describes: a key of SWEEPS, or EFFECT[@WHERE].PARAM[,PARAM]=VALUE,...
 
     Raises:
-        UserError: neither, an unknown effect or parameter, values out of bounds.
+        UserError: neither, an unknown effect or parameter, or values out of bounds.
     """
     if text in SWEEPS:
         return SWEEPS[text]
@@ -119,10 +120,12 @@ def sweep(text: str) -> Sweep:
 
 
 def sweeps(text: str) -> list[Sweep]:
-    """As `sweep`, or a file: each effect of a model without it and at its value, of a measurement over its interval.
+    """Return the sweep of a text (see `sweep`), or the sweeps of the effects in a model or measurement file.
+
+    A model's effect is swept from null to its value, a measurement's over its interval.
 
     Raises:
-        UserError: as `sweep`; a model file without effects, a measurement without an effect that has an interval.
+        UserError: as `sweep`; a model without effects, or a measurement without an effect that has an interval.
     """
     if not text.lower().endswith((".yaml", ".yml")) or "=" in text:
         return [sweep(text)]
@@ -139,7 +142,7 @@ def sweeps(text: str) -> list[Sweep]:
 
 
 def _measured(file: str) -> list[Sweep]:
-    """Over the interval of each effect: its low end, its middle, its high end."""
+    """Return a sweep over the interval of each effect: its low end, its middle, its high end."""
     out = []
     for e in load_measurement(file).effects:
         low, high = (tuple(values.values()) for values in ends(e))
@@ -151,7 +154,7 @@ def _measured(file: str) -> list[Sweep]:
 
 
 def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
-    """Raise UserError for a sweep of what is only seen with a policy that sees nothing: its curve is a line."""
+    """Raise UserError for a sweep of an optical effect with a policy without images: its curve would be constant."""
     for what in sweeps:
         for e in who:
             if effect(what.effect).family in OPTICAL and not has_eyes(e):
@@ -164,21 +167,20 @@ def refuse_unseen(sweeps: Iterable[Sweep], who: Iterable[Entrant]) -> None:
 
 
 def settings(world: str, name: str, what: Sweep) -> list[Setting]:
-    """One setting a value; at null too the effect is set, so that the world's own range of it is gone everywhere."""
+    """Return one setting per value; the effect is set at null too, so that the world's own range never applies."""
     return [Setting(world, name, tag(what, v), (Change(what.effect, what.at(v), what.where),)) for v in what.values]
 
 
 def tag(what: Sweep, value: float) -> str:
-    """Give the configuration under which a value's episodes stand."""
+    """Return the configuration's name of a value's episodes."""
     return f"{what.label}={value:g}"
 
 
 def summarise(episodes: Sequence[Episode], asked: Sequence[Sweep]) -> list[SweepRecord]:
-    """Return for each sweep {format, effect, params, unit, null, curves: [{policy, modality, points: [{value, success,
-    cost, p_holm, verdict}], falls_at}]}.
+    """Return one record for each sweep.
 
-    The costs of all values, policies and sweeps are one family. falls_at: the value nearest to null at which success is
-    lower than at null; None where these data show no fall.
+    The tests of all values, policies and sweeps are one family. For a measurement, the high end is compared with the
+    low end only.
     """
     policies = dict.fromkeys(e.policy for e in episodes)
     played = {
@@ -239,7 +241,7 @@ def _curve(
 
 
 def _over(cost: Estimate) -> str:
-    """Return words on the loss of success at the high end of a measured interval against the low end."""
+    """Return a sentence on success at the high end of a measured interval against the low end."""
     low, high = -cost.high, -cost.low
     return words(0.0 - cost.value, low, high, verdict(low, high, cost.n))
 
