@@ -77,7 +77,7 @@ def look(job: Look) -> tuple[tuple[int, int], list[Images]]:
 
 
 def places(trial: Trial) -> tuple[Start, ...]:
-    """Return the robot's joint angles at each step of a trial, with its goal, as starts that leave the world to the seed."""
+    """Return the robot's joint angles and goal at each step of a trial, as starts that leave the world to the seed."""
     rows = np.searchsorted(trial.recording.time, trial.steps.time - AT_TIME)
     begun = trial.said.begin()
     return tuple(Start(trial.recording.q[row], begun.goal, begun.believed) for row in rows)

@@ -1,39 +1,38 @@
-"""What episodes say, and how surely: every interval, test and verdict on success, in the order in which a page is made.
+"""Statistics of success: every interval, test and verdict on a page, in the order in which the page is made.
 
-1. **A rate.** One network: Wilson's score interval (E. B. Wilson, JASA 22 (1927) 209). Several: Wilson's form with the
-   variance of 3.
-2. **A difference between two sides.** One network a side, the same episodes on both: McNemar's exact test, the binomial
-   on the discordant pairs (Q. McNemar, Psychometrika 12 (1947) 153), with Tango's score interval (T. Tango, Statistics
-   in Medicine 17 (1998) 891). Other episodes on the two sides, as with a robot's trials: Fisher's exact test with
-   Newcombe's interval (R. G. Newcombe, Statistics in Medicine 17 (1998) 873, method 10). These speak of the networks
-   that were played.
-3. **Several training seeds.** The network is the unit, for episodes of one network are no independent samples of a
-   recipe. With outcomes y (networks k, episodes n), the variance of a mean has a part of the networks and one of the
-   episodes that all networks share, from the two-way analysis of variance without replication (S. R. Searle, G.
-   Casella, C. E. McCulloch, Variance Components, 1992, ch. 4):
+1. **A rate.** With one network: Wilson's score interval (E. B. Wilson, JASA 22 (1927) 209). With several: Wilson's form
+   with the variance of section 3.
+2. **A difference between two sides.** With one network per side and the same episodes on both: McNemar's exact test,
+   the binomial test on the discordant pairs (Q. McNemar, Psychometrika 12 (1947) 153), with Tango's score interval (T.
+   Tango, Statistics in Medicine 17 (1998) 891). With different episodes, as in a robot's trials: Fisher's exact test
+   with Newcombe's interval (R. G. Newcombe, Statistics in Medicine 17 (1998) 873, method 10). These results hold for
+   the networks that were played.
+3. **Several training seeds.** The network is the unit, because episodes of one network are not independent samples of a
+   recipe. With outcomes y (networks k, episodes n), the variance of a mean has a part due to the networks and a part
+   due to the episodes that all networks share, from the two-way analysis of variance without replication (S. R. Searle,
+   G. Casella, C. E. McCulloch, Variance Components, 1992, ch. 4):
 
        V = sum over sides of var(row means) / k  +  max(0, var(column contrast) - sum of MS_rest / k) / n
 
-   Each part has its t quantile, the networks' with Satterthwaite's degrees of freedom over sides (F. E. Satterthwaite,
-   Biometrics Bulletin 2 (1946) 110), and the half-widths add as squares; in simulation this covers in 93 to 98 %.
-   Under three networks no statement on a recipe is made (`FEWEST_NETWORKS`): the spread between two is known to a
-   factor of 32 only (chi-squared, one degree of freedom, 95 %).
-4. **All comparisons of a page are one family.** `decide` adjusts all their p-values together by Holm's procedure (S.
-   Holm, Scandinavian Journal of Statistics 6 (1979) 65), so that a page of which nothing is true calls something in at
-   most 5 % of cases. Verdicts, words and intervals follow from the adjusted p-value: an interval of a difference is
-   taken at the level that Holm's step leaves its comparison, and it excludes 0 exactly where the verdict is
-   *different*.
-5. **How many pairs it takes** is the exact power of McNemar's test at Holm's first step.
-6. **Which factor costs what**: a part's share of a loss is a ratio; its interval is Fieller's (E. C. Fieller, JRSS B 16
-   (1954) 175).
-7. **Whether one world tells the other**: the correlation of true rates over policies or configurations, whose noise is
-   known from the episodes (bivariate random effects: H. C. van Houwelingen, L. R. Arends, T. Stijnen, Statistics in
-   Medicine 21 (2002) 589), with the interval of the profile likelihood. Where the rates differ no more than episodes
-   do, the likelihood is flat and the interval is everything. The rates as measured correlate by no more than a
-   *ceiling* that the number of episodes sets, so no correlation of theirs stands without it.
+   Each part has its own t quantile, with Satterthwaite's degrees of freedom over sides (F. E. Satterthwaite, Biometrics
+   Bulletin 2 (1946) 110). The two half-widths are added in quadrature. In simulated data, 93 to 98 % of these intervals
+   cover the truth. With fewer than three networks no statement on a recipe is made (`FEWEST_NETWORKS`), because the
+   spread of two is known only to a factor of 32 (chi-squared, one degree of freedom, 95 %).
+4. **All comparisons of a page are one family.** `decide` adjusts their p-values together by Holm's procedure (S. Holm,
+   Scandinavian Journal of Statistics 6 (1979) 65). So of pages on which nothing differs, at most 5 % call anything
+   different. Verdicts, words and intervals follow from the adjusted p-value: the interval of a difference is taken at
+   the level that Holm's step leaves for its comparison, and excludes 0 exactly where the verdict is *different*.
+5. **How many pairs are needed** follows from the exact power of McNemar's test at the level of Holm's first step.
+6. **Which factor costs what**: a part's share of a loss is a ratio, and its interval is Fieller's (E. C. Fieller, JRSS
+   B 16 (1954) 175).
+7. **Whether one world predicts the other**: the correlation of the true rates over policies or configurations, with the
+   noise of each rate known from its episodes (bivariate random effects: H. C. van Houwelingen, L. R. Arends, T.
+   Stijnen, Statistics in Medicine 21 (2002) 589), and its profile-likelihood interval. If the rates vary no more than
+   the noise does, the likelihood is flat and the interval is -1 to 1. The correlation of the measured rates cannot be
+   expected to exceed a *ceiling* that the number of episodes sets, so it is never stated without that.
 8. **What the simulator is worth in real trials**: as a control variate it leaves 1 - rho^2 of the variance of the
-   robot's rate, so that n trials that are paired with simulation tell as much as n / (1 - rho^2) would alone (S. S.
-   Lavenberg, P. D. Welch, Management Science 27 (1981) 322).
+   robot's rate. So n trials paired with simulation tell as much as n / (1 - rho^2) trials alone (S. S. Lavenberg, P. D.
+   Welch, Management Science 27 (1981) 322).
 """
 
 from __future__ import annotations
@@ -53,14 +52,14 @@ from vispeg.core.errors import UserError
 from vispeg.core.holm import holm
 from vispeg.evaluation.schema.estimate import Interval
 
-ALPHA = 0.05  # of a whole page
+ALPHA = 0.05  # error rate of a whole page
 POWER = 0.8
 LEVEL = 1 - ALPHA
-MARGIN = 0.05  # success points within which two rates are called equal
+MARGIN = 0.05  # difference of success within which two rates are called equal
 FEWEST_NETWORKS = 3
-FEWEST_PAIRED = 20  # trials: of fewer that agree throughout, an interval of their correlation holds too little
-BUYS = 0.2  # of the trials that were made: a simulator that is worth fewer further ones buys nothing
-FEWEST_POLICIES = 8  # below, the interval of a correlation of .7 reaches 0
+FEWEST_PAIRED = 20  # trials; with fewer that all agree, the interval of their correlation covers too little
+BUYS = 0.2  # a simulator that is worth fewer further trials than this share of those made is called worthless
+FEWEST_POLICIES = 8  # with fewer, the interval of a correlation of 0.7 reaches 0
 CANNOT_TELL = "these data cannot tell"
 RULE = (
     "All comparisons of this page are one family: two success rates are called different where the p-value after "
@@ -82,8 +81,8 @@ class Estimate:
 
     Attributes:
         value: the point estimate.
-        low, high: the interval, 95 % if nothing else is said.
-        n: episodes behind it (pairs, for a paired difference).
+        low, high: ends of the interval, 95 % unless stated otherwise.
+        n: number of episodes behind it; of pairs, for a paired difference.
     """
 
     value: float
@@ -92,7 +91,7 @@ class Estimate:
     n: int
 
     def excludes(self, value: float = 0.0) -> bool:
-        """Tell whether `value` lies outside the interval."""
+        """Return whether `value` lies outside the interval."""
         return value < self.low or value > self.high
 
     def to_json(self) -> Interval:
@@ -105,7 +104,7 @@ class Estimate:
 
 
 def wilson(successes: int, n: int, alpha: float = ALPHA) -> Estimate:
-    """Give Wilson's score interval of a proportion.
+    """Return a proportion with Wilson's score interval at level 1 - alpha.
 
     Raises:
         UserError: no trial, or more successes than trials.
@@ -120,10 +119,13 @@ def wilson(successes: int, n: int, alpha: float = ALPHA) -> Estimate:
 
 
 def rate(rows: Rows) -> Estimate:
-    """Give the success rate of all episodes, each network counting alike.
+    """Return the success rate of all episodes, the mean of the networks' rates, with its interval.
 
-    Several networks: Wilson's form with the effective number of episodes p (1 - p) / V and the t quantile; where all
-    succeed or all fail, the episodes count once, however many networks played them.
+    With several networks the interval has Wilson's form with p (1 - p) / V effective episodes and the t quantile. If
+    all episodes succeed or all fail, each episode counts once, however many networks played it.
+
+    Raises:
+        UserError: no episodes.
     """
     sides = [np.array(list(row.values()), float) for row in rows.values() if row]
     if not sides:
@@ -145,14 +147,14 @@ def rate(rows: Rows) -> Estimate:
 
 
 def rate_words(rate: Estimate) -> str:
-    """Say what the episodes can tell of a success rate: `4 of 4: 51 to 100 %`."""
+    """Return a success rate and its interval in words: `4 of 4: 51 to 100 %`."""
     return f"{round(rate.value * rate.n)} of {rate.n}: {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
 
 
 def episodes_needed(rate: Estimate) -> int | None:
-    """Give the episodes that would tell one network's success rate to within the margin, None where these do.
+    """Return the number of episodes that would give one network's rate to within the margin; None if these do.
 
-    Wald's number for a half-width as large as the margin, at the rate within the interval that needs most.
+    It is Wald's number for a half-width equal to the margin, at the rate in the interval that needs most episodes.
     """
     if max(rate.high - rate.value, rate.value - rate.low) <= MARGIN:
         return None
@@ -165,11 +167,11 @@ def episodes_needed(rate: Estimate) -> int | None:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A hypothesis of a page.
+    """A hypothesis that a page tests.
 
     Attributes:
-        p: its p-value before anything is adjusted; None where no test can be made.
-        weight: its share of a page's 5 %; those that ask one thing in several ways share 1.
+        p: its p-value before adjustment; None where no test can be made.
+        weight: its relative share of the page's 5 %; hypotheses that answer one question together share a weight of 1.
     """
 
     p: float | None
@@ -178,17 +180,17 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Difference:
-    """Success on one side minus success on the other: a hypothesis, with its size.
+    """Success on one side minus success on the other, with the test of whether it is 0.
 
     Attributes:
-        p, weight: as of a Hypothesis.
+        p, weight: as in Hypothesis.
         value: the difference, -1 to 1.
-        interval: of an alpha: the ends of the 1 - alpha interval.
-        n: pairs, or episodes of the smaller side where nothing pairs.
-        networks: on the side that has fewer: 1 where the statement is of these networks.
+        interval: function of alpha that returns the ends of the 1 - alpha interval.
+        n: number of pairs, or of episodes on the smaller side if they do not pair.
+        networks: number of networks on the side with fewer; 1 if the result holds for the networks played only.
         paired: whether both sides played the same episodes.
-        discordant: share of pairs that end differently; None where the unit is no pair of episodes.
-        refused: why no statement is made; "" where one is.
+        discordant: share of pairs that end differently; None where the unit is not a pair of episodes.
+        refused: why no statement is made; "" if one is.
     """
 
     p: float | None
@@ -207,15 +209,15 @@ def difference(
 ) -> Difference:
     """Compare success on two sides.
 
-    Episodes are paired where whoever played fewest played nothing that another did not; else the sides are independent
-    samples of all their episodes.
+    Episodes are paired if all networks of both sides played the episodes of the network that played fewest. Otherwise
+    the sides are independent samples.
 
     Args:
-        first, second: outcomes.
-        same_networks: whether a training seed is the same network on both sides (one policy in two worlds); those that
-            played one side only are left out.
-        trained: whether a side's networks are a sample of what its training gives; a scripted policy is none.
-        each: outcomes behind every number, where they are means.
+        first, second: outcomes of each side.
+        same_networks: whether a training seed is the same network on both sides (one policy in two worlds); networks
+            that played one side only are then left out.
+        trained: for each side, whether its networks are samples of a training recipe; False for a scripted policy.
+        each: number of outcomes behind every number, where numbers are means.
     """
     if same_networks:
         common = [t for t in first if t in second]
@@ -233,8 +235,8 @@ def contrast(*blocks: np.ndarray) -> Difference:
     """Test whether the sum of the blocks' means is 0.
 
     Args:
-        blocks: signed values (networks, episodes) of a policy each, such as weighted sums over worlds; column j is the
-            same episode in all.
+        blocks: signed values (networks, episodes) of one policy each, such as weighted sums over worlds; column j is
+            the same episode in all blocks.
     """
     sides = [_Side(list(np.atleast_2d(np.asarray(block, float))), True) for block in blocks]
     return _by_t(sides, True, min(len(side.rows) for side in sides), len(sides[0].rows[0]), limit=math.inf)
@@ -242,7 +244,12 @@ def contrast(*blocks: np.ndarray) -> Difference:
 
 @dataclass(frozen=True)
 class _Side:
-    """Outcomes of a side: an array of episodes a network; `crossed`: entry j is the same episode for all networks."""
+    """Outcomes of a side.
+
+    Attributes:
+        rows: one array of outcomes per network.
+        crossed: whether entry j is the same episode for all networks.
+    """
 
     rows: list[np.ndarray]
     crossed: bool
@@ -256,15 +263,16 @@ class _Side:
 
 
 def _shared(rows: Mapping[Any, Mapping[Hashable, float]]) -> list[Hashable]:
-    """Give the episodes that all networks played; none where one that played fewest has some of its own, so that a
-    single number that trials of two networks share does not stand for all of them.
+    """Return the episodes that all networks played, if these are all episodes of the network that played fewest.
+
+    Otherwise return none, so that a few episodes in common by chance do not stand for all of them.
     """
     shared = set.intersection(*(set(row) for row in rows.values()))
     return sorted(shared, key=repr) if len(shared) == min(map(len, rows.values())) else []
 
 
 def _side(rows: Rows, episodes: Sequence[Hashable]) -> _Side:
-    """Give these episodes of every network; all of each where there are none that they share."""
+    """Return the outcomes of these episodes for every network; without episodes in common, all outcomes of each."""
     if episodes:
         return _Side([np.array([rows[t][e] for e in episodes], float) for t in sorted(rows)], True)
     return _Side([np.array(list(rows[t].values()), float) for t in sorted(rows)], False)
@@ -301,7 +309,7 @@ def _by_t(
     each: int = 1,
     limit: float = 1.0,
 ) -> Difference:
-    """Give the t test of the sum of the blocks' means."""
+    """Return the t test of whether the sum of the blocks' means is 0; limit is the largest possible absolute value."""
     moments = _moments(blocks, paired, same_networks, each)
     value = moments.value
 
@@ -316,12 +324,15 @@ def _by_t(
 
 
 def fall(configurations: Sequence[tuple[Rows, Rows]]) -> Difference:
-    """Compare one policy's success on two sides over the configurations of a suite: the mean of their differences.
+    """Compare one policy's success on two sides, the mean difference over the configurations of a suite.
 
-    Where both sides played the same seeds, a seed is one number, its mean over configurations, so that one that is hard
-    in every configuration counts once. Where not, as with a robot's trials, of one network Newcombe's intervals of the
-    configurations are put together by the squares of their distances (G. Y. Zou, A. Donner, Statistics in Medicine 27
-    (2008) 1693); of several, the networks' own differences are the sample.
+    If both sides played the same seeds, the outcome of a seed is its mean over configurations, so that a seed that is
+    hard in every configuration counts once. If not, as with a robot's trials, one network's Newcombe intervals of the
+    configurations are combined by the squares of their half-widths (G. Y. Zou, A. Donner, Statistics in Medicine 27
+    (2008) 1693); of several networks, their differences are the sample.
+
+    Args:
+        configurations: outcomes on the first and on the second side, for each configuration.
     """
     sides = [_averaged([both[side] for both in configurations]) for side in (0, 1)]
     if all(sides) and _shared({(side, t): row for side, rows in enumerate(sides) for t, row in rows.items()}):
@@ -344,7 +355,7 @@ def fall(configurations: Sequence[tuple[Rows, Rows]]) -> Difference:
 
 
 def _averaged(configurations: Sequence[Rows]) -> dict[int, dict[Hashable, float]]:
-    """Training seed -> seed -> mean over configurations, of the seeds that all configurations have."""
+    """Return training seed -> seed -> mean over configurations, for the seeds that all configurations have."""
     networks = [t for t in configurations[0] if all(t in rows for rows in configurations)]
     of = {t: [rows[t] for rows in configurations] for t in networks}
     seeds = {t: set.intersection(*map(set, rows)) for t, rows in of.items()}
@@ -352,7 +363,7 @@ def _averaged(configurations: Sequence[Rows]) -> dict[int, dict[Hashable, float]
 
 
 def _weighted(configurations: Sequence[Rows], networks: Sequence[int]) -> dict[int, dict[Hashable, float]]:
-    """Every trial by itself, weighted so that a network's mean is that of its configurations' rates."""
+    """Return every trial by itself, weighted so that a network's mean is the mean of its configurations' rates."""
     rows: dict[int, dict[Hashable, float]] = {}
     for t in networks:
         total = sum(len(c[t]) for c in configurations)
@@ -362,7 +373,7 @@ def _weighted(configurations: Sequence[Rows], networks: Sequence[int]) -> dict[i
 
 
 def _p_of(interval: Callable[[float], tuple[float, float]]) -> float:
-    """Give the alpha at which an interval ends at 0: its p-value."""
+    """Return the p-value that belongs to an interval: the alpha at which one of its ends is 0."""
 
     def distance(exponent: float) -> float:
         low, high = interval(10.0**exponent)
@@ -374,13 +385,14 @@ def _p_of(interval: Callable[[float], tuple[float, float]]) -> float:
 
 
 def by_ranks(first: Rows, second: Rows) -> float | None:
-    """Give the p-value that a value, a time or a force, is as often larger on one side as on the other.
+    """Return the p-value of the hypothesis that a time or force is larger on one side as often as on the other.
 
-    One network: Mann and Whitney's test. Several: the t test over networks of each one's share of pairs in which the
-    first is larger, whose variance is taken at no less than that of equal distributions; None of fewer than three.
+    With one network it is the Mann-Whitney test's. With several, it is that of a t test over networks on each one's
+    share of pairs in which the first value is larger; the variance of a share is at least that of equal distributions.
+    None with two networks, or with none on both sides.
 
     Args:
-        first, second: values of an episode each; networks that have none on one side are left out.
+        first, second: one value per episode; networks without values on one side are left out.
     """
     networks = [t for t in first if t in second]
     sides = [[np.array(list(side[t].values()), float) for side in (first, second)] for t in networks]
@@ -399,7 +411,7 @@ def by_ranks(first: Rows, second: Rows) -> float | None:
 
 @dataclass(frozen=True)
 class _Moments:
-    """A sum of means, its variance by networks and by episodes, each with its degrees of freedom."""
+    """A sum of means, and the parts of its variance due to networks and to episodes, with their degrees of freedom."""
 
     value: float
     networks: float
@@ -412,19 +424,19 @@ class _Moments:
         return self.networks + self.episodes
 
     def half(self, alpha: float) -> float:
-        """Half the width of the 1 - alpha interval: both parts' half-widths, added as squares."""
+        """Return half the width of the 1 - alpha interval: both parts' half-widths, added in quadrature."""
         parts = (self.networks, self.df_networks), (self.episodes, self.df_episodes)
         return math.sqrt(sum(v * float(stdtrit(df, alpha / 2)) ** 2 for v, df in parts if v > 0))
 
 
 def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False, each: int = 1) -> _Moments:
-    """Give the sum of the blocks' means and the parts of its variance V.
+    """Return the sum of the blocks' means and the parts of its variance V.
 
     Args:
-        blocks: signed outcomes of a side each.
+        blocks: signed outcomes, one block per side.
         paired: whether entry j is the same episode in all blocks.
         same_networks: whether row i is the same network in all blocks.
-        each: as of `difference`.
+        each: as in `difference`.
     """
     value = float(sum(block.means.mean() for block in blocks))
     rows = [np.sum([b.means for b in blocks], axis=0)] if same_networks else [b.means for b in blocks]
@@ -445,14 +457,14 @@ def _moments(blocks: Sequence[_Side], paired: bool, same_networks: bool = False,
 
 
 def _satterthwaite(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Give the sum of variances and its degrees of freedom."""
+    """Return the sum of variances and its degrees of freedom, by Satterthwaite's formula."""
     below = sum(v * v / df for v, df in parts)
     total = sum(v for v, _ in parts)
     return total, total**2 / below if below > 0 else 1.0
 
 
 def _rest(y: np.ndarray) -> float:
-    """Give the mean square of what rows and columns of (k, n) leave."""
+    """Return the mean square of the residuals of y (k, n) after row and column means are removed."""
     k, n = y.shape
     rest = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
     return float(np.sum(rest**2)) / ((k - 1) * (n - 1))
@@ -485,7 +497,7 @@ def _independent(first: np.ndarray, second: np.ndarray) -> Difference:
 
 
 def newcombe(successes: tuple[int, int], trials: tuple[int, int], alpha: float = ALPHA) -> tuple[float, float]:
-    """Give the interval of p1 - p2 of independent samples from their two Wilson intervals (method 10)."""
+    """Return the interval of p1 - p2 of independent samples from their two Wilson intervals (method 10)."""
     p1, p2 = (wilson(s, n, alpha) for s, n in zip(successes, trials, strict=True))
     value = p1.value - p2.value
     return (
@@ -495,13 +507,13 @@ def newcombe(successes: tuple[int, int], trials: tuple[int, int], alpha: float =
 
 
 def tango(b: int, c: int, n: int, alpha: float = ALPHA) -> tuple[float, float]:
-    """Give the differences p1 - p2 that the score test of `tango_score` accepts, for b and c discordant pairs of n."""
+    """Return the interval of p1 - p2 that the score test accepts (`tango_score`), for b and c discordant pairs of n."""
     value, z = (b - c) / n, float(norm.ppf(1 - alpha / 2))
     return _root(b, c, n, -1.0, value, +z), _root(b, c, n, value, 1.0, -z)
 
 
 def tango_score(b: int, c: int, n: int, delta: float) -> float:
-    """Give the score statistic (standard normal under p1 - p2 = delta), for b and c discordant pairs of n.
+    """Return the score statistic (standard normal under p1 - p2 = delta), for b and c discordant pairs of n.
 
     The variance uses the maximum-likelihood discordance p21 under the hypothesis, the larger root of
     A x^2 + B x + C = 0 with A = 2 n, B = -b - c + (2 n - b + c) delta, C = -c delta (1 - delta).
@@ -516,7 +528,7 @@ def tango_score(b: int, c: int, n: int, delta: float) -> float:
 
 
 def _root(b: int, c: int, n: int, low: float, high: float, target: float) -> float:
-    """Where the score, which falls with delta, equals `target` between `low` and `high`."""
+    """Return the delta between `low` and `high` at which the score, which falls with delta, equals `target`."""
     eps = 1e-12
     low, high = low + eps, high - eps
 
@@ -537,14 +549,15 @@ class Decision:
     """Result of one test of a page, adjusted for the others.
 
     Attributes:
-        test: what was asked.
+        test: the test.
         p_holm: its p-value adjusted over the family; None where no test could be made.
-        verdict: on it.
-        family: tests in the family.
-        estimate: of a difference, its value and interval; the interval excludes 0 exactly where the verdict is
+        verdict: the verdict.
+        family: number of tests in the family.
+        estimate: for a difference, its value and interval; the interval excludes 0 exactly where the verdict is
             `different`.
-        needed: pairs that would find the margin with 80 % power at Holm's first step; None where these are as many, or
-            where the unit is no pair of episodes.
+        needed: number of pairs that would detect a difference as large as the margin with 80 % power at Holm's first
+            step, if the verdict is that these data cannot tell; None where these pairs are as many, or where the unit
+            is not a pair of episodes.
     """
 
     test: Hypothesis | Difference
@@ -556,26 +569,32 @@ class Decision:
 
     @property
     def certain(self) -> bool:
-        """Tell whether the two sides are called different."""
+        """Whether the two sides are called different."""
         return self.verdict == "different"
 
     @property
     def paired(self) -> bool:
-        """Tell whether both sides played the same episodes."""
+        """Whether both sides played the same episodes."""
         return isinstance(self.test, Difference) and self.test.paired
 
     @property
     def refused(self) -> str:
-        """Say why no statement is made; "" where one is."""
+        """Why no statement is made; "" if one is."""
         return self.test.refused if isinstance(self.test, Difference) else ""
 
 
 def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN) -> dict[Key, Decision]:
-    """Decide all comparisons of a page together, by Holm's procedure."""
+    """Decide all tests of a page together, by Holm's procedure.
+
+    Args:
+        tests: the tests by key; those with p None are not in the family and get the verdict that data cannot tell.
+        margin: difference of success within which two rates are called equal.
+    """
     asked = {key: (test.p, test.weight) for key, test in tests.items() if test.p is not None}
     adjusted = dict(zip(asked, holm(*zip(*asked.values(), strict=True)), strict=True)) if asked else {}
     total = sum(weight for _, weight in asked.values())
-    # the weight that Holm's steps leave each: of what is not rejected all of it, of the rest what comes after
+    # total weight by which Holm's procedure divides ALPHA for each test: for a rejected test, that of the tests not
+    # rejected before it; for any other, that of all tests not rejected
     behind = {
         key: sum(w for other, (_, w) in asked.items() if adjusted[other] >= min(p, ALPHA))
         for key, p in adjusted.items()
@@ -603,7 +622,7 @@ def decide(tests: Mapping[Key, Hypothesis | Difference], margin: float = MARGIN)
 
 
 def gap_words(decision: Decision) -> str:
-    """Say what a gap (reference minus target) is, in points of success."""
+    """Return a gap (reference minus target) in words, in points of success."""
     gap = decision.estimate
     if decision.refused:
         return f"{CANNOT_TELL}: {decision.refused}"
@@ -622,16 +641,16 @@ def gap_words(decision: Decision) -> str:
 
 @lru_cache(maxsize=4096)
 def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA, power: float = POWER) -> int:
-    """Give the pairs with which McNemar's exact test at level alpha finds `difference` with probability `power`.
+    """Return the number of pairs with which McNemar's exact test detects `difference` with probability `power`.
 
     Args:
-        difference: of the two rates.
-        discordant: share of pairs that end differently; at least the difference.
-        alpha: of the test: of a family of m, ALPHA / m at Holm's first step.
-        power: probability of finding it.
+        difference: difference of the two rates; its sign does not matter.
+        discordant: share of pairs that end differently; it is taken to be at least the difference.
+        alpha: level of the test; in a family of m, ALPHA / m at Holm's first step.
+        power: probability of a significant result.
 
     Raises:
-        UserError: a difference that is not within (0, 1].
+        UserError: a difference whose size is not within (0, 1].
     """
     d = abs(difference)
     if not 0 < d <= 1:
@@ -640,16 +659,17 @@ def pairs_needed(difference: float, discordant: float, alpha: float = ALPHA, pow
     low, high = 1, 2
     while exact_power(high, d, psi, alpha) < power:
         low, high = high, 2 * high
-    while high - low > max(1, high // 200):  # power of an exact test goes up in steps: half a per cent is enough
+    while high - low > max(1, high // 200):  # power rises in steps, so 0.5 % is precise enough
         middle = (low + high) // 2
         low, high = (low, middle) if exact_power(middle, d, psi, alpha) >= power else (middle, high)
     return high
 
 
 def exact_power(n: int, difference: float, discordant: float, alpha: float = ALPHA) -> float:
-    """Give the probability that McNemar's exact test on n pairs is significant at level alpha.
+    """Return the probability that McNemar's exact test on n pairs is significant at level alpha.
 
-    The discordant pairs m are binomial (n, discordant), the first's among them binomial (m, share).
+    The number m of discordant pairs is binomial (n, discordant). Of these, the number in which only the first side
+    succeeds is binomial (m, share).
     """
     share = (discordant + difference) / (2 * discordant)
     sd = math.sqrt(n * discordant * (1 - discordant))
@@ -664,10 +684,10 @@ def exact_power(n: int, difference: float, discordant: float, alpha: float = ALP
 
 
 def share(part: np.ndarray, total: np.ndarray) -> Estimate | None:
-    """Give a part's share of a total with Fieller's interval; None where the total may be 0, so that no share is.
+    """Return a part's share of a total with Fieller's interval; None where the total may be 0, or with two networks.
 
     Args:
-        part, total: values of the same networks and episodes (networks, episodes).
+        part, total: values (networks, episodes) of the same networks and episodes.
     """
     part, total = np.atleast_2d(part), np.atleast_2d(total)
 
@@ -688,9 +708,9 @@ _SPREAD = 0.6 * (np.arange(16) / 15) ** 2  # standard deviations of true rates, 
 
 
 def noise(first: Rows, second: Rows) -> np.ndarray:
-    """Give the covariance (2, 2) with which the episodes tell two rates, of the same episodes or of others.
+    """Return the covariance (2, 2) of two measured rates, from their episodes, paired or not.
 
-    With one success and one failure more than were seen, so that 20 of 20 is not taken for certain.
+    One success and one failure are added to those seen, so that 20 of 20 is not taken as certain.
     """
     both = _shared({(side, t): row for side, rows in enumerate((first, second)) for t, row in rows.items()})
     sides = [_side(rows, both or _shared(rows)) for rows in (first, second)]
@@ -701,11 +721,15 @@ def noise(first: Rows, second: Rows) -> np.ndarray:
 
 
 def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Estimate:
-    """Estimate the correlation of the true rates of which x and y (n,) are measured, each pair with its covariance.
+    """Estimate the correlation of the true rates behind measured rates x and y (n,), given each pair's covariance.
 
-    Restricted likelihood of (x, y) ~ N(mean, [[a^2, r a b], [r a b, b^2]] + noise), profiled over mean, a and b on a
-    grid. The cut of its drop is widened by n / (n - 3), the small-sample variance of Fisher's z. NaN of fewer than
-    four.
+    It maximises the restricted likelihood of (x, y) ~ N(mean, [[a^2, r a b], [r a b, b^2]] + noise), profiled over
+    mean, a and b on a grid. The threshold on its drop is widened by n / (n - 3), the small-sample variance of Fisher's
+    z. NaN with fewer than four points.
+
+    Args:
+        x, y: measured rates (n,).
+        noise: covariance (2, 2) of each pair, see `noise`.
     """
     n = len(x)
     if n < 4:
@@ -729,12 +753,12 @@ def correlation(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> Es
 
 
 def ceiling(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> float:
-    """Give the greatest correlation that x and y (n,), measured with noise, can be expected to show.
+    """Return the largest correlation that x and y (n,), measured with noise, can be expected to show.
 
-    That of two sides whose true rates agree: (s_x s_y + c) / sqrt((s_x^2 + v_x) (s_y^2 + v_y)), with the variances s^2
-    of the true rates over policies and the mean covariance [[v_x, c], [c, v_y]] of the `noise`. With a side that is
-    known exactly it is sqrt(V / (V + mean p (1 - p) / n)). 0 where rates differ no more than episodes do; NaN of fewer
-    than three.
+    It is that of two sides with a true correlation of 1: (s_x s_y + c) / sqrt((s_x^2 + v_x) (s_y^2 + v_y)), with the
+    variances s^2 of the true rates over policies and the mean covariance [[v_x, c], [c, v_y]] of the `noise`. If one
+    side is known exactly, it is sqrt(V / (V + mean p (1 - p) / n)). It is 0 where rates vary no more than their noise,
+    and NaN with fewer than three points.
     """
     if len(x) < 3:
         return math.nan
@@ -746,12 +770,12 @@ def ceiling(x: np.ndarray, y: np.ndarray, noise: Sequence[np.ndarray]) -> float:
 
 
 def measured_correlation(x: np.ndarray, y: np.ndarray) -> float:
-    """Give Pearson's correlation of x and y (n,); NaN where a side does not vary."""
+    """Return Pearson's correlation of x and y (n,); NaN where a side does not vary."""
     return float(np.corrcoef(x, y)[0, 1]) if min(np.ptp(x), np.ptp(y)) > 0 else math.nan
 
 
 def mean_interval(values: np.ndarray) -> Estimate:
-    """Give the mean over policies with its t interval; NaN ends of fewer than three."""
+    """Return the mean over policies with its t interval; with fewer than three, its ends are NaN."""
     n, value = len(values), float(np.mean(values))
     if n < FEWEST_NETWORKS:
         return Estimate(value, math.nan, math.nan, n)
@@ -760,13 +784,15 @@ def mean_interval(values: np.ndarray) -> Estimate:
 
 
 def mmrv(target: np.ndarray, reference_order: np.ndarray, target_order: np.ndarray) -> float:
-    """Give the mean maximum rank violation (X. Li et al., Evaluating Real-World Robot Manipulation Policies in
-    Simulation, CoRL 2024): the mean over i of the largest |r_i - r_j| among the j that the two worlds order otherwise.
+    """Return the mean maximum rank violation.
+
+    It is the mean over i of the largest |r_i - r_j| among the j that the two worlds order differently (X. Li et al.,
+    Evaluating Real-World Robot Manipulation Policies in Simulation, CoRL 2024).
 
     Args:
-        target: success r (n,) in the world that counts.
-        reference_order, target_order: (n, n): 1 where i is better than j beyond doubt, -1 where worse, 0 where the
-            data cannot tell; so what chance reverses is none.
+        target: success r (n,) in the target world.
+        reference_order, target_order: (n, n), 1 where i is found better than j, -1 where worse, 0 where the data cannot
+            tell; so an order that chance reverses is not a violation.
     """
     violated = reference_order * target_order < 0
     return float(np.mean(np.max(np.abs(target[:, None] - target) * violated, axis=1)))
@@ -774,15 +800,15 @@ def mmrv(target: np.ndarray, reference_order: np.ndarray, target_order: np.ndarr
 
 # 8. What the simulator is worth in real trials
 
-_CORNER = 0.25  # weight of each of four pairs of which nothing hangs together, that stand for those not seen yet
+_CORNER = 0.25  # weight of each of four uncorrelated pairs that are added to the data, see `paired_correlation`
 
 
 def paired_correlation(y: np.ndarray, f: np.ndarray) -> Estimate:
-    """Give the correlation of outcomes y (n,) with what simulation says of the same trials, f (n,), with its interval.
+    """Return the correlation of real outcomes y (n,) with simulation's of the same trials, f (n,), and its interval.
 
-    The variance of Fisher's z is that of r's influence function, for outcomes are not normal; as a few trials that all
-    agree show no variance, four pairs without a correlation of a weight of 1/4 are among them. The interval holds that,
-    and Fisher's own. Where a side does not vary, it is everything.
+    Outcomes are not normal, so the variance of Fisher's z is that of r's influence function. It is taken without and
+    with four uncorrelated pairs of weight 1/4, because a few trials that all agree show no variance. The interval
+    covers both, and Fisher's own. If a side does not vary, the correlation is NaN and the interval -1 to 1.
     """
     n = len(y)
     if n < 4 or min(np.ptp(y), np.ptp(f)) == 0:
@@ -815,11 +841,11 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Worth:
-    """Value of a simulator, in equivalent trials.
+    """Value of a simulator, in equivalent real trials.
 
     Attributes:
-        rho: correlation of the trials' outcomes with simulation's of the same ones.
-        trials: further trials that it is worth: n rho^2 / (1 - rho^2); one that contradicts the robot is worth none.
+        rho: correlation of the n trials' outcomes with simulation's of the same trials.
+        trials: number of further trials that it is worth, n rho^2 / (1 - rho^2); 0 for a negative rho.
     """
 
     rho: Estimate
@@ -827,12 +853,12 @@ class Worth:
 
     @property
     def buys(self) -> bool | None:
-        """Whether it surely is worth a fifth of the trials that were made; None where they are too few to tell."""
+        """Whether it is surely worth a fifth of the trials that were made; None with fewer than FEWEST_PAIRED."""
         return None if self.rho.n < FEWEST_PAIRED else self.trials.low >= BUYS * self.rho.n
 
     @property
     def words(self) -> str:
-        """One sentence."""
+        """The value in one sentence."""
         n, rho, more = self.rho.n, self.rho, self.trials
         if n < FEWEST_PAIRED:
             return f"{CANNOT_TELL} what the simulator is worth: {n} paired trials, {FEWEST_PAIRED} are the fewest"
