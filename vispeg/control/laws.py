@@ -14,14 +14,17 @@ ZONE = 0.1  # share of a joint's range, at either end, in which the spring acts
 def position(
     q_cmd: np.ndarray, dq_cmd: np.ndarray, q: np.ndarray, dq: np.ndarray, kp: np.ndarray, kd: np.ndarray
 ) -> np.ndarray:
-    """Joint impedance `kp (q_cmd - q) + kd (dq_cmd - dq)`, all (nsim, nj); N m."""
+    """Return the torque (nsim, nj) N m of joint impedance: `kp (q_cmd - q) + kd (dq_cmd - dq)`.
+
+    All arguments are (nsim, nj), or broadcast to that: rad, rad/s, N m/rad and N m s/rad.
+    """
     return kp * (q_cmd - q) + kd * (dq_cmd - dq)
 
 
 def rotation_vector(measured: np.ndarray, commanded: np.ndarray) -> np.ndarray:
-    """Rotation vector (n, 3) in the base frame from measured to commanded orientation, both quaternions (n, 4) wxyz.
+    """Return the rotation vector (n, 3) rad, base frame, from measured to commanded orientation, (n, 4) wxyz each.
 
-    The quaternion logarithm of `commanded * conj(measured)`, on the short way round.
+    It is the quaternion logarithm of `commanded * conj(measured)`, with an angle of at most pi.
     """
     from vispeg.kernels.arm import turns
 
@@ -33,7 +36,7 @@ def rotation_vector(measured: np.ndarray, commanded: np.ndarray) -> np.ndarray:
 
 
 def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) wxyz turned by rotation vectors (n, 3) rad given in the base frame."""
+    """Rotate orientations (n, 4) wxyz by rotation vectors (n, 3) rad in the base frame; return quaternions (n, 4)."""
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
     axis = vector / np.maximum(angle, 1e-12)
     w1, v1 = np.cos(angle / 2), axis * np.sin(angle / 2)
@@ -44,25 +47,27 @@ def turned(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def rotated(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) or (3,) of frames turned by quaternions (n, 4) wxyz, in the base frame."""
+    """Return vectors in the base frame, (n, 3), from vectors (n, 3) or (3,) in frames of orientation (n, 4) wxyz."""
     w, v = quat[:, :1], quat[:, 1:]
     half = np.cross(v, vector) + w * vector
     return vector + 2.0 * np.cross(v, half)
 
 
 def task_inertia(mass: np.ndarray, jac: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`Lambda = (J M^-1 J')^-1` (n, m, m) and `M^-1 J'` (n, nv, m).
+    """Return the task inertia `Lambda = (J M^-1 J')^-1` (n, m, m), and `M^-1 J'` (n, nv, m).
 
-    Directions lost at a singularity (eigenvalues of J M^-1 J' under `LOST` of the largest) get no task inertia
-    instead of an infinite one, so no torque is asked for along them.
+    Directions that are lost at a singularity (eigenvalues of J M^-1 J' below `LOST` times the largest) get a task
+    inertia of 0 instead of infinity, so that no torque acts along them.
     """
     minv_jt = np.linalg.solve(mass, np.swapaxes(jac, 1, 2))  # (n, nv, m)
     return _inverse(jac @ minv_jt), minv_jt
 
 
 def _inverse(core: np.ndarray) -> np.ndarray:
-    """Pseudo-inverse (n, m, m) of symmetric matrices; the plain inverse where no eigenvalue can be under the cut-off:
-    the product of a matrix's trace and its inverse's bounds its condition from above.
+    """Return the pseudo-inverse (n, m, m) of symmetric matrices.
+
+    It is the plain inverse if no eigenvalue can be below the cut-off. This is decided by the trace of the matrix times
+    that of its inverse, which is an upper bound of its condition number.
     """
     try:
         out = np.linalg.inv(core)
@@ -88,15 +93,16 @@ def hold_pose(
     pull: np.ndarray | None,
     force_limit: float | np.ndarray | None,
 ) -> np.ndarray:
-    """Torque (n, nv) N m towards a flange pose, without gravity; see `osc`. Policies and recordings share it.
+    """Return the torque (n, nv) N m towards a flange pose, without gravity; see `osc`. Tasks and recordings share it.
 
     Args:
-        state: the nominal arm's inertia, Jacobian, flange position and quaternion, and gravity there.
+        state: of the nominal arm: inertia (n, nv, nv), Jacobian (n, 6, nv), flange position (n, 3) and quaternion
+            (n, 4), gravity (n, nv); see `vispeg.sim.nominal.Nominal.operational`.
         dq: (n, nv) rad/s.
-        pos, rot: (n, 3) m, (n, 4) w x y z: the commanded pose.
-        kp, kd: (n, 6), 1/s^2 and 1/s.
-        pull: (n, nv) rad/s^2, acceleration of the posture task in the null space.
-        force_limit: N, see `osc`.
+        pos, rot: commanded pose in the base, (n, 3) m and (n, 4) wxyz.
+        kp, kd: (n, 6) gains, 1/s^2 and 1/s.
+        pull: (n, nv) rad/s^2, acceleration of the posture task in the null space; None for no such task.
+        force_limit: N, see `osc`; None for no limit.
     """
     from vispeg.kernels.arm import hold
 
@@ -130,21 +136,23 @@ def osc(
     posture: np.ndarray | None = None,
     force_limit: float | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Khatib's operational space law (IEEE J. Robotics and Automation 3(1), 1987, eqs. 17-20), no Coriolis, no gravity.
+    """Compute the torque of Khatib's operational space law, without Coriolis terms and gravity.
 
-    `tau = J' F + (1 - J' Jbar') tau_0`, `F = Lambda (kp e - kd v)`.
+    `tau = J' F + (1 - J' Jbar') tau_0`, `F = Lambda (kp e - kd v)`. Source: IEEE J. Robotics and Automation 3(1), 1987,
+    eqs. 17-20.
 
     Args:
-        error: (n, 6) position error (m) then rotation vector (rad), base frame.
+        error: (n, 6) position error (m), then rotation vector (rad), base frame.
         twist: (n, 6) linear and angular velocity of the flange, m/s and rad/s.
-        mass: (n, nv, nv) joint-space inertia.
+        mass: (n, nv, nv) joint-space inertia, kg m^2.
         jac: (n, 6, nv) flange Jacobian, base frame.
-        kp, kd: (n, 6) gains per unit mass, 1/s^2 and 1/s.
-        posture: (n, nv) null-space torque tau_0, N m.
-        force_limit: greatest norm of the commanded force (first three components), N, one or (n,).
+        kp, kd: (n, 6) gains, 1/s^2 and 1/s.
+        posture: (n, nv) null-space torque tau_0, N m; None for 0.
+        force_limit: greatest norm of the commanded force (first three components of F), N, one or (n,); None for no
+            limit.
 
     Returns:
-        (n, nv) N m.
+        Torque (n, nv) N m.
     """
     lam, minv_jt = task_inertia(mass, jac)
     force = np.matmul(lam, (kp * error - kd * twist)[:, :, None])[:, :, 0]
@@ -160,11 +168,16 @@ def osc(
 
 
 def away(q: np.ndarray, limits: np.ndarray, stiffness: float) -> np.ndarray:
-    """Return the joint acceleration (n, nj) rad/s^2 away from the limits (nj, 2) rad; q (n, nj) rad, stiffness 1/s^2.
+    """Return the joint acceleration (n, nj) rad/s^2 that pulls joints away from their limits.
 
-    It is the negative gradient of a potential as Khatib's (Int. J. Robotics Research 5(1), 1986, section 6): 0 outside
-    the zones at either end, but `stiffness / 2` times the squared depth inside, so that the pull begins at 0 and stays
-    finite beyond the limit. A joint without limits has no zones.
+    It is the negative gradient of a potential similar to Khatib's (Int. J. Robotics Research 5(1), 1986, section 6).
+    The potential is 0 except in a zone at either end of a joint's range, where it is `stiffness / 2` times the squared
+    depth in the zone. So the pull begins at 0 and stays finite beyond the limit. A joint without limits has no zones.
+
+    Args:
+        q: (n, nj) joint angles, rad.
+        limits: (nj, 2) lower and upper limits, rad.
+        stiffness: 1/s^2.
     """
     low, high = limits.T
     bounded = np.isfinite(low) & np.isfinite(high)
@@ -174,9 +187,10 @@ def away(q: np.ndarray, limits: np.ndarray, stiffness: float) -> np.ndarray:
 
 
 def singular(jac: np.ndarray) -> np.ndarray:
-    """Smallest singular value (n,) of flange Jacobians (n, 6, nj), in m/rad and rad/rad together; 0 at a singularity.
+    """Return the smallest singular value (n,) of flange Jacobians (n, 6, nj); it is 0 at a singularity.
 
-    It is the least speed of the flange, in any direction, that joint speeds of unit norm give: Klein and Blaho, Int. J.
-    Robotics Research 6(2), 1987. Lengths count in metres: a turn of 1 rad weighs as much as a way of 1 m.
+    It is the least speed of the flange, over all its directions, for joint speeds of unit norm (Klein and Blaho, Int.
+    J. Robotics Research 6(2), 1987). Metres and radians count alike: a rotation of 1 rad weighs as much as a
+    displacement of 1 m.
     """
     return np.linalg.svd(jac, compute_uv=False)[:, -1]

@@ -1,1 +1,1 @@
-"""How files that a user may hand in are read: within limits, as plain data, or with one clear error."""
+"""Read untrusted files as plain data within limits, or raise one clear error."""

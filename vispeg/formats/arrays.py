@@ -1,4 +1,4 @@
-"""NumPy archives of unknown origin."""
+"""Read untrusted NumPy archives."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vispeg.formats.guard import MB, opened, size
 
 
 def read_arrays(path: str | Path, *, most: int = 2000 * MB) -> dict[str, np.ndarray]:
-    """Return the arrays of an .npz file by name; nothing in it is ever unpickled.
+    """Read the arrays of an .npz file by name, without unpickling anything.
 
     Args:
         path: of the file.
-        most: bytes that the arrays may have, unpacked.
+        most: greatest size of the unpacked arrays, bytes.
 
     Raises:
-        UserError: unreadable, no archive, a damaged one, one with Python objects, or a larger one.
+        UserError: an unreadable file, not an archive, a damaged one, one with Python objects, or too large a one.
     """
     with opened(path) as file:
         try:

@@ -1,4 +1,4 @@
-"""A format of files: what its `format` line says, which keys it may have, and the registry of all there are."""
+"""File formats: their `format` line, their keys, and the registry of all formats that the program reads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Enrolled:
         name: of the format.
         read: reads a path, or raises UserError.
         example: writes a valid one into an empty folder and returns the path that `read` takes.
-        slow: whether a tenth of a second is not enough to read it.
+        slow: whether it takes longer than a tenth of a second to read.
     """
 
     name: str
@@ -46,12 +46,12 @@ def copy(source: Path, folder: Path) -> Path:
 
 
 def enrol(name: str, example: Example, slow: bool = False) -> Callable[[Reader], Reader]:
-    """Decorate the reader of a format, which the tests then feed with damaged copies of the example.
+    """Return a decorator that registers the reader of a format; tests call it with damaged copies of the example.
 
     Args:
-        name: of the format; what its `format` line says, if it has one.
+        name: of the format, as in its `format` line if it has one.
         example: writes a valid file (or folder) into an empty folder and returns the path that the reader takes.
-        slow: whether a tenth of a second is not enough to read it; it is then tested with fewer copies.
+        slow: whether it takes longer than a tenth of a second to read; it is then tested with fewer copies.
     """
 
     def decorate(read: Reader) -> Reader:
@@ -66,12 +66,12 @@ class Format:
     """A YAML or JSON file that is a mapping with the line `format: NAME/VERSION`.
 
     Attributes:
-        name: what that line says.
-        what: the kind of file in words, for errors: `a model`.
-        keys: that it may have beside `format`; None for any.
-        needed: keys that it must have.
+        name: NAME/VERSION in that line.
+        what: noun for the kind of file, for errors: `a model`.
+        keys: keys that are allowed in addition to `format`; None for any.
+        needed: keys that are required.
         language: yaml or json.
-        most: bytes that it may have.
+        most: greatest size, bytes.
         finite: whether infinite numbers and NaN are refused.
     """
 
@@ -90,13 +90,14 @@ class Format:
         """Read and check a file; return its content without `format`.
 
         Raises:
-            UserError: unreadable, another language or format, an unknown or missing key, or beyond the limits.
+            UserError: an unreadable file, another language or format, an unknown or missing key, or data beyond the
+                limits of `vispeg.formats.guard`.
         """
         reader = read_yaml if self.language == "yaml" else read_json
         return self.open(reader(path, most=self.most, finite=self.finite), path)
 
     def open(self, data: Any, path: str | Path) -> dict[str, Any]:
-        """Check data that have already been read."""
+        """Check data that have already been read from `path`; return them without `format`. Raises as `read`."""
         if not isinstance(data, dict):
             expected = f"a mapping with 'format: {self.name}'"
             raise UserError(f"is not {self.what}", file=path, expected=expected, got=type(data).__name__)

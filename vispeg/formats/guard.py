@@ -1,4 +1,4 @@
-"""Read bytes and text of untrusted files, and check the limits that their content must keep."""
+"""Read bytes and text of untrusted files, and check limits on their content."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from typing import Any, BinaryIO
 from vispeg.core.errors import UserError
 
 MB = 1_000_000
-DEPTH = 64  # levels of lists and mappings in each other
-DIGITS = 40  # of a whole number: the state of a random generator has 39
-NOT_TEXT = re.compile("[\x00\ud800-\udfff]")  # no path may hold the first, no terminal can print the others
-MARKS = {codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32"}  # first: they begin like those of UTF-16
+DEPTH = 64  # greatest number of nested lists and mappings
+DIGITS = 40  # greatest number of digits of a whole number; the state of a random generator has 39
+NOT_TEXT = re.compile("[\x00\ud800-\udfff]")  # NUL cannot be in a path, surrogates cannot be printed
+MARKS = {codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32"}  # before UTF-16: one begins like its mark
 MARKS |= {codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16"}
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether there is a regular file; a name that no file can have (too long, with a NUL) names none."""
+    """Return whether a path leads to a regular file; False for names that are impossible (too long, with a NUL)."""
     try:
         return Path(path).expanduser().is_file()
     except (OSError, ValueError, RuntimeError):
@@ -31,22 +31,22 @@ def is_file(path: str | Path) -> bool:
 
 
 def refuse_special(path: str | Path) -> None:
-    """Refuse a pipe, a socket or a device, before a library opens it and waits for it to begin or to end.
+    """Refuse pipes, sockets and devices, which would block a library that opens them.
 
     Raises:
-        UserError: what the path leads to is neither a file nor a folder; a path to nothing passes.
+        UserError: the path leads to something that is neither a file nor a folder. A missing path is not an error here.
     """
     try:
         mode = os.stat(Path(path).expanduser()).st_mode
     except (OSError, ValueError, RuntimeError):
-        return  # for the reader to say
+        return  # the reader will report it
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise UserError("is not a regular file", file=path, expected="a file")
 
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[BinaryIO]:
-    """Return a regular file, open for reading.
+    """Open a regular file for reading, in binary mode.
 
     Raises:
         UserError: no such file, not a regular one (a folder, pipe or device), or one that cannot be read.
@@ -71,14 +71,14 @@ def opened(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def read_bytes(path: str | Path, most: int = MB) -> bytes:
-    """Return a file's content.
+    """Read a file's content as bytes.
 
     Args:
-        path: of the file; a `~` stands for the home directory.
-        most: bytes that it may have.
+        path: of the file; `~` stands for the home directory.
+        most: greatest size, bytes.
 
     Raises:
-        UserError: as `opened`, or a larger one.
+        UserError: as `opened`, or a larger file.
     """
     with opened(path) as file:
         data, there = file.read(most + 1), os.fstat(file.fileno()).st_size
@@ -88,10 +88,10 @@ def read_bytes(path: str | Path, most: int = MB) -> bytes:
 
 
 def read_text(path: str | Path, most: int = MB) -> str:
-    """Return a file's content as text: UTF-8, with or without a byte-order mark.
+    """Read a file's content as text: UTF-8, with or without a byte-order mark.
 
     Raises:
-        UserError: as `read_bytes`; nothing but white space; another encoding.
+        UserError: as `read_bytes`; also for another encoding, or a file with only white space.
     """
     data = read_bytes(path, most)
     for mark, name in MARKS.items():
@@ -107,15 +107,16 @@ def read_text(path: str | Path, most: int = MB) -> str:
 
 
 def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool = True) -> None:
-    """Hold plain data (mappings, list, numbers, text) to the limits.
+    """Check plain data (mappings, lists, numbers, text) against the limits.
 
     Args:
-        data: what was parsed.
-        file, key: where it stands, for the error.
+        data: as parsed.
+        file, key: file and key of the data, for the error.
         finite: whether infinite numbers and NaN are refused.
 
     Raises:
-        UserError: nesting, a number, or a character beyond them; names the place.
+        UserError: too deep nesting, a number with too many digits or that is not finite, or a character that is not
+            text; it names the place.
     """
     fault = _beyond(data, finite, DEPTH)
     if fault is not None:
@@ -127,7 +128,7 @@ def check(data: Any, file: str | Path, key: str | None = None, *, finite: bool =
 
 
 def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, list[str | int]] | None:
-    """Return the violation, what was expected, and the keys that lead to it, innermost first; None if there is none."""
+    """Return the first violation, what was expected, and the keys that lead to it, innermost first; else None."""
     if isinstance(value, float):
         return ("is not finite", "a finite number", []) if finite and not math.isfinite(value) else None
     if isinstance(value, str):
@@ -149,15 +150,15 @@ def _beyond(value: Any, finite: bool, levels: int) -> tuple[str, str | None, lis
 
 @contextmanager
 def as_written(file: str | Path, command: str, hint: str = "") -> Iterator[None]:
-    """Say that what trips over the content of a file that only the program itself writes trips over a damaged file.
+    """Report errors in the body as a damaged file: for code that uses a file that only this program writes.
 
     Args:
-        file: which.
-        command: that wrote it.
-        hint: what to do about it.
+        file: the file.
+        command: the command that writes it.
+        hint: advice for the user.
 
     Raises:
-        UserError: in place of the error that a missing key, a value of another kind or an impossible one gives.
+        UserError: in place of errors from a missing key, or a value of the wrong type or size.
     """
     try:
         yield
@@ -170,7 +171,7 @@ def as_written(file: str | Path, command: str, hint: str = "") -> Iterator[None]
 
 
 def size(count: int) -> str:
-    """`1 MB`, `350 kB`, `12 bytes`."""
+    """Return a number of bytes as text, such as `1 MB`, `350 kB` or `12 bytes`."""
     for unit, name in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
         if count >= unit:
             return f"{count / unit:.3g} {name}"

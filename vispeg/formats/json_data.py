@@ -1,4 +1,4 @@
-"""JSON of unknown origin as plain data."""
+"""Read untrusted JSON as plain data."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def read_json(path: str | Path, *, most: int = 64 * MB, finite: bool = True) -> 
 
     Args:
         path: of the file.
-        most: bytes that it may have.
+        most: greatest size, bytes.
         finite: whether infinite numbers and NaN are refused.
 
     Raises:
-        UserError: unreadable, not JSON, a key given twice, or beyond the limits of `vispeg.formats.guard`.
+        UserError: an unreadable file, not JSON, a repeated key, or data beyond the limits of `vispeg.formats.guard`.
     """
     return parse_json(read_text(path, most), path, finite=finite)
 
@@ -42,7 +42,7 @@ def parse_json(text: str | bytes, file: str | Path, key: str | None = None, *, f
         raise UserError("is nested too deeply", file=file, key=key) from None
     except UnicodeDecodeError as error:
         raise UserError(f"is not UTF-8 text (byte {error.start})", file=file, key=key) from None
-    except ValueError:  # Python's own limit, thousands of digits
+    except ValueError:  # Python's own limit of some thousand digits
         raise UserError("holds a number with too many digits", file=file, key=key) from None
     check(data, file, key, finite=finite)
     return data

@@ -1,4 +1,4 @@
-"""Plain data held to types: dataclasses and pydantic models say what may stand where."""
+"""Convert plain data to dataclasses and pydantic models, with errors for users."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from vispeg.core.errors import UserError
 
 T = TypeVar("T")
-KINDS = {  # pydantic's complaint: what a person would have had to write
+KINDS = {  # type of a pydantic error -> the expected value in words
     "model_type": "a mapping of keys to values",
     "dict_type": "a mapping of keys to values",
     "dataclass_type": "a mapping of keys to values",
@@ -30,15 +30,16 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
-    """Return the data as a `kind`.
+    """Convert plain data to a type.
 
     Args:
-        kind: a dataclass or a pydantic model.
-        data: plain data, as the readers of this room give it.
-        file, key: where it stands, for the error.
+        kind: a dataclass, a pydantic model, or a type of these.
+        data: plain data, as `read_yaml` and `read_json` return it.
+        file, key: file and key of the data, for the error.
 
     Raises:
-        UserError: a value of another type, a missing or an unknown key; what `kind` itself refuses, with the file.
+        UserError: a value of another type, a missing or an unknown key, or values that `kind` itself refuses; it names
+            file and key.
     """
     try:
         return _adapter(kind).validate_python(data)
@@ -49,7 +50,7 @@ def typed(kind: type[T], data: Any, file: str | Path, key: str = "") -> T:
 
 
 def as_user_error(error: ValidationError, file: str | Path, key: str = "") -> UserError:
-    """Return the first of pydantic's complaints in one line, with the choices where there are any."""
+    """Return the first of pydantic's errors as a UserError, with the choices if there are any."""
     first = error.errors(include_url=False)[0]
     at = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"])
     where = f"{key}{at}".lstrip(".") or None

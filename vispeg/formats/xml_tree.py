@@ -1,4 +1,4 @@
-"""XML of unknown origin as an element tree."""
+"""Read untrusted XML as an element tree."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from xml.parsers import expat
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import MB, NOT_TEXT, read_bytes
 
-ELEMENTS = 100_000
-DEPTH = 250  # an arm may have a hundred bodies, each in the other
+ELEMENTS = 100_000  # greatest number of elements
+DEPTH = 250  # greatest number of nested elements; an arm may have a hundred nested bodies
 
 
 def read_xml(path: str | Path) -> ET.Element:
-    """Return the root of an XML file. Entities of its own (which can stand for gigabytes, or for other files) are
-    refused.
+    """Read an XML file and return its root element.
+
+    A file that declares entities is refused, because these can expand to gigabytes or include other files.
 
     Raises:
-        UserError: unreadable, not XML, nested too deeply, too many elements, or an entity.
+        UserError: an unreadable file, not XML, too deep nesting, too many elements, or a declared entity.
     """
     return _Tree(path).read(read_bytes(path, 64 * MB))
 
 
 class _Tree:
-    """Builds the tree; `depth` and `count` are of the elements so far."""
+    """Builds the tree from the parser's events; `depth` is the present nesting, `count` the elements so far."""
 
     def __init__(self, path: str | Path):
         self.path, self.depth, self.count = path, 0, 0
@@ -38,7 +39,7 @@ class _Tree:
         self.parser.EntityDeclHandler = self.entity
 
     def read(self, data: bytes) -> ET.Element:
-        """Return the root element."""
+        """Parse a document and return its root element."""
         try:
             self.parser.Parse(data, True)
         except expat.ExpatError as error:
@@ -49,7 +50,7 @@ class _Tree:
         return self.builder.close()
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """Note that an element begins."""
+        """Handle the begin of an element: check the limits."""
         self.depth, self.count = self.depth + 1, self.count + 1
         if self.depth > DEPTH:
             self.refuse("is nested too deeply", f"at most {DEPTH} levels")
@@ -60,15 +61,15 @@ class _Tree:
         self.builder.start(tag, attributes)
 
     def end(self, tag: str) -> None:
-        """Note that an element ends."""
+        """Handle the end of an element."""
         self.depth -= 1
         self.builder.end(tag)
 
     def entity(self, *_: object) -> None:
-        """Note that an entity is declared."""
+        """Refuse the declaration of an entity."""
         self.refuse("declares an entity", "XML without entities of its own")
 
     def refuse(self, message: str, expected: str | None = None) -> NoReturn:
-        """Says what is wrong, and in which line."""
+        """Raise UserError with the present line."""
         key = f"line {self.parser.CurrentLineNumber}"
         raise UserError(message, file=self.path, key=key, expected=expected)

@@ -1,7 +1,7 @@
-"""YAML of unknown origin as plain data: mappings with text for keys, lists, text, numbers, truth values, nothing else.
+"""Read untrusted YAML as plain data: mappings with text as keys, lists, text, numbers, booleans and null.
 
-Built from the parser's events one by one, so that what is too deep, too much or an alias bomb is refused before it is
-built. Dates stay text; aliases are written out.
+The data are built from the parser's events, so that too deep or too many values, also by nested aliases, are refused
+before they take memory. Dates stay text, and aliases are replaced by copies.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import yaml
 from vispeg.core.errors import UserError
 from vispeg.formats.guard import DEPTH, MB, check, read_text
 
-VALUES = 100_000  # after aliases are written out: nested aliases can stand for billions
-LONG = 100  # characters of a number
+VALUES = 100_000  # greatest number of values after aliases are replaced; nested aliases can stand for billions
+LONG = 100  # greatest number of characters of a number
 CORE = "tag:yaml.org,2002:"
 SCALARS = {CORE + kind for kind in ("null", "bool", "int", "float", "str")}
-PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where PyYAML was built with it
+PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # that of libyaml if PyYAML has it
 
 
 def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
@@ -29,12 +29,12 @@ def read_yaml(path: str | Path, *, most: int = MB, finite: bool = True) -> Any:
 
     Args:
         path: of the file.
-        most: bytes that it may have.
+        most: greatest size, bytes.
         finite: whether infinite numbers and NaN are refused.
 
     Raises:
-        UserError: unreadable, not YAML, a key given twice, a tag beyond plain data, or beyond the limits here and in
-            `vispeg.formats.guard`.
+        UserError: an unreadable file, not YAML, a repeated key, a tag beyond plain data, or data beyond the limits here
+            and in `vispeg.formats.guard`.
     """
     return parse_yaml(read_text(path, most), path, finite=finite)
 
@@ -52,7 +52,7 @@ def parse_yaml(text: str, file: str | Path, *, finite: bool = True) -> Any:
 
 
 class _Words(yaml.SafeLoader):
-    """Know what a bare word means; `3e-5` is a number, as in YAML 1.2 (PyYAML follows 1.1, which wants `3.0e-5`)."""
+    """Resolves plain scalars; `3e-5` is a number, as in YAML 1.2 (PyYAML follows 1.1, which requires `3.0e-5`)."""
 
 
 EXPONENT = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)[eE][-+]?\d+$")
@@ -60,16 +60,16 @@ _Words.add_implicit_resolver(CORE + "float", EXPONENT, [*"-+.0123456789"])
 
 
 class _Builder:
-    """Values from events; `room` is how many more there may be."""
+    """Builds values from events; `room` is the number of further values that are allowed."""
 
     def __init__(self, text: str, file: str | Path):
         self.file, self.room, self.line = file, VALUES, 1
         self.events: Iterator[yaml.Event] = yaml.parse(text, Loader=PARSER)
         self.words = _Words("")
-        self.anchors: dict[str, tuple[Any, int]] = {}  # the value and how many it stands for; 0: not yet complete
+        self.anchors: dict[str, tuple[Any, int]] = {}  # value and number of values in it; 0 while it is incomplete
 
     def document(self) -> Any:
-        """Return the only document of the stream."""
+        """Return the value of the only document."""
         event = next(self.events)
         while not isinstance(event, yaml.DocumentStartEvent):
             if isinstance(event, yaml.StreamEndEvent):
@@ -82,7 +82,7 @@ class _Builder:
         return value
 
     def value(self, event: Any, levels: int) -> Any:
-        """Return the value that begins with an event; `levels` more may lie in each other."""
+        """Return the value that begins with an event; `levels` more levels of nesting are allowed."""
         self.line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event.anchor)
@@ -105,7 +105,7 @@ class _Builder:
         return value
 
     def mapping(self, levels: int) -> dict[str, Any]:
-        """Return a mapping up to its end; `<<` merges others into it, which its own keys override."""
+        """Read a mapping up to its end. `<<` merges other mappings into it; its own keys take precedence."""
         explicit: dict[str, Any] = {}
         merged: dict[str, Any] = {}
         for event in self.until(yaml.MappingEndEvent):
@@ -128,7 +128,7 @@ class _Builder:
         return merged | explicit
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
-        """Text, a number, a truth value or None."""
+        """Return the value of a scalar: text, a number, a boolean or None."""
         tag = event.tag
         if tag is None or tag == "!":
             tag = self.words.resolve(yaml.ScalarNode, event.value, event.implicit)
@@ -144,7 +144,7 @@ class _Builder:
             raise self.error("is not the value that its tag says", got=event.value) from None
 
     def alias(self, anchor: str) -> Any:
-        """Return a copy of what an anchor stands for."""
+        """Return a copy of the value of an anchor."""
         if anchor not in self.anchors:
             raise self.error("an alias without its anchor", got=anchor)
         value, count = self.anchors[anchor]
@@ -154,21 +154,21 @@ class _Builder:
         return copy.deepcopy(value)
 
     def take(self, count: int) -> None:
-        """Count values."""
+        """Count further values. Raises UserError: too many."""
         self.room -= count
         if self.room < 0:
             raise self.error("holds too many values", expected=f"at most {VALUES}, aliases written out")
 
     def until(self, end: type) -> Iterator[Any]:
-        """Events up to the one that ends a list or mapping."""
+        """Yield events up to the one, of type `end`, that ends a list or mapping."""
         while not isinstance(event := next(self.events), end):
             yield event
 
     def plain_tag(self, event: Any, kind: str) -> None:
-        """No sets, ordered mappings, or Python objects."""
+        """Raise UserError for a tag other than `kind`: sets, ordered mappings and Python objects are refused."""
         if event.tag not in (None, "!", CORE + kind):
             raise self.error("a tag beyond plain data", got=event.tag)
 
     def error(self, message: str, **more: Any) -> UserError:
-        """Return a UserError with the fault and its line."""
+        """Return a UserError with the present line."""
         return UserError(message, file=self.file, key=f"line {self.line}", **more)

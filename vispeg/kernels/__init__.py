@@ -1,1 +1,1 @@
-"""Machine code of the inner loops, by numba. Import its modules where they are called: numba takes half a second."""
+"""Inner loops, compiled by numba. Import these modules inside functions that call them: numba takes half a second."""

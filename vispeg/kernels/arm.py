@@ -1,4 +1,4 @@
-"""Kinematics, inertia and operational space control of arms, row by row: no row depends on its neighbours.
+"""Kinematics, inertia and operational space control of arms. Each row is one arm, computed independently of others.
 
 Arrays and units are those of `vispeg.control.laws` and `vispeg.sim.nominal`, which call these functions.
 """
@@ -11,12 +11,12 @@ import numpy as np
 
 from vispeg.kernels.compiled import BLOCKS, FLAGS, NUMBER, PLACES, ROWS, VECTOR, WHOLE, WHOLES, compiled, inner, to
 
-SMALL = 1e-12  # no turn is told below it, and no force
+SMALL = 1e-12  # guards divisions by the sine of half an angle, and by a force in N
 
 
 @inner
 def turn(a, b, out):
-    """Write the rotation vector (3,) from the orientation `a` (4,) to `b`, the short way round."""
+    """Write the rotation vector (3,) rad from orientation `a` to `b`, (4,) wxyz each, with an angle of at most pi."""
     w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     x = a[0] * b[1] - a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
     y = a[0] * b[2] - a[2] * b[0] + a[3] * b[1] - a[1] * b[3]
@@ -30,7 +30,7 @@ def turn(a, b, out):
 
 @inner
 def cholesky(matrix, out):
-    """Write the lower factor of a matrix, inverses on its diagonal; say whether the matrix is positive definite."""
+    """Write the lower Cholesky factor of a matrix, with inverted diagonal; return whether it is positive definite."""
     for i in range(len(matrix)):
         for j in range(i + 1):
             rest = matrix[i, j]
@@ -67,7 +67,7 @@ def backward(lower, x):
 
 @inner
 def own(mass, jac, row, inertia, j6):
-    """Write inertia and Jacobian of one row, so that what follows is compiled for plain matrices alone."""
+    """Copy inertia and Jacobian of one row, so that other functions need compiling only for contiguous matrices."""
     for i in range(len(inertia)):
         for k in range(len(inertia)):
             inertia[i, k] = mass[row, i, k]
@@ -78,9 +78,9 @@ def own(mass, jac, row, inertia, j6):
 
 @inner
 def mobility(mass, jac, lower, half, out):
-    """Write the inverse of the operational inertia, `J M^-1 J'` (m, m); say whether the inertia is positive definite.
+    """Write the inverse of the operational inertia, `J M^-1 J'` (m, m); return whether `mass` is positive definite.
 
-    `lower` (nv, nv) becomes the factor of `mass`, and `half` (m, nv) the rows `L^-1 J'`.
+    `lower` (nv, nv) becomes the factor L of `mass` (see `cholesky`), and `half` (m, nv) the transpose of `L^-1 J'`.
     """
     if not cholesky(mass, lower):
         return False
@@ -98,7 +98,10 @@ def mobility(mass, jac, lower, half, out):
 
 @inner
 def condition(matrix, lower, column):
-    """Return the trace of a matrix times that of its inverse, given its factor: an upper bound of its condition."""
+    """Return an upper bound of a matrix's condition number: its trace times that of its inverse.
+
+    `lower` is its factor (see `cholesky`), `column` working memory of its size.
+    """
     size, inverse = 0.0, 0.0
     for i in range(len(matrix)):
         size += matrix[i, i]
@@ -113,7 +116,7 @@ def condition(matrix, lower, column):
 
 @compiled(ROWS, ROWS, to(ROWS))
 def turns(measured, commanded, out):
-    """Write the rotation vectors (n, 3) between two orientations, (n, 4) each."""
+    """Write the rotation vectors (n, 3) rad from measured to commanded orientations, (n, 4) wxyz each; see `turn`."""
     for r in range(len(out)):
         turn(measured[r], commanded[r], out[r])
 
@@ -123,13 +126,13 @@ def turns(measured, commanded, out):
     *(to(ROWS), to(FLAGS)),
 )
 def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, done):
-    """Write the torque (n, nv) of `laws.osc` towards a pose, and which rows are `done`.
+    """Write the torque (n, nv) N m of `laws.osc` towards a pose, and the rows `done` (n,) for which it is valid.
 
-    The others are left for the law's careful form: near a singularity (condition beyond `worst`) or not finite.
-    `pull` (n, nv) may have no rows, `limit` (n,) or (1,) may be infinite.
+    Rows near a singularity (condition number above `worst`) or with values that are not finite are not done; the caller
+    computes them by `laws.osc`. `pull` may have no rows instead of n, `limit` has length n or 1 and may be infinite.
 
     Raises:
-        ValueError: a signal of another number of rows, which would be read beyond its end.
+        ValueError: an array with another number of rows, which would be read beyond its end.
     """
     n, nv = dq.shape
     for rows in (len(mass), len(jac), len(now), len(turned), len(pos), len(rot), len(kp), len(kd), len(out), len(done)):
@@ -186,10 +189,11 @@ def hold(mass, jac, now, turned, dq, pos, rot, kp, kd, pull, limit, worst, out, 
 
 @compiled(BLOCKS, BLOCKS, ROWS, ROWS, ROWS, ROWS, ROWS, NUMBER, to(ROWS))
 def towards(mass, jac, now, turned, pos, rot, pull, soft, out):
-    """Write the way of the joints (n, nv) rad that takes the flange to a pose, to first order.
+    """Write the displacement of the joints (n, nv) rad that moves the flange to a pose, to first order.
 
-    The Jacobian's inverse is weighted by inertia, `soft` is added to the inverse of the operational inertia, and `pull`
-    (n, nv) rad is a way whose part in the null space is gone as well. NaN where the inertia has no factor.
+    The Jacobian's inverse is weighted by inertia. `soft` is added to the diagonal of the inverse operational inertia.
+    The part of `pull` (n, nv) rad in the null space is added to the displacement. The result is NaN if a matrix is not
+    positive definite.
     """
     nv = out.shape[1]
     inertia, lower, j6, half = np.empty((nv, nv)), np.empty((nv, nv)), np.empty((6, nv)), np.empty((6, nv))
@@ -232,10 +236,12 @@ def operational(
     Args:
         sparse, cdof, points, com, frames, bias: MuJoCo's `M`, `cdof`, `site_xpos`, `subtree_com`, `xquat` and
             `qfrc_bias` of each row.
-        place: (nj, nj) where an element of the inertia stands in `sparse`; -1 where it is 0.
-        dofs, moves: (nj,) the joints' degrees of freedom, and whether they move the flange.
-        fixed: (4,) the flange's orientation in its body.
-        site, root, body: the flange, the root of its tree, its body.
+        place: (nj, nj) index in `sparse` of each element of the inertia; -1 for an element that is 0.
+        dofs: (nj,) indices of the joints' degrees of freedom.
+        moves: (nj,) whether each joint moves the flange.
+        fixed: (4,) wxyz, the flange's orientation in its body.
+        site, root, body: indices of the flange's site, of the root body of its tree, and of its body.
+        mass, jac, pos, quat, gravity: outputs.
     """
     nj = len(dofs)
     turned = np.empty(4)
@@ -247,7 +253,7 @@ def operational(
         for i in range(3):
             pos[r, i] = points[r, site, i]
         x, y, z = (pos[r, 0] - com[r, root, 0], pos[r, 1] - com[r, root, 1], pos[r, 2] - com[r, root, 2])
-        for k in range(nj):  # screws: rotation, then translation at the tree's centre of mass, as `mj_jac` has it
+        for k in range(nj):  # screws: rotation, then translation at the tree's centre of mass, as in `mj_jac`
             d, moved = dofs[k], 1.0 if moves[k] else 0.0
             a, b, c = moved * cdof[r, d, 0], moved * cdof[r, d, 1], moved * cdof[r, d, 2]
             jac[r, 0, k] = moved * cdof[r, d, 3] + (b * z - c * y)
@@ -261,7 +267,7 @@ def operational(
         turned[2] = y * w0 - z * x0 + w * y0 + x * z0
         turned[3] = z * w0 + y * x0 - x * y0 + w * z0
         lead = 0
-        if not abs(turned[0]) > 0.5:  # signed as by `mju_mat2Quat`: w is positive above 1/2, else the largest
+        if not abs(turned[0]) > 0.5:  # sign as in `mju_mat2Quat`: w is positive if above 1/2, else the largest of x y z
             lead = 1
             for i in range(2, 4):
                 if abs(turned[i]) > abs(turned[lead]):

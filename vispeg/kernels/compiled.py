@@ -1,4 +1,4 @@
-"""Compile functions of arrays by numba, each for one signature, and keep the machine code from run to run."""
+"""Compile functions of arrays with numba, each for one signature, and cache the machine code between runs."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import Any
 import numba
 from numba import types
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # what is divided by 0 is infinite, as in NumPy
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # a division by 0 gives inf or NaN, as in NumPy
 FLAG, WHOLE, NUMBER = types.boolean, types.int64, types.float64
 FLAGS, WHOLES = (types.Array(kind, 1, "A", readonly=True) for kind in (FLAG, WHOLE))
 PLACES = types.Array(WHOLE, 2, "A", readonly=True)
-# of any strides, read only
+# read-only arrays of any strides, with 1, 2 and 3 axes
 VECTOR, ROWS, BLOCKS = (types.Array(NUMBER, axes, "A", readonly=True) for axes in (1, 2, 3))
 
 
 def to(kind: types.Array) -> types.Array:
-    """Return the type of an array that a function writes to."""
+    """Return the type of an array that a function may write to."""
     return kind.copy(readonly=False)
 
 
 def compiled(*arguments: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Compile a function for arguments of these types, when it is defined.
+    """Return a decorator that compiles a function for arguments of these types, at its definition.
 
-    The machine code is kept beside the source, else in the user's folder of numba (`NUMBA_CACHE_DIR` names another).
-    Where none of these can be written, each process compiles for itself.
+    The machine code is cached beside the source, else in numba's folder for the user (or in `NUMBA_CACHE_DIR`). If none
+    of these can be written, each process compiles anew.
     """
 
     def compile(function: Callable[..., Any]) -> Any:
@@ -38,5 +38,5 @@ def compiled(*arguments: Any) -> Callable[[Callable[..., None]], Callable[..., N
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Mark a function that only compiled functions of its own file call: it becomes a part of them."""
+    """Decorate a function that only compiled functions of the same file call; it is compiled as a part of them."""
     return numba.njit(**OPTIONS)(function)

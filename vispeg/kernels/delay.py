@@ -1,4 +1,4 @@
-"""Delays of signals, cell by cell."""
+"""Delays of signals, each with its own lag."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from vispeg.kernels.compiled import ROWS, VECTOR, WHOLE, compiled, to
 
 @compiled(ROWS, WHOLE, VECTOR, to(VECTOR))
 def delayed(past, head, lag, out):
-    """Write the values (k,) of `lag` (k,) steps ago from a ring `past` (size, k) whose newest row is `head`.
+    """Write the values (k,) of `lag` (k,) steps ago from a ring buffer `past` (size, k) whose newest row is `head`.
 
-    Lags lie from 0 to size - 2 steps; between two steps the value is interpolated.
+    Lags must be from 0 to size - 2 steps; between two steps the value is interpolated linearly.
 
     Raises:
-        ValueError: a lag or a column of the ring for more or fewer values.
+        ValueError: the lengths of `lag`, `out` and the rows of `past` differ.
     """
     size = len(past)
     if past.shape[1] != len(out) or len(lag) != len(out):

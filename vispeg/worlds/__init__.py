@@ -1,1 +1,1 @@
-"""Worlds: a nominal robot plus effects, drawn or with ranges to draw from, and the files that state them."""
+"""Worlds: a nominal robot plus effects, whose parameters are fixed or drawn from ranges, and the files of these."""

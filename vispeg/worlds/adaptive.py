@@ -1,6 +1,7 @@
-"""How far draws may leave nominal while a policy learns: by a schedule, or range by range as the policy copes.
+"""Levels that scale how far a world's ranges extend from nominal during training: by a schedule, or adaptively.
 
-A level of 0 is the nominal world, 1 the whole range; `World.sample` takes one level for all ranges or one for each.
+A level of 0 is the nominal world, 1 the whole range. `RandomizedWorld.sample` takes one level for all ranges, or one
+for each.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from vispeg.worlds.distribution import Distribution
 from vispeg.worlds.places import MANY
 from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
-TAIL = 0.025  # quantile taken for a range's end
+TAIL = 0.025  # quantile that counts as a range's end
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """A level that follows training's progress, linear between `points` and constant beyond them.
+    """A level as a function of training's progress: linear between `points` and constant beyond them.
 
     Attributes:
         points: (progress, level) pairs, progress rising, both 0 to 1.
@@ -38,34 +39,37 @@ class Schedule:
             raise UserError("not a schedule", key="points", expected=expected, got=self.points)
 
     def __call__(self, progress: float) -> float:
-        """Return the level (0 to 1) at this share of training."""
+        """Return the level (0 to 1) at a progress of training (0 to 1)."""
         x, y = np.array(self.points, float).T
         return float(np.interp(progress, x, y))
 
 
 class AdaptiveState(TypedDict):
-    """How far each range is open, and the outcomes counted at its edge since it last moved."""
+    """State of Adaptive: the level of each range, and the successes counted at its edge since that last changed."""
 
     levels: dict[str, float]
     outcomes: dict[str, list[bool]]
 
 
 class Adaptive:
-    """Automatic domain randomization: a range widens where the policy copes with its edge, narrows where it does not.
+    """Automatic domain randomization: a range widens if the policy succeeds at its edge, and narrows if it fails there.
 
     An episode counts for a range if one of the range's parameters was drawn in the outer share `1 - edge` of what its
-    present level allows (any episode does while the level is 0). After `window` of these the level rises by `step` if
-    the success rate is `high` or more, and falls if it is `low` or less. Source: the algorithm of OpenAI et al. 2019,
-    Solving Rubik's Cube with a Robot Hand, section 5.2; there episodes at the edge are drawn for the purpose, here
-    those that chance puts there are used, so that a world remains a function of its seed and levels alone.
+    present level allows (at level 0 every episode counts). After `window` such episodes the level rises by `step` if
+    the success rate is `high` or more, and falls by `step` if it is `low` or less. Source: OpenAI et al. 2019, Solving
+    Rubik's Cube with a Robot Hand, section 5.2. That algorithm draws episodes at the edge on purpose. Here the episodes
+    that are at the edge by chance are used, so that a world depends only on its seed and levels.
 
     Args:
-        world: whose ranges are governed.
-        start: level of every range at first.
+        world: the world whose ranges are scaled.
+        start: initial level of every range.
         step, window, low, high, edge: see above.
 
     Attributes:
-        levels: by label, for `World.sample`.
+        levels: range's label -> level, for `RandomizedWorld.sample`.
+
+    Raises:
+        UserError: a share out of 0 to 1, a window below 1, or `low` not below `high`.
     """
 
     def __init__(
@@ -86,17 +90,17 @@ class Adaptive:
             raise UserError("not thresholds", expected="window > 0 and low < high", got=(window, low, high))
         self.step, self.window, self.low, self.high, self.edge = step, window, low, high, edge
         self.ranges = {r.label: r for r in world.ranges if any(_reaches(r, n)[2] for n in r.params)}
-        self.own = {r.label for r in world.ranges}  # places that have a range to themselves are in no broad one
+        self.own = {r.label for r in world.ranges}  # a place with its own range is not governed by one for many places
         self.levels = dict.fromkeys(self.ranges, float(start))
         self.outcomes: dict[str, list[bool]] = {label: [] for label in self.ranges}
 
     def record(self, drawn: Mapping[str, Mapping[str, float]], success: bool, levels: Mapping[str, float]) -> None:
-        """Count an episode.
+        """Count an episode, and change levels that have enough episodes.
 
         Args:
-            drawn: parameter values by the label of each effect, as an episode's `info["world"]` states them.
-            success: of the episode.
-            levels: that it was drawn with; episodes drawn with an older level of a range do not count for it.
+            drawn: effect's label -> parameter -> value, as in an episode's `info["world"]`.
+            success: whether the episode succeeded.
+            levels: the levels with which it was drawn; it does not count for ranges whose level has changed since.
         """
         for label, r in self.ranges.items():
             if levels.get(label) != self.levels[label]:
@@ -106,14 +110,14 @@ class Adaptive:
                 self._move(label)
 
     def state(self) -> AdaptiveState:
-        """Levels and counted outcomes, for JSON."""
+        """Return levels and counted outcomes, ready for JSON."""
         return {"levels": dict(self.levels), "outcomes": {k: [*v] for k, v in self.outcomes.items()}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continues from what `state` gave.
+        """Restore levels and outcomes from what `state` returned.
 
         Raises:
-            UserError: the state is of a world with other ranges.
+            UserError: the state belongs to a world with other ranges.
         """
         if set(state["levels"]) != set(self.levels):
             other = sorted(set(state["levels"]) ^ set(self.levels))
@@ -148,7 +152,7 @@ class Adaptive:
 
 
 def _reaches(r: RandomizedEffect, name: str) -> tuple[float, float, bool]:
-    """How far (below, above) null a parameter goes at level 1, and whether a level moves it at all."""
+    """Return how far a parameter extends below and above its null at level 1, and whether the level affects it."""
     spec: float | Distribution = r.params[name]
     param = effect(r.effect).params[name]
     if isinstance(spec, int | float) or param.shape:

@@ -1,4 +1,4 @@
-"""Distributions of parameters. Each draw maps one uniform number in (0, 1), so that draws can be correlated."""
+"""Distributions of parameters. A draw is the quantile `at(u)` of one number u in (0, 1), so draws can be correlated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vispeg.core.errors import UserError
 
 @dataclass(frozen=True)
 class Uniform:
-    """Flat between `low` and `high`."""
+    """Uniform between `low` and `high`."""
 
     low: float
     high: float
@@ -31,7 +31,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class LogUniform:
-    """Flat in the logarithm between `low` > 0 and `high`."""
+    """Uniform in the logarithm between `low` > 0 and `high`."""
 
     low: float
     high: float
@@ -48,7 +48,7 @@ class LogUniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Gaussian, cut at `low` and `high` (the mass beyond is redistributed, so that no value piles up there)."""
+    """Gaussian, truncated at `low` and `high` (and renormalised, so that values do not pile up there)."""
 
     mean: float
     sd: float
@@ -86,10 +86,12 @@ KINDS = ("uniform", "log_uniform", "normal", "choice")
 
 
 def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | Distribution:
-    """Return a number, or one of {uniform: [a, b]}, {log_uniform: [a, b]}, {normal: [mean, sd]}, {choice: [..]}.
+    """Read a number or distribution from a file's value.
+
+    Distributions are {uniform: [a, b]}, {log_uniform: [a, b]}, {normal: [mean, sd]} and {choice: [..]}.
 
     Raises:
-        UserError: anything else, and ranges that invert.
+        UserError: any other value, or an inverted range; it names file and key.
     """
     if isinstance(raw, (int, float)) and not isinstance(raw, bool) and math.isfinite(raw):
         return float(raw)
@@ -116,7 +118,7 @@ def parse(raw: Any, file: str | None = None, key: str | None = None) -> float | 
 
 
 def written(value: float | Distribution) -> Any:
-    """Return the inverse of `parse`, for YAML."""
+    """Return a number or distribution as a value for YAML, the inverse of `parse`."""
     if isinstance(value, Uniform):
         return {"uniform": [value.low, value.high]}
     if isinstance(value, LogUniform):

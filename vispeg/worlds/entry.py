@@ -1,4 +1,4 @@
-"""One entry of a world file's `effects`: an effect, a place, and what its parameters are drawn from."""
+"""One entry of a world file's `effects`: an effect, a place, and numbers or distributions of its parameters."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ KEYS = ("effect", "where", "params", "chance", "group", "rho", "source")
 
 
 def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
-    """Return the entry as a RandomizedEffect, every name, place, range and bound checked.
+    """Read an entry as a RandomizedEffect, and check every name, place, range and bound.
 
-    A parameter called `seed` that is not given is drawn from all its values.
+    A shape parameter called `seed` that is not stated is drawn from its whole range.
 
     Args:
         entry: from YAML.
-        model: the Scene whose places count.
-        file, key: where the entry stands, for errors.
+        model: the Scene with the places.
+        file, key: file and key of the entry, for errors.
 
     Raises:
-        UserError: naming file, key, what came and what there is to choose from.
+        UserError: a wrong entry; it states file, key, value and choices.
     """
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
@@ -70,7 +70,7 @@ def ranged(entry: Any, model: Any, file: Path, key: str) -> RandomizedEffect:
 
 
 def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
-    """Return the entry of a RandomizedEffect, for YAML and for hashing."""
+    """Return a RandomizedEffect as an entry of a world file, for YAML and for hashing."""
     out: dict[str, object] = {"effect": r.effect, "where": r.where}
     out["params"] = {name: written(value) for name, value in r.params.items()}
     out |= {"chance": r.chance} if r.chance != 1.0 else {}
@@ -79,7 +79,10 @@ def entry_dict(r: RandomizedEffect) -> Mapping[str, object]:
 
 
 def within(value: float | Distribution, param: Param) -> bool:
-    """Return whether every value that may be drawn lies in the parameter's bounds (a normal is cut there: its mean)."""
+    """Return whether all values that may be drawn are within the parameter's bounds.
+
+    Of a normal distribution only the mean must be, because it is truncated at the bounds.
+    """
     ends: tuple[float, ...]
     match value:
         case Uniform(low, high) | LogUniform(low, high):
@@ -94,10 +97,12 @@ def within(value: float | Distribution, param: Param) -> bool:
 
 
 def ranged_value(kind: Effect, name: Any, raw: Any, file: str | Path, key: str) -> float | Distribution:
-    """Return a parameter's number or distribution as a file states it, inside the parameter's bounds.
+    """Read a parameter's number or distribution from a file's value, and check that it is within bounds.
+
+    A normal distribution is truncated at the parameter's bounds.
 
     Raises:
-        UserError: no such parameter, no distribution, or values out of bounds; names file and key.
+        UserError: no such parameter, not a number or distribution, or values out of bounds; it names file and key.
     """
     param, value = kind.param(name, file=file, key=key), parse(raw, str(file), key)
     if not within(value, param):

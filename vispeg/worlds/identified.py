@@ -1,4 +1,4 @@
-"""What identification found, as what training randomizes: fitted values are centres, intervals and a share widths."""
+"""Turn an identified model into ranges for training: normal distributions about the fitted values."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ KEYS = ("file", "widen", "sd")
 
 @dataclass(frozen=True)
 class Identified:
-    """A world file's `model`.
+    """The key `model` of a world file.
 
     Attributes:
         file: a `vispeg-model/1` or `vispeg-measurement/1` file.
-        widen: share of a value's distance from null that is added to its standard deviation, for what the fit cannot
-            know: a model's form, another day, another specimen.
-        sd: how many of the fit's standard deviations are one of the draw's.
-        explicit: whether `widen` is stated: if as 0, a constant is meant.
+        widen: share of a value's distance from null that is added to its standard deviation (in quadrature), for
+            uncertainty that the fit does not contain: errors of the model, another day, another specimen.
+        sd: factor from the fit's standard deviation to that of the draws.
+        explicit: whether `widen` is stated; if it is stated as 0, values without an interval are meant to be constant.
     """
 
     file: Path
@@ -40,10 +40,14 @@ class Identified:
 
     @classmethod
     def of(cls, stated: Any, world: Path) -> Identified:
-        """From the value of the key `model` in the world file `world`: a path, or a mapping of these attributes.
+        """Read the value of the key `model`: a path, or a mapping with `file`, `widen` and `sd`.
+
+        Args:
+            stated: the value.
+            world: the world file, to whose folder the path is relative.
 
         Raises:
-            UserError: another type, an unknown key, or a number that cannot be; names file and key.
+            UserError: another type, an unknown key, or a number out of bounds; it names file and key.
         """
         raw = {"file": stated} if isinstance(stated, str) else stated
         if not isinstance(raw, Mapping) or not isinstance(raw.get("file"), str):
@@ -62,18 +66,18 @@ class Identified:
 
 
 def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
-    """Return a range for each effect of a model: normal about the fitted value.
+    """Return a range for each effect of a model: normal distributions about the fitted values.
 
-    The standard deviation is the root of (sd * that of the interval)^2 + (widen * distance from null)^2; a shape, which
-    has no null, counts from 0. A value for which both are nothing is the same in every episode: its range's source says
-    so, and a warning unless `widen: 0` means it.
+    The standard deviation is sqrt((sd * that of the interval)^2 + (widen * distance from null)^2); for shape
+    parameters, which have no null, the distance is from 0. If it is 0, the value is the same in every episode. The
+    range's source says so for values without an interval, and a note does too unless the file states `widen: 0`.
 
     Args:
-        stated: the file, and how wide.
-        robot: the cell's arm.
+        stated: the file and the widths.
+        robot: name or path of the cell's arm.
 
     Raises:
-        UserError: the file cannot be used, or is of another robot.
+        UserError: the file cannot be used, or belongs to another robot.
     """
     path = stated.file
     if path.suffix.lower() not in (".yaml", ".yml"):
@@ -89,7 +93,7 @@ def ranges_of(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 
 
 def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
-    """Return the effects that a measurement became."""
+    """Return a range for each effect of a measurement file; see `ranges_of`."""
     path = stated.file
     measurement = load_measurement(path)
     if measurement.robot not in (None, robot):
@@ -100,7 +104,10 @@ def _measured(stated: Identified, robot: str) -> tuple[RandomizedEffect, ...]:
 
 
 def without_interval(placed: EffectInstance) -> list[str]:
-    """Parameters of an effect that nobody measured: no interval, and not the null of a magnitude that is not there."""
+    """List the parameters of an effect that have no interval, except magnitudes that are null.
+
+    The list is empty if all magnitudes are null without an interval, because the effect is then absent.
+    """
     params = effect(placed.effect).params
     sizes = [(v, params[name].null) for name, v in placed.params.items() if not params[name].shape]
     if all(v.low is None and v.value == null for v, null in sizes):
@@ -110,7 +117,7 @@ def without_interval(placed: EffectInstance) -> list[str]:
 
 
 def constant(placed: EffectInstance, names: Sequence[str]) -> str:
-    """Return a sentence on values without an interval, and how to give them one."""
+    """Return a sentence that says that these parameters have no interval, and how to vary them."""
     return (
         f"{placed.label} has no interval for {', '.join(names)}: the same in every episode of a world; `low` and "
         "`high` in the file vary it, or `model: {file, widen: 0.3}` by a share of what is not 0"

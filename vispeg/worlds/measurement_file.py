@@ -1,4 +1,4 @@
-"""Reading and writing `vispeg-measurement/1`: numbers with their uncertainty, and the effects that they become."""
+"""Read and write `vispeg-measurement/1` files: measured numbers with uncertainties, and the effects made from them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class BudgetRow:
     """One source of uncertainty.
 
     Attributes:
-        source: what it is.
-        type: A from repeats, B from knowledge of the instrument.
+        source: its name.
+        type: A (from repeats) or B (from knowledge of the instrument).
         u: standard uncertainty of the source, in its own unit.
-        dof: its degrees of freedom; None for infinitely many.
-        sensitivity: change of the result with the source.
-        contribution: |sensitivity| u, in the result's unit.
+        dof: degrees of freedom of `u`; None for infinitely many.
+        sensitivity: derivative of the result with respect to the source.
+        contribution: |sensitivity| * u, in the result's unit.
     """
 
     source: str
@@ -51,14 +51,14 @@ class Quantity:
 
     Attributes:
         quantity: its name.
-        value, unit: the best estimate.
-        u: combined standard uncertainty.
+        value, unit: the best estimate and its unit.
+        u: combined standard uncertainty, in the same unit.
         dof: effective degrees of freedom (Welch-Satterthwaite); None for infinitely many.
-        k: coverage factor of 95 %.
-        low, high: the 95 % interval: value +- k u, or the quantiles of a Monte Carlo propagation.
+        k: coverage factor for 95 %.
+        low, high: the 95 % interval: value +- k u (`gum`), or quantiles of a Monte Carlo propagation.
         method: which of the two.
-        budget: by source.
-        repeats: readings behind it.
+        budget: the sources of uncertainty.
+        repeats: number of readings behind the value.
     """
 
     quantity: str
@@ -85,19 +85,19 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one `vispeg measure` found.
+    """The result of one run of `vispeg measure`.
 
     Attributes:
-        protocol: how it was measured, such as `friction`.
-        of: the object or the joint.
-        robot: a robot's name or path where the effects are a robot's; None where any may have them.
+        protocol: name of the protocol, such as `friction`.
+        of: the measured object or joint.
+        robot: name or path of the robot to which the effects belong; None if they fit any robot.
         results: the numbers.
-        effects: what they become in a model, values with their 95 % intervals.
-        conditions: instrument, surface, temperature: what the user stated.
-        raw: file -> SHA-256 of the readings.
-        notes: what to know about it.
-        details: tables of the protocol's own (a Bode table, a torque-speed curve).
-        provenance: command, seed, versions.
+        effects: effects for a model, made from the numbers with their 95 % intervals.
+        conditions: conditions that the user stated, such as instrument, surface and temperature.
+        raw: file with readings -> its SHA-256.
+        notes: remarks on the results.
+        details: further tables of the protocol (a Bode table, a torque-speed curve).
+        provenance: command, seed and versions.
     """
 
     protocol: str
@@ -112,7 +112,7 @@ class Measurement:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def result(self, name: str) -> Quantity:
-        """Return the number of that name. Raises UserError where there is none."""
+        """Return the result of a name. Raises UserError: no such result."""
         for quantity in self.results:
             if quantity.quantity == name:
                 return quantity
@@ -131,10 +131,10 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_measurement(path: str | Path) -> Measurement:
-    """Return a measurement file.
+    """Read a measurement file.
 
     Raises:
-        UserError: unreadable, another format, or a number, unit, place or key that cannot be; names file and key.
+        UserError: an unreadable file, another format, or a wrong number, unit, place or key; it names file and key.
     """
     data = MEASUREMENT.read(path)
     text = {key: _text(data.get(key, ""), path, key) for key in ("protocol", "of")}
@@ -159,18 +159,18 @@ def load_measurement(path: str | Path) -> Measurement:
 
 
 def is_measurement(path: str | Path) -> bool:
-    """Return whether a YAML file says that it is a measurement. Raises UserError where it cannot be read."""
+    """Return whether a YAML file states the format of a measurement. Raises UserError: it cannot be read."""
     data = read_yaml(path)
     return isinstance(data, dict) and data.get("format") == FORMAT
 
 
 def measurement_text(measurement: Measurement) -> str:
-    """Return the file; `load_measurement` of it gives the measurement back."""
+    """Return the text of a measurement's file, the inverse of `load_measurement`."""
     return yaml.dump(measurement_data(measurement), Dumper=Plain, sort_keys=False, allow_unicode=True, width=120)
 
 
 def measurement_data(measurement: Measurement) -> dict[str, object]:
-    """Return a measurement as plain data."""
+    """Return a measurement as plain data, as in its file."""
     data: dict[str, object] = {"format": FORMAT, "protocol": measurement.protocol, "of": measurement.of}
     data |= {"robot": measurement.robot} if measurement.robot else {}
     data["results"] = [_plain(asdict(quantity)) for quantity in measurement.results]
@@ -182,7 +182,7 @@ def measurement_data(measurement: Measurement) -> dict[str, object]:
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists, NumPy's numbers as Python's, for YAML."""
+    """Return data for YAML, with lists in place of tuples and Python's numbers in place of NumPy's."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

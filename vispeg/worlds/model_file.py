@@ -1,4 +1,4 @@
-"""Reading and writing `vispeg-model/1` files: a robot plus effects."""
+"""Read and write `vispeg-model/1` files: a robot plus effects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MARKS = ("partial", "tentative")
 
 
 class Plain(yaml.SafeDumper):
-    """Write an object that two effects share (an origin) twice, so that readers need not know YAML aliases."""
+    """A YAML writer that repeats shared objects (such as an origin of two effects) in place of aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Disable aliases for all data."""
@@ -45,8 +45,14 @@ def _example(folder: Path) -> Path:
 
 @enrol(FORMAT, _example)
 def load_model(source: str | Path) -> World:
-    """Load a World from a model file. A robot's name or a path to an MJCF or URDF gives that robot without effects;
-    OPEN_CELL gives the cell whose description the recordings contain.
+    """Load a World.
+
+    Args:
+        source: a model file; or a robot's name or a path to an MJCF or URDF file, for that robot without effects; or
+            OPEN_CELL, for the cell that each recording states.
+
+    Raises:
+        UserError: an unreadable file, another format, or a wrong entry; it names file and key.
     """
     text = str(source)
     path = Path(text)
@@ -87,7 +93,7 @@ def load_model(source: str | Path) -> World:
 
 
 def read_placed(entry: Any, file: Path, key: str) -> EffectInstance:
-    """Parse one entry of `effects` in a model file. Raises UserError naming file and key."""
+    """Read one entry of `effects` in a model file. Raises UserError, which names file and key, for a wrong entry."""
     if not isinstance(entry, Mapping):
         raise UserError("wrong entry", file=file, key=key, expected="a mapping with effect, where, params", got=entry)
     unknown = sorted(str(k) for k in set(entry) - set(ENTRY))

@@ -1,4 +1,4 @@
-"""Where effects act: what `all`, `each` and a target's name mean, and the arrays that follow."""
+"""Places of effects: the meaning of `all`, `each` and a target's name, and arrays of parameters by target."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ def check(
     file: str | Path | None = None,
     key: str | None = None,
 ) -> str:
-    """`where`, if the effect can act there.
+    """Check that an effect can act at a place, and return the place.
 
     Args:
         kind: the effect.
         where: a target's name, or one of `many`.
-        model: the RobotModel or Scene whose targets count.
-        many: which words for several targets are allowed.
-        file, key: where it stands, for the error.
+        model: the RobotModel or Scene with the targets.
+        many: the allowed words for several targets.
+        file, key: file and key that state the place, for the error.
 
     Raises:
-        UserError: no such place, with those that there are; or none at all in this model.
+        UserError: no such place (it lists the choices), or the effect has no place at all in this model.
     """
     targets = kind.targets(model)
     if not targets:
@@ -47,7 +47,7 @@ def check(
 
 
 def instances(kind: Effect, where: str, model: Any) -> list[str]:
-    """Where instances of the effect stand: at every target for `each`, else at `where` alone."""
+    """List the places of the effect's instances: every target for `each`, else only `where`."""
     return kind.targets(model) if where == EACH else [where]
 
 
@@ -57,11 +57,13 @@ def acts_on(where: str, names: Iterable[str]) -> bool:
 
 
 def values(kind: Effect, rows: Sequence[Iterable[EffectInstance]], model: Any) -> dict[str, np.ndarray]:
-    """Parameters (len(rows), ntarget) of one effect by name; where it is not placed, the values of its absence.
+    """Return the parameters of one effect as arrays: name -> (len(rows), ntarget).
+
+    Entries without the effect have the values of an absent effect.
 
     Args:
         kind: the effect.
-        rows: the effects of each row; those of other kinds are passed over. The later wins.
+        rows: the effects of each row; other kinds are ignored, and of two at one place the later one counts.
         model: the RobotModel or Scene whose targets are the columns.
 
     Raises:

@@ -24,10 +24,12 @@ class RandomizedEffect:
 
     Attributes:
         effect, where: as in EffectInstance; `each` draws separately for every target.
-        params: a number or a distribution each; what is not named stays at null (or at its start, for a shape).
-        source: where the range comes from.
-        group: effects of one group share a Gaussian factor: their parameters move together with correlation `rho`.
-        chance: how often an episode has the effect at all.
+        params: parameter -> number or distribution; others stay at null (shape parameters at `start`).
+        source: where the range comes from, for readers.
+        group: name of a group of effects whose parameters are drawn with a common Gaussian factor.
+        rho: share of each parameter's variance that comes from that factor, negative to move against it. Two parameters
+            of equal `rho` have the correlation |rho|.
+        chance: probability that an episode has the effect.
     """
 
     effect: str
@@ -40,16 +42,16 @@ class RandomizedEffect:
 
     @property
     def label(self) -> str:
-        """`contact_friction(gripper)`."""
+        """Effect and place as text: `contact_friction(gripper)`."""
         return f"{self.effect}({self.where})"
 
     def draw(self, seed: int, where: str, level: float = 1.0) -> EffectInstance | None:
-        """Return the effect at `where` for one seed; None where this episode does without it.
+        """Draw the effect for one episode; None if the episode does not have it.
 
         Args:
             seed: of the episode.
             where: the target.
-            level: 0 to 1, how far a draw may leave the nominal value (a curriculum's knob).
+            level: 0 to 1, scales the distance of magnitudes from their null (for a curriculum).
         """
         rng = stream(seed, "world", self.effect, where)
         without = rng.uniform() >= self.chance
@@ -69,11 +71,11 @@ class RandomizedEffect:
 
 @dataclass(frozen=True)
 class RandomizedWorld:
-    """A world of which a part is drawn anew for every episode.
+    """A world with some effects that are drawn anew for every episode.
 
     Attributes:
-        ranges: what is drawn.
-        base: robot, tool, and effects that are the same in every episode.
+        ranges: the drawn effects.
+        base: robot, tool, and the effects that are the same in every episode.
     """
 
     ranges: tuple[RandomizedEffect, ...] = ()
@@ -84,16 +86,19 @@ class RandomizedWorld:
 
     @classmethod
     def of(cls, world: World | RandomizedWorld) -> RandomizedWorld:
-        """Return the world itself: a drawn world does not vary."""
+        """Return a world as a RandomizedWorld; a World has no ranges."""
         return cls(base=world) if isinstance(world, World) else world
 
     def sample(self, seed: int, model: Any, levels: Mapping[str, float] | float = 1.0) -> World:
-        """Every range drawn, from nominal and from a stream of its own keyed by (seed, name, where).
+        """Draw the world of one episode.
+
+        Each range uses its own random stream, keyed by (seed, effect, where). So a seed gives the same values
+        regardless of other ranges.
 
         Args:
-            seed: of the episode; the same seed gives the same values whatever other ranges there are.
-            model: the RobotModel or Scene whose targets `where: each` walks.
-            levels: 0 to 1, for all ranges or by label: how far draws may leave nominal.
+            seed: of the episode.
+            model: the RobotModel or Scene whose targets `each` stands for.
+            levels: 0 to 1, for all ranges or by label, see `RandomizedEffect.draw`; ranges without one have 1.
         """
         drawn = []
         for r in self.ranges:
@@ -103,7 +108,7 @@ class RandomizedWorld:
         return self.base.add(*drawn)
 
     def middle(self, model: Any) -> World:
-        """Every range at its median; what fewer than half of the episodes have is left out."""
+        """Return the world with every range at its median; effects in fewer than half of the episodes are left out."""
         drawn = []
         for r in self.ranges:
             values = {k: v if isinstance(v, (int, float)) else v.at(0.5) for k, v in r.params.items()}
@@ -114,15 +119,15 @@ class RandomizedWorld:
         return self.base.add(*drawn)
 
     def only(self, wanted: Callable[[EffectInstance | RandomizedEffect], bool]) -> RandomizedWorld:
-        """Return this world with the wanted effects and ranges alone."""
+        """Return this world with only those effects and ranges for which `wanted` returns True."""
         return replace(self, ranges=tuple(filter(wanted, self.ranges)), base=self.base.only(wanted))
 
     @property
     def entries(self) -> tuple[EffectInstance | RandomizedEffect, ...]:
-        """All that makes the world differ from nominal, drawn or not."""
+        """All effects of the world, fixed ones first, then ranges."""
         return (*self.base.effects, *self.ranges)
 
     @property
     def label(self) -> str:
-        """`nominal + contact_friction(gripper)`; what is drawn stands by its name."""
+        """The world as text, `nominal + contact_friction(gripper)`, with ranges by their labels."""
         return " + ".join(["nominal", *(e.label for e in self.entries)])

@@ -1,6 +1,6 @@
-"""Sensors that come with the package: the camera effects of a kind of depth camera, each range with its source.
+"""Sensors that come with the package: the camera effects of a type of depth camera, each range with its source.
 
-They are world files of their own (`vispeg-world/1`), so that a world can also name one as its `base`.
+Each is a world file (`vispeg-world/1`), so that a world can also name it as its `base`.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ PRESETS = Path(__file__).parent / "sensors"
 
 
 def sensors() -> list[str]:
-    """Names of the sensors that come with the package."""
+    """List the names of the sensors that come with the package."""
     return sorted(p.stem for p in PRESETS.glob("*.yaml"))
 
 
 def sensor_file(name: str) -> Path:
-    """Return the file of a sensor. Raises UserError that lists the names."""
+    """Return the file of a sensor. Raises UserError, which lists the names: no such sensor."""
     if name not in sensors():
         raise UserError("unknown sensor", got=name, choices=sensors())
     return PRESETS / f"{name}.yaml"
 
 
 def sensor(name: str, where: str | None = None) -> tuple[RandomizedEffect, ...]:
-    """Return the ranges of a sensor, to be added to a World's.
+    """Return the ranges of a sensor, to add to those of a RandomizedWorld.
 
     Args:
         name: one of `sensors()`.
-        where: a camera or `all`; default: where its file puts it.
+        where: a camera or `all`; None for the place that the file states.
 
     Raises:
         UserError: no such sensor.
@@ -52,9 +52,10 @@ def _ranged(entry: Mapping[str, Any], where: str | None, file: str, key: str) ->
 
 
 def noise_of(name: str) -> float:
-    """How an unfiltered sensor's depth scatters at most, k of k z^2 in 1/m: the upper ends of its ranges.
+    """Return the greatest scatter of an unfiltered sensor's depth: k in 1/m, for a standard deviation of k z^2.
 
-    New in every frame (`disparity_noise`) and lasting for some (`depth_temporal`), both of disparity.
+    It combines the upper ends of the ranges of two errors of disparity: `disparity_noise`, which is new in every frame,
+    and `depth_temporal`, which lasts for some frames.
 
     Raises:
         UserError: no such sensor.

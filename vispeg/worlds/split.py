@@ -1,6 +1,6 @@
-"""Which of a world's effects the task's physics feels, and which its cameras see.
+"""Split a world into the effects on its physics and those that only cameras see.
 
-Each effect draws from a stream of its own, so the two parts of a randomized world draw apart what they draw together.
+Each effect draws from its own random stream, so the parts of a randomized world draw the same values as the whole.
 """
 
 from __future__ import annotations
@@ -17,17 +17,20 @@ AnyWorld = TypeVar("AnyWorld", World, RandomizedWorld)
 
 
 def of_arm(world: AnyWorld) -> AnyWorld:
-    """Return the effects of a world that an arm alone can show."""
+    """Return the world with only those effects that an arm alone can show."""
     return world.only(lambda e: effect(e.effect).family in ARM)
 
 
 def physical(world: AnyWorld) -> AnyWorld:
-    """Return the world without what is only seen."""
+    """Return the world without effects that only cameras see."""
     return world.only(lambda e: effect(e.effect).family not in OPTICAL)
 
 
 def optical(world: AnyWorld, cameras: Sequence[str]) -> AnyWorld:
-    """Return the optical effects of a world, limited to these cameras; empty without a camera."""
+    """Return the world with only its optical effects, and of camera effects only those on these cameras.
+
+    Without cameras, no effects are left.
+    """
 
     def visible(e) -> bool:
         family = effect(e.effect).family

@@ -1,4 +1,4 @@
-"""Effects as a person writes them on a command line: `coulomb_friction:joint4:torque=1.2`."""
+"""Read effects from a command line: `coulomb_friction:joint4:torque=1.2`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from vispeg.worlds.places import ALL, EACH, MANY, check, instances
 
 
 def place(kind: Effect, where: str, robot: Any) -> str:
-    """`where` if the effect can act there on this robot (a RobotModel); `all` and `all-joints` mean every place.
+    """Check that an effect can act at `where` on a robot (a RobotModel or Scene), and return the place.
+
+    `all` and `all-joints` mean every place; they become the place's name if there is only one.
 
     Raises:
-        UserError: no such place; it lists those there are.
+        UserError: no such place; it lists the choices.
     """
     where = check(kind, ALL if where == "all-joints" else where, robot)
     targets = kind.targets(robot)
@@ -23,7 +25,11 @@ def place(kind: Effect, where: str, robot: Any) -> str:
 
 
 def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
-    """Parameter values from `name=number` texts, checked against names and bounds."""
+    """Read parameter values from texts `name=number`.
+
+    Raises:
+        UserError: another form, an unknown parameter, or a number out of bounds.
+    """
     out: dict[str, float] = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
@@ -42,10 +48,10 @@ def values(kind: Effect, pairs: Iterable[str]) -> dict[str, float]:
 
 
 def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
-    """All parameters of an effect, of which some are given.
+    """Return the values of all parameters of an effect, of which only some are stated.
 
-    Who names no magnitude gets the typical ones; who names one means that one: a camera that is 4 mm off to the right
-    is not turned as well. What only shapes an effect is typical where it is not given.
+    If no magnitude is stated, all have typical values (`start`). If one is stated, the others are null: a camera that
+    is stated to be 4 mm off to the right is not rotated as well. Shape parameters that are not stated are typical.
     """
     named = any(name in stated for name in kind.magnitudes)
     rest = {k: p.null if named and k in kind.magnitudes else p.start for k, p in kind.params.items()}
@@ -53,10 +59,15 @@ def completed(kind: Effect, stated: dict[str, float]) -> dict[str, float]:
 
 
 def parse(text: str, robot: Any, present: Iterable[EffectInstance] = ()) -> list[EffectInstance]:
-    """Effects from `NAME:WHERE[:param=number,...]`; parameters not given are taken from `present`, else from
-    `completed`.
+    """Read effects from a text `NAME:WHERE[:param=number,...]`.
 
-    WHERE is a place of the robot, `all` (one value shared by all places) or `each` (one effect for each place).
+    Args:
+        text: WHERE is a place of the robot, `all` (one value for all places) or `each` (an effect at each place).
+        robot: the RobotModel or Scene with the places.
+        present: effects from which parameters that the text does not state are taken; for others see `completed`.
+
+    Raises:
+        UserError: no such effect, place or parameter, or a number out of bounds.
     """
     name, _, rest = text.partition(":")
     where, _, settings = rest.partition(":")

@@ -1,4 +1,4 @@
-"""A world: a nominal robot plus effects, every value of which is decided."""
+"""A world: a nominal robot plus effects with fixed values."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class World:
         robot: a robot's name (`iiwa14`) or a path to an MJCF or URDF.
         tool: None, a tool's name, or a mapping with `mass_kg`, `com_m`, `inertia_kgm2` at the flange.
         effects: deviations from nominal, in any order.
-        cell: settings of the cell around the robot; none for an arm alone.
+        cell: settings of the cell around the robot; None for an arm alone.
 
     Raises:
-        UserError: no robot has such a name.
+        UserError: no robot of that name.
     """
 
     robot: str = "iiwa14"
@@ -39,7 +39,7 @@ class World:
 
         Args:
             effects: instances; or the name of one effect and its place, as in `add("payload", "flange", mass=1.2)`.
-            values: of that one effect; what is not stated is null.
+            values: of that one effect; others are null (shape parameters `start`).
 
         Raises:
             UserError: no such effect or parameter, or a name without a place.
@@ -59,19 +59,19 @@ class World:
         return f"<World: {', '.join(filter(None, [self.robot, *beside, *map(repr, self.effects)]))}>"
 
     def without(self, effect: str, where: str) -> World:
-        """Return this world without one effect."""
+        """Return this world without the effect of that name and place."""
         return self.only(lambda e: (e.effect, e.where) != (effect, where))
 
     def only(self, wanted: Callable[[EffectInstance], bool]) -> World:
-        """Return this world with the wanted effects alone."""
+        """Return this world with only those effects for which `wanted` returns True."""
         return replace(self, effects=tuple(filter(wanted, self.effects)))
 
     @property
     def label(self) -> str:
-        """`nominal + coulomb_friction(joint4)`."""
+        """The world as text: `nominal + coulomb_friction(joint4)`."""
         return " + ".join(["nominal", *(e.label for e in self.effects)])
 
     @property
     def values(self) -> dict[str, dict[str, float]]:
-        """Parameter values by name, by the effect's label."""
+        """Effect's label -> parameter -> value."""
         return {e.label: {name: v.value for name, v in e.params.items()} for e in self.effects}
