@@ -226,8 +226,8 @@ def test_what_means_nothing_is_one_line(module, tmp_path, capsys):
         "acting_policy_of_test:Sink?action=joint_goal": "expected finite numbers of shape (2, 7)",
         f"{exported(tmp_path / 'a.onnx', 'knees')}": "unknown kind 'knees'",
         f"{exported(tmp_path / 'b.onnx', 'joint_goal')}": "no joint_goal; expected 7 numbers: angles of the joints",
-        f"{exported(tmp_path / 'c.onnx', 'tip_delta')}?action=tip_goal": "is stated in an exported policy",
-        "state-3mm?action=tip_goal": "only of a policy of your own",
+        f"{exported(tmp_path / 'c.onnx', 'tip_delta')}?action=tip_goal": "is stated by the exported policy itself",
+        "state-3mm?action=tip_goal": "only for a policy of your own",
     }
     for policy, said in cases.items():
         argv = ["evaluate", policy, "--world", "nominal", "--episodes", "1", "--videos", "0", "--out", "out"]

@@ -37,7 +37,7 @@ def test_one_file_may_repeat_another_but_not_contradict_it(tmp_path):
     assert len(read_all([tmp_path / "a.jsonl", tmp_path / "b.jsonl"])) == 2
     append(tmp_path / "other.jsonl", [replace(ONE, success=False, category="jam")])
     with pytest.raises(
-        UserError, match="other.jsonl: p .training seed 0. in S, seed 7: .*otherwise.*success as in.*a.jsonl"
+        UserError, match="other.jsonl: p .training seed 0. in S, seed 7: .*differently.*success as in.*a.jsonl"
     ):
         read_all([tmp_path / "a.jsonl", tmp_path / "other.jsonl"])
     append(tmp_path / "a.jsonl", [replace(ONE, success=False, category="jam")])
@@ -91,7 +91,7 @@ def test_a_robots_csv(tmp_path):
         ("policy,seed,outcome\nA,1,1\nA,1,0\n", "line 3: the same trial twice"),
         ("policy,seed,outcome,category\nA,1,1,jam\n", "contradict"),
         ("policy,seed,outcome,configuration\nA,1,0,far\nA,1,1,c1\nA,2,1,\n", "does not know .*'', 'far'.*choices: c1"),
-        ("policy,seed,outcome\nA,1\n", "another number of cells"),
+        ("policy,seed,outcome\nA,1\n", "another number of cells than there are columns"),
         ("policy,seed,outcome\n", "no trials"),
     ],
 )

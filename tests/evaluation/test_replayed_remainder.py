@@ -90,7 +90,7 @@ def test_the_right_model_leaves_nothing_though_a_joint_sticks(recordings):
 def test_a_recording_whose_controller_is_unknown_is_refused(recordings):
     from dataclasses import replace
 
-    with pytest.raises(UserError, match="no torque is known that was commanded"):
+    with pytest.raises(UserError, match="the commanded torque is not known"):
         missing_of(replace(recordings["noise"][0], control=Control("unknown")), World("iiwa14"))
 
 

@@ -104,10 +104,10 @@ def test_a_folder_of_another_policy_or_world_is_not_continued(policy, tmp_path):
     who = entrants([policy("a_s0")])
     run(make_jobs(who, [Setting("nominal", "S")], range(5), tmp_path), tmp_path / "out", arena=coin)
     other = make_jobs(who, [Setting("nominal", "S", task={"clearance_mm": 1.0})], range(9), tmp_path)
-    with pytest.raises(UserError, match="S was another one when this folder was begun"):
+    with pytest.raises(UserError, match="S stood for another one when this folder was begun"):
         run(other, tmp_path / "out", arena=coin)
     changed = entrants([policy("a_s0", note="trained longer")])
-    with pytest.raises(UserError, match="a/s0 was another one"):
+    with pytest.raises(UserError, match="a/s0 stood for another one"):
         run(make_jobs(changed, [Setting("nominal", "S")], range(9), tmp_path), tmp_path / "out", arena=coin)
 
 

@@ -182,7 +182,7 @@ def test_the_suite_and_the_positions_that_come_with_the_package_can_be_built(tmp
         ("format: vispeg-suite/1\n", "no entries"),
         ("format: vispeg-suite/1\nconfigurations: [{task: {}}]\n", "without a name"),
         ("format: vispeg-suite/1\nconfigurations: [{name: a, tsak: {}}]\n", "did you mean 'task'"),
-        ("format: vispeg-suite/1\nconfigurations: [{name: a}, {name: a}]\n", "stands twice"),
+        ("format: vispeg-suite/1\nconfigurations: [{name: a}, {name: a}]\n", "share a name"),
         ("format: [\n", "is not YAML"),
     ],
 )
@@ -227,7 +227,7 @@ def test_what_a_diagnosis_named_is_swept_from_nothing_to_its_value(tmp_path):
     (curve,) = record["curves"]
     assert curve["points"][1]["cost"]["value"] == 0.5 and record["unit"] == "times the value found"
     (tmp_path / "bare.yaml").write_text(model_text(World("iiwa14")))
-    with pytest.raises(UserError, match="no effect to take away"):
+    with pytest.raises(UserError, match="has no effect to sweep"):
         sensitivity.sweeps(str(tmp_path / "bare.yaml"))
 
 

@@ -217,7 +217,7 @@ def test_configuration_survives_its_file(tmp_path):
         ({"task": "poke"}, "no such task"),
         ({"steps": 0}, "at least 1"),
         ({"stages": ()}, "needs a stage"),
-        ({"ranges": "wide"}, "ranges: no such opening.*choices: full, schedule, adaptive"),
+        ({"ranges": "wide"}, "ranges: no such way to open the ranges.*choices: full, schedule, adaptive"),
         ({"ranges": "adaptive", "recipe": "distill"}, "distillation alone opens no ranges"),
         ({"ranges": "schedule", "stages": stages((6.0,), (), PegConfig())}, "a curriculum opens the ranges itself"),
         ({"sac": {"gamma": 2.0}}, "between 0 and 1"),

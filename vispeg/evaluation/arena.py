@@ -109,7 +109,7 @@ class Pushed:
         return result
 
     def step(self, actions: np.ndarray) -> Any:
-        """As the environment's."""
+        """Step as the environment does."""
         return self.env.step(actions)
 
 
@@ -132,5 +132,5 @@ class Disturbed:
         return result
 
     def step(self, actions: np.ndarray) -> Any:
-        """As the environment's."""
+        """Step as the environment does."""
         return self.env.step(actions)

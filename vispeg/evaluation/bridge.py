@@ -64,9 +64,9 @@ def replayed(
     ends = f"{100 * lost.value:.0f} points ({100 * lost.low:.0f} to {100 * lost.high:.0f})"
     telling = matters(lost)
     if telling is None:
-        words = f"{CANNOT_TELL} whether what no cause explains matters: {size}, costs {ends}"
+        words = f"{CANNOT_TELL} whether the unexplained torque matters: {size}, costs {ends}"
     elif telling:
-        words = f"what no cause explains costs {ends}: {size}"
+        words = f"the unexplained torque costs {ends}: {size}"
     else:
         words = f"{HARMLESS}: {size}, costs {ends}"
     return {

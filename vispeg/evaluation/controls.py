@@ -73,7 +73,7 @@ class Controlled:
     def _instead(self, key: str, images: np.ndarray) -> np.ndarray:
         if self.control == "shuffled":
             if len(images) < 2:
-                raise UserError("one episode at a time cannot see another's images", expected="two or more rows")
+                raise UserError("a single episode cannot be shown another's images", expected="two or more rows")
             return np.roll(images, 1, axis=0)
         held = self._kept.get(key)
         if held is None or held.shape != images.shape:

@@ -87,7 +87,7 @@ def entrant(text: str) -> Entrant:
     if own.is_own(place):
         return _own(name or own.called(place), place if kind is None else f"{place}{STATED}{kind}")
     if kind is not None:
-        what = "only of a policy of your own, for another one states what its actions mean"
+        what = "only for a policy of your own: others state the kind of their actions"
         raise UserError(what, key="action", got=text)
     if place == EXPERT:
         return Entrant(name or EXPERT, Path(EXPERT), "state", 0, (), {}, EXPERT)

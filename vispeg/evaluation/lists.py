@@ -35,6 +35,6 @@ def read_list(path: Path, form: Format, key: str, allowed: tuple[str, ...]) -> l
             if name not in allowed:
                 raise UserError("unknown key", file=path, key=where, got=name, choices=allowed)
         if entry["name"] in names:
-            raise UserError("a name that stands twice", file=path, key=where, got=entry["name"])
+            raise UserError("two entries share a name", file=path, key=where, got=entry["name"])
         names.add(entry["name"])
     return [dict(entry) for entry in entries]

@@ -95,7 +95,7 @@ def read_csv(
         if not _cell(row, "train_seed") and len(seeds_of.get(episode.policy, ())) > 1:
             untold[episode.policy] = None
     if not episodes:
-        raise UserError("no trials", file=path, expected="a row a trial below the heads")
+        raise UserError("no trials", file=path, expected="one row per trial below the head")
     others = sorted({e.configuration for e in episodes.values()} - set(configurations))
     if configurations and others:
         named = ", ".join(repr(o) for o in others)
@@ -172,7 +172,7 @@ def _episode(
 ) -> Episode:
     where = {"file": path, "key": f"line {number}"}
     if None in row or any(v is None for v in row.values()):
-        raise UserError("another number of cells than heads", **where)
+        raise UserError("the row has another number of cells than there are columns", **where)
     cell = {k: _cell(row, k) for k in row}
     policy, outcome = cell["policy"], cell["outcome"].lower()
     if not policy or (seeds_of and policy not in seeds_of):

@@ -127,7 +127,7 @@ def acts(source: Any, target: Any) -> str | None:
     stated, kind = split(source)[1] if isinstance(source, str) else None, getattr(target, "action", None)
     if isinstance(target, Exported):
         if stated is not None:
-            raise UserError("is stated in an exported policy", file=target.path, key="action", got=stated)
+            raise UserError("is stated by the exported policy itself", file=target.path, key="action", got=stated)
         return OFFSET  # it turns its actions into offsets by itself
     kind = stated if stated is not None or not isinstance(kind, str) else kind
     return None if kind is None else checked(kind, origin(source))
@@ -150,7 +150,7 @@ def observes(target: Any, name: str) -> tuple[str, dict[str, Any]]:
     task = getattr(target, "task", None) or {}
     unknown = [key for key in task if key not in INTERFACE] if isinstance(task, Mapping) else [task]
     if unknown:
-        raise UserError(f"no setting that a policy is made for: {name}", key="task", got=unknown[0], choices=INTERFACE)
+        raise UserError(f"{name}: not a policy's setting", key="task", got=unknown[0], choices=INTERFACE)
     return mode, dict(task)
 
 

@@ -58,7 +58,7 @@ def missing_of(rec: Recording, world: World) -> Missing | None:
     """
     if rec.control.mode not in CONTROLLED:
         expected = f"a known controller: {', '.join(CONTROLLED)}"
-        raise UserError("no torque is known that was commanded", file=rec.path, expected=expected, got=rec.control.mode)
+        raise UserError("the commanded torque is not known", file=rec.path, expected=expected, got=rec.control.mode)
     robot = robot_of(rec)
     pieces = segments(rec)
     if len(pieces) != 1 or len(pieces[0].q) != len(rec.time) or rec.time[-1] - rec.time[0] < 2 * ENDS + SHORTEST:

@@ -106,7 +106,7 @@ def _sendable(who: Entrant) -> None:
     try:
         pickle.dumps(who.source)
     except Exception as error:  # pickle and what it calls raise many kinds
-        what = f"{who.name} cannot be sent to another process, as workers and worlds that Filament draws need"
+        what = f"{who.name} cannot be sent to another process, as workers and worlds rendered by Filament require"
         raise UserError(what, expected="MODULE:CLASS, or workers=1", got=str(error)[:100]) from error
 
 
@@ -127,7 +127,7 @@ def _same_run(jobs: Sequence[Job], out: Path) -> str:
         for name, value in names.items():
             if stored[kind].setdefault(name, value) != value:
                 raise UserError(
-                    f"{name} was another one when this folder was begun; name another folder",
+                    f"{name} stood for another one when this folder was begun; name another folder",
                     file=out,
                     key=kind,
                     expected=stored[kind][name][:12],

@@ -74,7 +74,7 @@ def load_state(folder: Path, model: AsymmetricSAC) -> Counters:
         state = read_json(folder / "state.json", finite=False)
         stored = load_file(folder / "state.safetensors")
     except (UserError, OSError, ValueError, SafetensorError) as error:
-        raise UserError(f"not a checkpoint that training can go on from ({error})", file=folder) from error
+        raise UserError(f"not a checkpoint that training can resume from ({error})", file=folder) from error
     for optimizer in _optimizers(model).values():
         wake(optimizer)
     random = {name: stored.pop(name) for name in [*stored] if name.startswith("rng.")}

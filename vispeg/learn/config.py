@@ -102,11 +102,11 @@ class TrainConfig:
         if not all(self.task.partition("-")):
             raise UserError("no such task", key="task", got=self.task, expected="LABEL-MODALITY")
         if self.teacher is not None and self.dataset is not None:
-            raise UserError("a dataset stands in place of a teacher", key="dataset", expected="one of them", got="both")
+            raise UserError("a dataset takes the place of a teacher", key="dataset", expected="one of them", got="both")
         if not self.stages:
             raise UserError("a curriculum needs a stage", key="stages")
         if self.ranges not in RANGES:
-            raise UserError("no such opening of ranges", key="ranges", got=self.ranges, choices=RANGES)
+            raise UserError("no such way to open the ranges", key="ranges", got=self.ranges, choices=RANGES)
         if self.ranges != "full" and self.recipe == "distill":
             raise UserError("distillation alone opens no ranges", key="ranges", expected="full", got=self.ranges)
         if self.ranges != "full" and any(stage.level != 1 for stage in self.stages):

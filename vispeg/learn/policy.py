@@ -171,7 +171,7 @@ def load(folder: str | Path, device: str = "cpu") -> NetPolicy:
     path = policy_folder(folder)
     record = read_record(path)
     if "layout" not in record or "net" not in record:
-        raise UserError("is two policies in one", file=path, expected=f"one network ({NETWORK.name})")
+        raise UserError("holds two policies", file=path, expected=f"one network ({NETWORK.name})")
     modality = modality_of(record["modality"])
     check_weights(path, record)
     layout, net = Layout.from_json(record["layout"]), record["net"]

@@ -139,12 +139,13 @@ def _agree(layout: Layout, meta: Mapping[str, Any], path: Path) -> None:
     length = task.stack * observed(meta).policy_size
     if {"stack", "dof"} <= stated.keys() and layout.vector != length:
         expected = f"{length} by meta.task"
-        raise UserError("another observation", file=path, key="layout.vector", expected=expected, got=layout.vector)
+        raise UserError("not the task's length", file=path, key="layout.vector", expected=expected, got=layout.vector)
     if "dof" in stated and layout.action != len(task.dof):
-        raise UserError("another action", file=path, key="layout.action", expected=len(task.dof), got=layout.action)
+        expected = f"{len(task.dof)} by meta.task"
+        raise UserError("not the task's length", file=path, key="layout.action", expected=expected, got=layout.action)
     for key in layout.images if "cameras" in stated else ():
         if key.partition("_")[2] not in task.cameras:
-            raise UserError("of no camera of meta.task", file=path, key=f"layout.images.{key}", choices=task.cameras)
+            raise UserError("not a camera of the task", file=path, key=f"layout.images.{key}", choices=task.cameras)
 
 
 def _width(value: Any, least: int) -> bool:

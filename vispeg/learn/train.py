@@ -35,7 +35,7 @@ def train(config: TrainConfig, folder: Path, make: MakeEnv | None = None, show: 
     """
     if folder.exists() and any(folder.iterdir()):
         if not same_run(config, folder):
-            raise UserError("exists already; go on with --resume, or name another", file=folder)
+            raise UserError("exists already; pass --resume to continue it, or name another folder", file=folder)
         if (folder / "config.yaml").exists():  # missing where a full disk stopped the run early
             return resume(folder, make=make, show=show)
     with claimed(folder):
@@ -73,7 +73,7 @@ def resume(folder: Path, steps: int | None = None, make: MakeEnv | None = None, 
             if config.recipe == "distill" and is_distilled(folder):
                 return folder / "checkpoints" / "best"
             if config.recipe == "sac" and len(Table(folder / "progress.csv", sys.maxsize).rows) > 1:
-                raise UserError("there is no checkpoint to go on from", file=last)
+                raise UserError("there is no checkpoint to resume from", file=last)
             if steps is not None:
                 asked.write(folder / "config.yaml")
             return _begin(asked, folder, make, show)

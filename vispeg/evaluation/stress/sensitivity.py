@@ -133,7 +133,7 @@ def sweeps(text: str) -> list[Sweep]:
         return _measured(text)
     effects = load_model(text).effects
     if not effects:
-        raise UserError("has no effect to take away", file=text, expected="a model that a diagnosis wrote")
+        raise UserError("has no effect to sweep", file=text, expected="a model that a diagnosis wrote")
     nulls = [tuple(effect(e.effect).params[p].null for p in e.params) for e in effects]
     return [
         Sweep(e.effect, tuple(e.params), (0.0, 1.0), e.where, null, tuple(v.value for v in e.params.values()))

@@ -73,7 +73,7 @@ def from_folder(
     """
     if modality_of(modality).obs_mode in GOAL_TOLD:
         expected = "a policy that is not told where the goal is"
-        raise UserError("a dataset shows what such a policy does not see", file=folder, expected=expected, got=modality)
+        raise UserError("does not hold what such a policy observes", file=folder, expected=expected, got=modality)
     place, kind = split(str(folder))
     index = Dataset(place, theirs=True)
     theirs = None
@@ -107,7 +107,8 @@ def from_folder(
         if boxes[key].shape != shape:
             raise UserError("made for another observation", file=place, key=key, expected=shape, got=boxes[key].shape)
     if acted.shape[-1] != layout.action:
-        raise UserError("another action", file=place, key=act, expected=layout.action, got=acted.shape[-1])
+        got = acted.shape[-1]
+        raise UserError("actions of another length", file=place, key=act, expected=layout.action, got=got)
     box = spaces.Box(-1, 1, (layout.action,), np.float32)
     frames = sum(int(data.episodes[number]["length"]) for number in numbers)
     ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)

@@ -72,7 +72,7 @@ def _wide(tolerances: Sequence[float], task: TaskConfig) -> list[dict[str, float
     if not tolerances:
         return []
     if task.tolerance is None:
-        raise UserError("this task has no tolerance to begin wider with", key="--curriculum", got=tuple(tolerances))
+        raise UserError("this task has no tolerance that stages could widen", key="--curriculum", got=tuple(tolerances))
     name, target = task.tolerance.setting, getattr(task, task.tolerance.setting)
     order = f"widest first, above the {target:g} {task.tolerance.unit} that are trained for"
     return [{name: value} for value in _towards(tolerances, np.inf, target, "--curriculum", order)]
@@ -87,5 +87,5 @@ def _towards(values: Sequence[float], easiest: float, target: float, key: str, o
     before = [*values[:-1], *(v for v in values[-1:] if v != target)]
     steps = np.diff([easiest, *before, target])
     if len(values) and not (np.all(steps > 0) or np.all(steps < 0)):
-        raise UserError("not stages that become harder", key=key, expected=order, got=tuple(values))
+        raise UserError("stages must become harder", key=key, expected=order, got=tuple(values))
     return before

@@ -55,7 +55,7 @@ class DistillSettings:
 
     def __post_init__(self) -> None:
         if not self.betas or min(self.betas) < 0 or max(self.betas) > 1:
-            raise UserError("probabilities between 0 and 1", key="betas", got=self.betas)
+            raise UserError("must lie between 0 and 1", key="betas", got=self.betas)
         for key in ("steps", "updates", "looks"):
             if getattr(self, key) < 1:
                 raise UserError("must be at least 1", key=key, got=getattr(self, key))

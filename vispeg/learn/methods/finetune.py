@@ -72,7 +72,7 @@ class FinetuneSettings:
         if self.lr is not None and not 0 < self.lr < 1:
             raise UserError("not a learning rate", key="lr", expected="above 0, below 1", got=self.lr)
         if not 0 <= self.known <= 0.5:
-            raise UserError("a share between 0 and 0.5", key="known", got=self.known)
+            raise UserError("must lie between 0 and 0.5", key="known", got=self.known)
 
 
 def finetune(

@@ -52,7 +52,7 @@ def distilled(
     actor, modality, demonstrated = run.model.actor, run.modality.name, None
     if config.dataset is not None:
         if settings.looks > 1:
-            raise UserError("a dataset keeps the looks that it has", key="looks", expected=1, got=settings.looks)
+            raise UserError("the looks of a dataset are fixed", key="looks", expected=1, got=settings.looks)
         told: Any = {
             "config": getattr(run.env.env, "config", None),
             "say": lambda text: print(text, file=sys.stderr) if show else None,

@@ -104,7 +104,7 @@ class SacRun:
         """Restore the last checkpoint. Raises UserError where there is none."""
         folder = self.folder / "checkpoints" / "last"
         if not folder.is_dir():
-            raise UserError("there is no checkpoint to go on from", file=folder)
+            raise UserError("there is no checkpoint to resume from", file=folder)
         counters = load_state(folder, self.model)
         self.command = counters.get("command", self.command)  # the command that began the run, not this one
         self.best, self.reached = (counters["best"][0], counters["best"][1]), counters["reached"]

@@ -52,7 +52,7 @@ class Scale(nn.Module):
 
 
 class ConvEncoder(nn.Module):
-    """Three convolutions of stride 2 and 16, 32, 32 channels, then Linear, LayerNorm and tanh (DrQ's head).
+    """Encode images: 3 convolutions of stride 2 with 16, 32, 32 channels, then Linear, LayerNorm, tanh (DrQ's head).
 
     Args:
         shape: (C, H, W) of the input of `forward`, whose values should be of order 1.
