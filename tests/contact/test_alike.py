@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
+import fits
+import numpy as np
 import pytest
+from straight import Straight, search
 
 from vispeg.contact.selection.alike import alike, freed, lacking, refitted
 from vispeg.contact.selection.profile import looked_for
 from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.findings import Score
+from vispeg.core.seeds import stream
+from vispeg.diagnosis.findings import Gain, Score, Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", x=4e-5, y=5e-5)
@@ -34,10 +37,11 @@ def test_what_needs_no_motion_to_be_told_apart_lacks_nothing():
 
 def test_what_a_rival_lacks_is_moved_by_fits_again_and_nothing_else():
     idle = {("peg_grasp_compliance", k) for k in ("y", "roll", "pitch")} | {("fixture_compliance", "z")}
-    search = SimpleNamespace(evidence=SimpleNamespace(absent=set(idle)))
-    assert freed(search, FIXTURE, grasp(x=4e-5))
-    assert search.evidence.absent == idle - {("peg_grasp_compliance", "y")}
-    assert not freed(search, FIXTURE, grasp(x=4e-5, y=4e-5))
+    evidence = Straight(np.ones(12), {})
+    searching, evidence.absent = search(evidence), set(idle)
+    assert freed(searching, FIXTURE, grasp(x=4e-5))
+    assert evidence.absent == idle - {("peg_grasp_compliance", "y")}
+    assert not freed(searching, FIXTURE, grasp(x=4e-5, y=4e-5))
 
 
 def test_effects_are_alike_both_ways():
@@ -46,30 +50,27 @@ def test_effects_are_alike_both_ways():
     assert all(alike(a, b) == alike(b, a) for a in kinds for b in kinds)
 
 
-def trial(placed, text):
-    out = SimpleNamespace(score=Score(placed, 1.0), fit=SimpleNamespace(world=World().add(placed)), text=text)
-    out.bare = out
-    return out
-
-
 @pytest.mark.parametrize("tried", [True, False])
-def test_a_rival_that_lacked_something_or_was_not_tried_is_fitted_with_it(tried, monkeypatch):
+def test_a_rival_that_lacked_something_or_was_not_tried_is_fitted_with_it(tried):
     """The grasp was fitted along x alone, or not at all; the chosen fixture and what is not alike stay as they were."""
-    monkeypatch.setattr(
-        "vispeg.contact.selection.alike.places",
-        lambda evidence, world: [(p.effect, p.where) for p in (FIXTURE, grasp())] + [("hole_offset", "fixture")],
-    )
-    taken, offset = trial(FIXTURE, "old"), trial(EffectInstance.of("hole_offset", "fixture", x=1e-3), "old")
-    old = [taken, offset, *([trial(grasp(x=4e-5), "old")] if tried else [])]
-    state = SimpleNamespace(world=World().add(FIXTURE), steps=[(taken, old)])
-    search = SimpleNamespace(
-        evidence=SimpleNamespace(absent={("peg_grasp_compliance", "y")}),
-        probed=lambda world, where: [SimpleNamespace(placed=grasp(x=4e-5), key=k, gain=1.0) for k in where],
-        start=lambda world, n_fixed: SimpleNamespace(world=world),
-        try_all=lambda before, scores, n_fixed, tested: [trial(s.placed, "new") for s in scores],
-        tested=lambda before: 1,
-    )
-    refitted(search, state, 0)
-    after = {t.score.key[0]: t.text for t in state.steps[0][1]}
-    assert after == {"fixture_compliance": "old", "hole_offset": "old", "peg_grasp_compliance": "new"}
-    assert state.steps[0][0] is taken and not search.evidence.absent
+    rng = stream(1, "alike")
+    along, across, other = 2e6 * rng.standard_normal((3, 120)) * [[2.0], [1.0], [1.0]]
+    slopes = {("hole_offset", "x"): other}
+    for name in ("fixture_compliance", "peg_grasp_compliance"):
+        slopes |= {(name, "x"): along, (name, "y"): across}
+    evidence = Straight(4e-5 * along + 5e-5 * across, slopes)
+    searching = search(evidence)
+    evidence.absent = {("peg_grasp_compliance", k) for k in ("y", "z", "roll", "pitch", "yaw")}
+    offset = EffectInstance.of("hole_offset", "fixture", x=1e-3)
+    before = searching.start(World(), 0)
+    kept = [(e, fits.fit(World().add(e))) for e in (FIXTURE, offset, *([grasp(x=4e-5)] if tried else []))]
+    old = [Trial(Score(e, 1.0), fit, before.loss, Gain(0.0, 0.0, 0.0)) for e, fit in kept]
+    state = State(World().add(FIXTURE), before.loss, evidence.residual(World().add(FIXTURE)), steps=[(old[0], old)])
+    refitted(searching, state, 0)
+    taken, trials = state.steps[0]
+    after = {t.score.key[0]: t for t in trials}
+    assert taken is old[0] is after["fixture_compliance"] and after["hole_offset"] is old[1]
+    assert ("peg_grasp_compliance", "y") not in evidence.absent
+    (new,) = after["peg_grasp_compliance"].fit.world.effects
+    assert (new.params["x"].value, new.params["y"].value) == pytest.approx((4e-5, 5e-5), rel=1e-3)
+    assert float(after["peg_grasp_compliance"].loss.sum()) < 1e-6 * float(before.loss.sum())

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
+import fits
 import mujoco
 import numpy as np
 import pytest
@@ -26,8 +26,10 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
+from vispeg.diagnosis.findings import Score, Trial
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.selection.judge import Judge
+from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.recordings.cell import WrenchSensor
@@ -289,13 +291,15 @@ def test_what_acts_in_few_held_out_blocks_shows_by_its_size():
     before[few, 2] = 15.0
     rng = np.random.default_rng(0)
 
-    def trial(drop: float) -> SimpleNamespace:
+    fit = fits.fit(World().add(FRICTION))
+
+    def trial(drop: float) -> Trial:
         after = before + np.where(before > 0, rng.normal(0, 0.1, before.shape), 0.0)
         after[few, 2] -= drop
-        return SimpleNamespace(loss=after)
+        return Trial(Score(FRICTION, 0.0), fit, after, search.judge.gain(before, after))
 
-    state = SimpleNamespace(loss=before, fit=None)
-    assert search.judge.gain(before, trial(14.0).loss).z < RULES.held_out
+    state = State(World(), before, np.zeros(1))
+    assert trial(14.0).gain.z < RULES.held_out
     assert (
         search.holds(state, trial(14.0))
         and not search.holds(state, trial(1.0))

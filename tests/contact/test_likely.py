@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from straight import Straight
 
-from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.selection.likely import absent, disagreement, intervals
 from vispeg.core.effect import EffectInstance
+from vispeg.core.rules import RULES
 from vispeg.core.seeds import stream
 from vispeg.identify.fit import Fit
 from vispeg.identify.space import Freedom, Space
 from vispeg.worlds.world import World
+
+LASTING = RULES.contact_lasting  # blocks, over which an error of form acts one way
 
 
 def linear_fit(placed, jacobian, rest, sigma) -> Fit:
@@ -29,22 +30,18 @@ class Only(Freedom):
         return name in self.names
 
 
-class Line:
+class Line(Straight):
     """Evidence whose residual is a straight line about a fit."""
 
-    lasting, correlated = 6.0, 3.0
-    variance = ContactEvidence.variance
-
-    def __init__(self, fit):
-        self.fit = fit
-        self.items = [SimpleNamespace(measured=fit.residual)]
-
-    def residuals(self, worlds):
-        to = [Space(w, [0], self.fit.space.freedom).start for w in worlds]
-        return [self.fit.residual + self.fit.jacobian @ (u - self.fit.u) for u in to]
+    def __init__(self, fit: Fit):
+        of = zip(fit.space.axes, fit.jacobian.T, strict=True)
+        slopes = {(fit.world.effects[a.index].effect, a.name): -column / a.unit for a, column in of}
+        super().__init__(fit.residual - fit.jacobian @ fit.u, slopes)
 
 
-@pytest.mark.parametrize(("rms", "variance"), [(0.9, 1.0), (0.5, 0.5), (1.5, 2.25)])
+@pytest.mark.parametrize(
+    ("rms", "variance"), [(0.9, 1.0), (0.5, 0.25 * LASTING / RULES.contact_correlated), (1.5, 2.25)]
+)
 def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say(rms, variance):
     """Linear residuals: ends where the squared residual rises by the quantile, in closed form, others moving along.
 
@@ -52,13 +49,13 @@ def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say(rms, varia
     """
     rng = stream(6, "likely")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(400)
+    jacobian, noise = rng.standard_normal((420, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(420)
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
     noise /= np.sqrt(np.mean(noise**2)) / rms
     inverse = np.linalg.inv(jacobian.T @ jacobian)
-    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(LASTING * np.diag(inverse)))
     world, best = intervals(Line(fit), fit)
-    half = np.sqrt(3.84 * 6.0 * variance * np.diag(inverse)) * [a.unit for a in fit.space.axes]
+    half = np.sqrt(3.84 * LASTING * variance * np.diag(inverse)) * [a.unit for a in fit.space.axes]
     for value, h in zip((world.effects[0].params[k] for k in "xyz"), half, strict=True):
         assert value.high - value.value == pytest.approx(h, rel=1e-6)
         assert value.value - value.low == pytest.approx(h, rel=1e-6)
@@ -68,11 +65,11 @@ def test_an_interval_of_a_smooth_residual_is_what_its_derivatives_say(rms, varia
 def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
     rng = stream(7, "absent")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 1.0, 30.0], np.ones(400)
+    jacobian, noise = rng.standard_normal((420, 3)) * [3.0, 1.0, 30.0], np.ones(420)
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
     inverse = np.linalg.inv(jacobian.T @ jacobian)
-    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(inverse)))
-    half = np.sqrt(3.84 * 6.0 * np.diag(inverse))
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(LASTING * np.diag(inverse)))
+    half = np.sqrt(3.84 * LASTING * np.diag(inverse))
     for share, gone in ((0.99, [0, 1, 2]), (1.01, [])):
         assert sorted(absent(Line(fit), fit, [0, 1, 2], fit.u + share * half)) == gone
         assert absent(Line(fit), fit, [1], fit.u - share * half) == gone[1:2]
@@ -81,10 +78,10 @@ def test_a_value_may_be_absent_exactly_where_its_interval_holds_null():
 def test_what_may_be_absent_comes_least_needed_first():
     rng = stream(8, "absent")
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
-    jacobian, noise = rng.standard_normal((400, 3)), np.ones(400)
+    jacobian, noise = rng.standard_normal((420, 3)), np.ones(420)
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
     fit = linear_fit(placed, jacobian, noise, np.ones(3))
-    half = np.sqrt(3.84 * 6.0 * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    half = np.sqrt(3.84 * LASTING * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert absent(Line(fit), fit, [0, 1, 2], fit.u + np.array([0.5, 0.9, 0.1]) * half) == [2, 0, 1]
 
 
@@ -108,17 +105,16 @@ def test_an_interval_has_a_width_where_much_less_is_met_on_the_way():
     """Beyond an edge in z half of the residual is gone: x and y are no surer by that."""
     placed = EffectInstance.of("hole_offset", "fixture", x=1e-3, y=-1e-3, z=2e-3)
     rng = stream(7, "likely")
-    jacobian, noise = rng.standard_normal((400, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(400)
+    jacobian, noise = rng.standard_normal((420, 3)) * [3.0, 2.0, 30.0], rng.standard_normal(420)
     noise -= jacobian @ np.linalg.lstsq(jacobian, noise, rcond=None)[0]
-    fit = linear_fit(placed, jacobian, noise, np.sqrt(6.0 * np.diag(np.linalg.inv(jacobian.T @ jacobian))))
+    fit = linear_fit(placed, jacobian, noise, np.sqrt(LASTING * np.diag(np.linalg.inv(jacobian.T @ jacobian))))
 
     smooth, _ = intervals(Line(fit), fit)
     edge = 0.5 * (2e-3 + smooth.effects[0].params["z"].high)
 
     class Step(Line):
-        def residuals(self, worlds):
-            past = [w.effects[0].params["z"].value > edge for w in worlds]
-            return [r * (0.5 if p else 1.0) for r, p in zip(super().residuals(worlds), past, strict=True)]
+        def residual(self, world):
+            return super().residual(world) * (0.5 if world.effects[0].params["z"].value > edge else 1.0)
 
     world, best = intervals(Step(fit), fit)
     assert best[2] > fit.u[2], "there the search goes on"

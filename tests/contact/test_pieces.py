@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
 from mujoco import batch as mjb
+from straight import path
 
 from vispeg.contact.hand import grasp, hand
 from vispeg.contact.pieces import ALONG, BESIDE, INSIDE, LEAST, OVER, Pieces, less_damped, odds, stretches, tip_places
@@ -66,8 +65,7 @@ def _path(aside, depth):
     """A tip that far off the goal's axis and below its mouth, a sample a millisecond."""
     place = np.zeros((len(aside), 6))
     place[:, 0], place[:, 2] = aside, depth  # the hand's z points down
-    goal, down = np.array(SCENE.target), np.array([0.0, 1, 0, 0])
-    return SimpleNamespace(origin=goal + [0, 0, SCENE.tip], frame=down, place=place, goal=goal, step=1e-3)
+    return path(place, np.array(SCENE.target) + [0, 0, SCENE.tip])
 
 
 def test_beside_the_mouth_one_top_is_touched_and_the_pieces_are_not():

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
+import fits
 import numpy as np
 import pytest
 from pressed import recorded
@@ -13,6 +12,7 @@ from vispeg.contact.next_motion import separating
 from vispeg.contact.record import arrays, not_excited, shows_from, where_it_fails, worst_left
 from vispeg.contact.run import compare_contact, evidence_of
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.diagnosis.findings import Gain, Rivals, Score, Trial
 from vispeg.worlds.world import World
 
 FIXTURE = EffectInstance.of("fixture_compliance", "fixture", z=3e-5)
@@ -86,13 +86,15 @@ def test_an_effect_is_said_to_show_from_values_that_it_may_have():
 
 
 FIXED = World().add(FIXTURE)
-ARM = SimpleNamespace(score=SimpleNamespace(key=("arm_compliance", "all"), label="arm_compliance(all)"))
-SOFT = SimpleNamespace(score=SimpleNamespace(key=("contact_stiffness", "peg"), label="contact_stiffness(peg)"))
+ARM, SOFT = EffectInstance.of("arm_compliance", "all"), EffectInstance.of("contact_stiffness", "peg")
 DULL = [{"effect": "hole_clearance", "where": "fixture", "why": "", "motion": "insert"}]
 
 
-def rivals(*equals):
-    return [SimpleNamespace(label=FIXTURE.label, equals=equals)]
+def rivals(*equals: EffectInstance) -> list[Rivals]:
+    worlds = [World().add(e) for e in equals]
+    gain = Gain(0.0, 0.0, 0.0)
+    trials = tuple(Trial(Score(w.effects[0], 0.0), fits.fit(w), np.zeros((1, 3)), gain) for w in worlds)
+    return [Rivals(FIXTURE.label, trials, trials)]
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from straight import Straight, search
 
 from vispeg.api.recording.cell import cell_motion
-from vispeg.contact.evidence import ContactEvidence
 from vispeg.contact.remainder import Rest, judged
 from vispeg.contact.selection.repeats import allowing, repeated, repeats, uncertainty
 from vispeg.contact.selection.screen import Probe
@@ -42,43 +41,21 @@ def test_an_effect_shows_from_where_its_trace_reaches_what_is_needed():
     assert further("hole_offset", "x", 2e-4, 1e9) == np.inf
 
 
-class Judged(ContactEvidence):
-    """Recordings in which everything shows."""
-
-    def __init__(self):
-        pass
-
-    def residuals_in_part(self, worlds):
-        return [np.full(1, 1e3 * k) for k in range(len(worlds))]
-
-
 def test_an_effect_as_large_as_said_shows_nine_times_in_ten():
     """Many fits of one whose trace is d: each lowers the squared residual by d^2 + 2 d e, the errors e as accepted."""
-    evidence, drop = Judged(), 40.0
+    evidence, drop = Straight(np.zeros(6), {}), 40.0
     trace = np.sqrt(surely(evidence, drop))
     errors = np.sqrt(evidence.correlated) * np.random.default_rng(0).standard_normal(100_000)
     assert np.mean(trace**2 + 2 * trace * errors > drop) == pytest.approx(RULES.power, abs=3e-3)
 
 
-def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it(monkeypatch):
+def test_a_pose_shows_from_no_nearer_to_none_than_an_arm_repeats_it():
     """What an arm repeats a place to is added to where a hole's offset shows, in quadrature; not to a friction."""
-    probes = [
-        probe("x", 4e-4, 400.0),
-        Probe(EffectInstance.of("contact_friction", "peg", scale=2.0), "scale", 0.0, 100.0),
-    ]
-
-    search = SimpleNamespace(
-        evidence=Judged(),
-        probed=lambda *_: probes,
-        need=lambda: 100.0,
-        confirms=lambda: 1.0,
-        judge=SimpleNamespace(evidence=Judged()),
-    )
-    monkeypatch.setattr("vispeg.contact.selection.shows_from.places", lambda *_: [])
-    least, out = least_sizes(search, World()), list[bool]()
-    shows = 4e-4 * np.sqrt(surely(Judged(), 100.0) / 400.0)
-    assert least["hole_offset", "fixture"]["x"] > 1.01 * shows
-    assert least["contact_friction", "peg"]["scale"] == pytest.approx(np.sqrt(surely(Judged(), 100.0) / 100.0))
+    slopes = {("hole_offset", "x"): np.full(60, 5e4 / 60**0.5), ("contact_friction", "scale"): np.full(60, 1.3)}
+    searching, out = search(Straight(np.zeros(60), slopes)), list[bool]()
+    least, need = least_sizes(searching, World()), surely(searching.evidence, searching.need())
+    assert least["hole_offset", "fixture"]["x"] > 1.01 * np.sqrt(need) / 5e4
+    assert least["contact_friction", "peg"]["scale"] == pytest.approx(np.sqrt(need / 60) / 1.3)
     rng, size, told = np.random.default_rng(0), least["hole_offset", "fixture"]["x"], 0.5e-4
     for x in size + np.hypot(told, repeats()["m"]) * rng.standard_normal(400):
         out.append(not includes_none(offset(x, x - 1.96 * told, x + 1.96 * told)))

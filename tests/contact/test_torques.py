@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
 from vispeg.recordings.cell import CellBelief
 from vispeg.recordings.noise import NOISE
+from vispeg.recordings.recording import Control, Recording
 from vispeg.recordings.regimes import FREE
 from vispeg.robots.tools import CELL
 from vispeg.sim.external import BLOCK, PRIOR, _steady, external, flange_jacobian, solved
@@ -123,6 +124,8 @@ def test_what_touches_without_wrench_and_torques_is_refused_in_one_line(pressed)
 def test_what_is_left_of_torques_is_told_for_six_joints_and_for_an_episode_that_hardly_begins(joints, seconds):
     """No combination of six joints' torques is free of a wrench; an episode shorter than its rest leaves the sensor."""
     rng, n = stream(4, "steady"), round(100 * seconds)
-    rec = SimpleNamespace(time=np.arange(n) / 100.0, tau=rng.normal(0.0, 10.0, (n, joints)), rate_hz=100.0)
+    names = tuple(f"joint{k + 1}" for k in range(joints))
+    still, tau = np.zeros((n, joints)), rng.normal(0.0, 10.0, (n, joints))
+    rec = Recording(Path("made"), "arm", names, 100.0, Control(), np.arange(n) / 100.0, still, tau=tau)
     off = _steady(rec, rng.normal(0.0, 0.1, (n, joints)), rng.normal(0.0, 1.0, (n, 6, joints)), np.full(joints, 0.1))
     assert off.shape == (joints,) and np.all(np.isfinite(off)) and np.all(off > 0)

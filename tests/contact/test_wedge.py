@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
 from clamped import BESIDE, SCENE, SLIP, TOP, G, bench
+from straight import blocks
 
 from vispeg.contact.errors.wedge import softness, wedging
 from vispeg.worlds.world import World
@@ -18,12 +17,8 @@ def item(first: float, second: float, depth: float, axis: float = 0.0):
     tip, way = SCENE.tip, np.array([np.cos(axis), np.sin(axis), 0.0])
     force = (first - second) * way
     torque = np.cross([0, 0, tip - depth], first * way) - np.cross([0, 0, tip], second * way)
-    place = np.zeros((1, 6))
     origin = np.array([*SCENE.target[:2], SCENE.target[2] - depth + tip])
-    frame, goal = np.array([0.0, 1, 0, 0]), np.array(SCENE.target)
-    path = SimpleNamespace(time=np.zeros(1), origin=origin, frame=frame, place=place, goal=goal)
-    phase = SimpleNamespace(contact=np.r_[force, torque][None], rows=lambda clock: np.zeros(1, int))
-    return SimpleNamespace(path=path, phase=phase, source=SimpleNamespace(scene=SCENE))
+    return blocks([0], contact=np.r_[force, torque][None], origin=origin)
 
 
 @pytest.mark.parametrize("axis", [0.0, 0.7, 2.0])
