@@ -138,7 +138,7 @@ def test_a_dataset_of_another_observation_is_refused(folder):
         from_folder(folder, "depth", Layout(2, {"depth_other": (1, 8, 8)}, 3), 0)
     with pytest.raises(UserError, match="actions of another length"):
         from_folder(folder, "proprio", Layout(2, {}, 6), 0)
-    with pytest.raises(UserError, match="does not see"):
+    with pytest.raises(UserError, match="does not hold what such a policy observes"):
         from_folder(folder, "state", Layout(2, {}, 3), 0)
     larger = spaces.Dict(BESIDE.spaces | {"privileged": spaces.Box(-9, 9, (4,), np.float32)})
     with pytest.raises(UserError, match="another observation"):

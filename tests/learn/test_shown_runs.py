@@ -142,5 +142,5 @@ def test_a_folder_that_is_none_leaves_no_run_and_a_teacher_beside_it_is_refused(
         assert not (tmp_path / "run").exists()
     with pytest.raises(UserError, match="looks of a dataset are fixed"):
         train(config(tmp_path, "distill", distill={"looks": 2}), tmp_path / "run", make, False)
-    with pytest.raises(UserError, match="in place of a teacher"):
+    with pytest.raises(UserError, match="takes the place of a teacher"):
         config(tmp_path, "distill", teacher="expert")
