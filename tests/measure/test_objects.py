@@ -188,7 +188,7 @@ def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeyp
     ft[:, :3] += stream(3, "slide").normal(scale=0.05, size=(len(time), 3))
     pose = np.column_stack([x, 0 * x, way, np.tile([0.0, 1.0, 0.0, 0.0], (len(time), 1))])
     rec = SimpleNamespace(time=time, rate_hz=rate, ft=ft)
-    monkeypatch.setattr(from_recordings, "_opened", lambda path: (rec, pose))
+    monkeypatch.setattr(from_recordings, "_opened", lambda path: (rec, ft, pose))
     read = from_recordings.slides([Path("slide")]).columns
     assert len(read["normal"]) == 2, "a stroke there and one back"
     assert read["tangential"] / read["normal"] == pytest.approx(mu, rel=0.02)

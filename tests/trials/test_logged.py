@@ -70,7 +70,7 @@ def test_it_ends_as_the_log_says_and_has_as_many_episodes(depth, tmp_path):
 
 
 def test_another_policy_s_log_is_said_to_be_one(state, tmp_path):
-    with pytest.warns(Note, match="lie .* mm .median. from what the policy asks for"):
+    with pytest.warns(Note, match="commands differ from the policy's by .* mm .median."):
         run("state-0.5mm", f"log:{state / 'log'}", tmp_path / "other")
 
 

@@ -1,4 +1,4 @@
-"""Cells with a peg or a hole from a mesh file: position of the fixture, load of the gripper, clearance."""
+"""Peg and hole of a cell, built in or from mesh files: position of the fixture, load of the gripper, clearance."""
 
 from __future__ import annotations
 
