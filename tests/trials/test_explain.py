@@ -104,7 +104,7 @@ def test_few_trials_cannot_tell_and_without_a_model_no_cause_is_tried(cell, tmp_
     for folder in folders(cell / "trials")[:3]:
         shutil.copytree(folder, tmp_path / "cell" / "few" / folder.name)
     few = explained(tmp_path / "cell", tmp_path / "why", "--model", str(cell / "model.yaml"), trials="few")
-    assert few["verdict"] == CANNOT_TELL and "3, and 10 are the fewest" in few["words"]
+    assert few["verdict"] == CANNOT_TELL and "3, at least 10 are needed" in few["words"]
     assert {c["verdict"] for c in few["causes"]} == {CANNOT_TELL} and {c["share"] for c in few["causes"]} == {None}
     untried = explained(tmp_path, tmp_path / "untried", trials="few")
     assert untried["causes"] == [] and UNTRIED in untried["notes"]

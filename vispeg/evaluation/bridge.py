@@ -106,7 +106,7 @@ def bridge(
         e = remainder["cost"]
         said = f"{100 * (e['low'] or 0):.0f} to {100 * (e['high'] or 0):.0f} points"
         verdict = UNBRIDGEABLE
-        share = f"{100 * worst[1]['share']:.0f} % of what remains is in {worst[0]}"
+        share = f"{100 * worst[1]['share']:.0f} % of the unexplained torque's power is in {worst[0]}"
         words = f"{share}, it costs {said}, and no known effect explains it"
     elif remainder is not None and remainder["matters"] is False:
         verdict, words = HARMLESS, remainder["words"]
@@ -140,7 +140,7 @@ def _searched(diagnosis: Mapping[str, Any] | None) -> Condition:
 
 
 def _costly(remainder: RemainderRecord | None) -> Condition:
-    condition = "what remains costs this policy more than 5 points"
+    condition = "the unexplained torque costs this policy more than 5 points"
     here = ASK if remainder is None else _ends(remainder["cost"])
     return {"condition": condition, "here": here, "met": matters(None if remainder is None else remainder["cost"])}
 

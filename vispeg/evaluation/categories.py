@@ -122,7 +122,7 @@ class Parting:
             said.append("no failure on either side")
         elif differ:
             more = f"{'more' if self.residual > 0 else 'fewer'} of them {self.where}"
-            said.append(f"the failures are of other kinds, {more} ({self.residual:+.1f} standard deviations)")
+            said.append(f"the kinds of failure differ, {more} ({self.residual:+.1f} standard deviations)")
         else:
             sides = " and ".join(map(str, totals))
             why = f": {self.refused}" if self.refused else ""

@@ -201,7 +201,7 @@ def _verdict(
     """Return the verdict (`gap`, `policy`, `none` or CANNOT_TELL) and a sentence."""
     n, count = len(failed), int(failed.sum())
     if n < FEWEST:
-        return CANNOT_TELL, f"these trials cannot tell: {n}, and {FEWEST} are the fewest"
+        return CANNOT_TELL, f"these trials cannot tell: there are {n}, at least {FEWEST} are needed"
     if not count:
         return "none", f"none of {n} trials failed"
     there, opened = _rate(mean[CLOSED][failed]), float(mean[OPEN][failed].mean())

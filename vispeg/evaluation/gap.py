@@ -160,7 +160,7 @@ class _Asked:
         asked, reference, policies = cls(), worlds[0], table.policies
         for policy in policies:
             for world in worlds[1:]:
-                asked._lost(table, policy, reference, world, seed)
+                asked._ask_loss(table, policy, reference, world, seed)
             if joint and (y := table.aligned(policy, [reference, *joint])) is not None:
                 asked.tests["beyond", policy] = statistics.contrast(_beyond(y, reference, joint[0], joint[1:]))
         for world in worlds:
@@ -172,7 +172,7 @@ class _Asked:
                         asked.tests["pair", world, a, b] = statistics.difference(sides[0], sides[1], False, trained)
         return asked
 
-    def _lost(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
+    def _ask_loss(self, table: Table, policy: str, reference: str, world: str, seed: int) -> None:
         """Add the tests of a policy's loss of success, of its kinds of failure and, on a robot, of time and force."""
         cells = [Cell(policy, reference), Cell(policy, world)]
         networks = table.networks(cells)
@@ -402,7 +402,7 @@ def _order(decided: Mapping[Key, Decision], world: str, policies: Sequence[str])
 
 def _prediction_words(r: statistics.Estimate, shown: float | None, most: float | None) -> str:
     if r.n < statistics.FEWEST_POLICIES:
-        return f"{CANNOT_TELL}: {r.n} policies, {statistics.FEWEST_POLICIES} are the fewest"
+        return f"{CANNOT_TELL}: {r.n} policies, at least {statistics.FEWEST_POLICIES} are needed"
     said = f"r = {r.value:.2f} ({r.low:.2f} to {r.high:.2f}) over {r.n} policies"
     if shown is not None and most is not None:
         said += f"; of the rates as measured {shown:.2f}, of at most {most:.2f} with so many episodes"
@@ -470,7 +470,7 @@ def _of_pairing(table: Table, decided: Mapping[Key, Decision], policy: str, refe
     decision = decided.get(("gap", policy, world))
     if decision is None:
         tried = ", ".join(map(str, there))
-        return [f"{policy}: of training seeds {tried}, played in {world}, none was played in {reference}"]
+        return [f"{policy}: none of training seeds {tried}, played in {world}, was played in {reference}"]
     lines, shared = [], [str(t) for t in here if t in there]
     if here != there:
         said = "is compared over the networks played on both sides only: training seed "

@@ -111,7 +111,7 @@ def steps(
     made.append(_step(step, gap, work, said, commands.get("demonstrations", "")))
     for kind, lost, step in (
         ("causes", causes, "fine-tune in a world with the causes"),
-        ("remainder", remainder, "train with what remains as a random torque"),
+        ("remainder", remainder, "train with as much random torque as is unexplained"),
     ):
         if lost is not None:
             made.append(_step(step, lost, training.hours, training.source, commands.get(kind, "")))

@@ -62,13 +62,13 @@ BUYS = 0.2  # a simulator that is worth fewer further trials than this share of 
 FEWEST_POLICIES = 8  # with fewer, the interval of a correlation of 0.7 reaches 0
 CANNOT_TELL = "these data cannot tell"
 RULE = (
-    "All comparisons of this page are one family: two success rates are called different where the p-value after "
-    "Holm's correction over all of them is below 5 %, so that of pages on which nothing differs at most 5 % call "
-    "anything different. They are called equal where the interval lies within 5 points either way. Otherwise these "
-    "data cannot tell. The intervals of differences are widened to the level that Holm's correction leaves them, and "
-    "exclude 0 exactly where the verdict is different. Of one network a side the tests are exact (McNemar's on the "
-    "same episodes, Fisher's on others) and speak of these networks; of several, the network is the unit (t test), and "
-    "three are the fewest."
+    "All comparisons of this page are one family: two success rates are called different if the p-value after Holm's "
+    "correction over all of them is below 5 %. So of pages on which nothing differs, at most 5 % call anything "
+    "different. Two rates are called equal if the interval of their difference lies within 5 points either way. "
+    "Otherwise these data cannot tell. The intervals of differences are widened to the level that Holm's correction "
+    "leaves for them, and exclude 0 exactly where the verdict is different. With one network per side the tests are "
+    "exact (McNemar's on the same episodes, Fisher's on different ones) and hold for these networks only. With several "
+    "networks per side, the network is the unit (t test), and at least three are needed."
 )
 Verdict = Literal["different", "equal", "these data cannot tell"]
 Rows = Mapping[int, Mapping[Hashable, float]]  # training seed -> episode -> outcome (0 or 1, or a mean of such)
@@ -861,7 +861,7 @@ class Worth:
         """The value in one sentence."""
         n, rho, more = self.rho.n, self.rho, self.trials
         if n < FEWEST_PAIRED:
-            return f"{CANNOT_TELL} what the simulator is worth: {n} paired trials, {FEWEST_PAIRED} are the fewest"
+            return f"{CANNOT_TELL} what the simulator is worth: {n} paired trials, {FEWEST_PAIRED} are needed"
         if math.isnan(rho.value):
             return f"{CANNOT_TELL} what the simulator is worth: on one side all of {n} paired trials end alike"
         said = f"{n} paired trials, rho {rho.value:.2f} ({rho.low:.2f} to {rho.high:.2f})"

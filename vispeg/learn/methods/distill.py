@@ -93,7 +93,7 @@ def collect(
     """
     n, rng = env.num_envs, stream(seed, "distill")
     length, rows = -(-steps // n), np.tile(np.arange(n), looks)
-    ring = _room(env, length, seed, device, looks)
+    ring = _empty_ring(env, length, seed, device, looks)
     with looking(env.env, looks):
         for obs, ends, label, reward, done, infos in _steps(env, teacher, student, beta, noise, seed, rng, length):
             observations = side_by_side(obs, looks), side_by_side(ends, looks)
@@ -122,7 +122,7 @@ def demonstrations(
     """
     limit = max(10 * episodes, 4 * env.num_envs)
     longest = 60  # assumed steps per episode: the ring holds every step, of failed episodes too
-    ring = _room(env, -(-limit // env.num_envs) * longest, seed, device)
+    ring = _empty_ring(env, -(-limit // env.num_envs) * longest, seed, device)
     succeeded = tried = 0
     for obs, ends, label, reward, done, infos in _steps(
         env, teacher, None, 1.0, 0.0, seed, stream(seed, "demos"), None
@@ -147,7 +147,7 @@ def demonstrations(
     return ring, tried
 
 
-def _room(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks: int = 1) -> Replay:
+def _empty_ring(env: Sb3Env, length: int, seed: int, device: torch.device | str, looks: int = 1) -> Replay:
     """Return a ring for `length` steps of every row in every look.
 
     Each episode's end takes an entry of its own; there is room for one end in two steps.
