@@ -55,7 +55,7 @@ def test_the_page_shows_pictures_and_no_link_leaves_it(compared):
 
 def test_an_arm_alone_says_why_frames_are_left_out(compared, tmp_path, capsys):
     main(["compare", "iiwa14", "--recording", str(compared / "rig"), "--out", str(tmp_path / "arm")])
-    assert "frames are compared with a cell" in capsys.readouterr().out
+    assert "frames need the model of a cell" in capsys.readouterr().out
     assert "pictures" not in json.loads((tmp_path / "arm" / "compare.json").read_text())
 
 

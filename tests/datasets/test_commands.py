@@ -66,7 +66,7 @@ def test_colour_alone_is_the_same_colour_and_every_command_reads_it(tmp_path, mo
     capsys.readouterr()
     for args, said in (
         (["dataset", "export", "rgb", "--format", "bop", "--out", "bop"], "has no depth, which BOP has"),
-        ([*small, "--modality", "rgb", "--format", "bop", "--out", "bop"], "BOP has depth"),
+        ([*small, "--modality", "rgb", "--format", "bop", "--out", "bop"], "BOP requires depth"),
     ):
         assert main(args) == 2
         err = capsys.readouterr().err.strip()

@@ -58,7 +58,7 @@ def test_a_gap_from_records_and_a_robots_csv(vispeg, tmp_path, invented):
         (("sensitivity", "expert", "--sweep", "friction", "--sweep", "light", "--out", "g"), "changes images alone"),
         (("perturb", "expert", "--force", "60", "20", "--out", "g"), "not a push"),
         (("perturb", "expert", "--duration", "0", "--out", "g"), "--duration: not a push"),
-        (("suite", "run", "expert", "--out", "g"), "no target"),
+        (("suite", "run", "expert", "--out", "g"), "needs exactly one target"),
         (("suite", "run", "expert", "--train", "nominal", "--target", "nominal", "--out", "g"), "the same"),
         (("suite", "compare", "g"), "no such file"),
     ],

@@ -137,8 +137,8 @@ def test_tables_as_people_have_them(form, tmp_path):
     effects = {e.where: e.params["offset"].value for e in result.measurement.effects}
     assert set(effects) == set(MODEL.joints[1:6])
     said = " ".join(result.measurement.notes)
-    assert "joint1: its zero cannot be told from the base's frame" in said
-    assert "joint7: its zero cannot be told from the tool's frame" in said
+    assert "joint1: its zero cannot be distinguished from the base's frame" in said
+    assert "joint7: its zero cannot be distinguished from the tool's frame" in said
 
 
 def test_the_effects_go_into_a_model(tmp_path):

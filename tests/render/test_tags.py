@@ -113,9 +113,9 @@ def test_what_is_no_tag_is_one_line(taken):
         calibrate(folder, **options)
     with pytest.raises(UserError, match="no such tag; expected 0 to 586"):
         calibrate(folder, tag=9999, **options)
-    with pytest.raises(UserError, match="is not of a tag"):
+    with pytest.raises(UserError, match="does not apply to a tag"):
         calibrate(folder, "9x6", **options)
     with pytest.raises(UserError, match="no size of a square"):
         calibrate(folder, **{**options, "square": 0.0})
-    with pytest.raises(UserError, match="is of --board tag|is of board tag"):
+    with pytest.raises(UserError, match="applies only to (--)?board tag"):
         calibrate(folder, "9x6", 0.02, tag=3)

@@ -148,7 +148,7 @@ def test_a_motion_that_touches_is_photographed_where_the_arm_is():
     scene = replace(believed(rec.cell).scene, cameras=("wrist_wide",))
     right, wrong = (compare_frames(rec, scene, w, backend="raycast") for w in (plant, World()))
     assert max(c.depth_rms for c in right) < 1.0 < min(c.depth_rms for c in wrong), "mm"
-    with pytest.raises(UserError, match="pictures of one run"):
+    with pytest.raises(UserError, match="pictures need a single run"):
         record_in_cell(plant, "tap", {}, repeat=2, cameras=cameras)
 
 

@@ -1,1 +1,1 @@
-"""The Python interface, one file per family of functions; `import vispeg` exports them and the commands call them."""
+"""The Python interface, one file per family of functions; `vispeg` exports them, and the commands call them."""

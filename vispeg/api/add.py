@@ -1,4 +1,4 @@
-"""An effect is added to a model file: what `vispeg add` does, from Python."""
+"""Add an effect to a model file, as `vispeg add` does."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class AddedEffects:
-    """A model file with the effects that were added.
+    """A model file with added effects.
 
     Attributes:
-        file: of the model.
+        file: the model file.
         world: the model.
-        added: effects that came in, or got new values.
+        added: effects that were added, or got new values.
     """
 
     file: Path
@@ -42,19 +42,19 @@ class AddedEffects:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg add --json` prints."""
+        """The output of `vispeg add --json`."""
         added = [placed_dict(instance) for instance in self.added]
         return {"model": str(self.file), "label": self.world.label, "added": added}
 
     @property
     def summary(self) -> list[Block]:
-        """The model and the values of each effect that was added."""
+        """The model, and the values of each added effect."""
         lines = [f"{self.file}: {self.world.label}"]
         for instance in self.added:
             params = effect(instance.effect).params
             each = ", ".join(f"{k} {_shown(v)} {params[k].unit}" for k, v in instance.params.items())
             lines.append(f"{instance.label}: {each}")
-        # who states a value by hand knows that it has no interval
+        # no warning for values that the user stated, which never have an interval
         measured = [e for e in self.added if any(v.low is not None for v in e.params.values())]
         bare = [Line(constant(e, names), warning=True) for e in measured if (names := without_interval(e))]
         return [*(Line(text, path=True) for text in lines), *bare]
@@ -72,15 +72,15 @@ def add(
     settings: str | Sequence[str] = (),
     overwrite: bool = False,
 ) -> AddedEffects:
-    """Add an effect, set the values of one that is there, or add the effects of a measurement.
+    """Add an effect, change the values of an existing one, or add the effects of a measurement.
 
     Args:
         model: a model file, a robot's name, or a path to an MJCF or URDF.
         name: an effect's name (`vispeg effects` lists them), or a measurement file, whose effects are added.
         out: the model file to write.
-        where: place: a joint, a link, `flange`, `base`, or `all`; a measurement has its own.
+        where: place: a joint, a link, `flange`, `base`, or `all`; a measurement has its own place.
         settings: values, such as torque=1.2 velocity=0.05.
-        overwrite: replace `out`; what is no model is not.
+        overwrite: replace `out`, if it is a model file.
 
     Raises:
         UserError: no such model, effect, place or parameter; a measurement of another robot; `out` exists.
@@ -90,7 +90,7 @@ def add(
         raise UserError("not a model file", key="--out", expected="a name that ends in .yaml", got=str(path))
     world = read_model(model)
     if overwrite and path.is_file():
-        load_model(path)  # what is no model is not replaced
+        load_model(path)  # only a model file may be replaced
     robot = _places(world)
     if Path(name).suffix.lower() in (".yaml", ".yml"):
         if where is not None or settings:
@@ -106,7 +106,7 @@ def add(
 
 
 def _stated(name: str, where: str | None, settings: Sequence[str], world: World, robot: RobotModel) -> EffectInstance:
-    """Give the effect that is spelled out."""
+    """Return the effect with the stated values."""
     kind = effect(name)
     if where is None:
         raise UserError(f"{kind.name} needs a place", expected="WHERE after it", choices=kind.targets(robot))
@@ -118,7 +118,7 @@ def _stated(name: str, where: str | None, settings: Sequence[str], world: World,
 
 
 def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance]:
-    """Give the effects of a measurement file, intervals and all."""
+    """Return the effects of a measurement file, with their intervals."""
     measurement = load_measurement(file)
     if measurement.robot not in (None, world.robot) and not Path(measurement.robot or "").suffix:
         raise UserError("of another robot", file=file, key="robot", expected=world.robot, got=measurement.robot)
@@ -133,7 +133,7 @@ def _measured(file: str, world: World, robot: RobotModel) -> list[EffectInstance
 
 
 def _places(world: World) -> RobotModel:
-    """Return what effects can be placed on: the arm, or the cell with its own cameras and those named in the model."""
+    """Return the arm or cell that effects are placed on; a cell with its cameras and those named in the model."""
     robot = robot_of_world(world)
     if not isinstance(robot, Scene):
         return robot

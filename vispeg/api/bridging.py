@@ -1,4 +1,4 @@
-"""What `vispeg explain` says when a gap is not explained: the remainder played back, prices, and the verdict."""
+"""The parts of `vispeg explain` beyond causes: the unexplained torque played back, costs of steps, and the verdict."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from vispeg.worlds.world import World
 # HOME plays without the remainder, RANDOM with a random torque of the same size
 FOUND, LEFT, HOME, RANDOM = "as found", "as found, with the remainder", "home", "home, as much at random"
 DIAGNOSIS = "diagnosis.json"
-WIDER = 2.0  # times the remainder: the draws' upper end, so that they lie about it
-SMALL = 0.02  # of the worst joint's torque: less is not randomized
+WIDER = 2.0  # upper end of the random torque as a multiple of the remainder, so that draws lie around the remainder
+SMALL = 0.02  # share of the worst joint's torque; joints with less are not randomized
 MM = {"mm": 1.0, "m": 1e3}
 PlayJobs = Callable[[list[Job]], list[Episode]]
 
@@ -46,9 +46,9 @@ class Asked:
     """Options of an explanation that do not concern causes.
 
     Attributes:
-        remainder: episodes without and with what no cause explains; 0: none.
-        held_out: recordings that it is taken from; none: the trials'.
-        prices: of a person's work.
+        remainder: number of episodes without and with the unexplained torque; 0 for none.
+        held_out: recordings from which this torque is computed; if empty, those of the trials.
+        prices: costs of a person's work.
     """
 
     remainder: int = 0
@@ -56,14 +56,14 @@ class Asked:
     prices: Prices = field(default_factory=Prices)
 
     def check(self) -> None:
-        """Raise UserError for what cannot be."""
+        """Raise UserError for impossible values."""
         if self.remainder < 0:
             raise UserError("no number of episodes", key="--remainder", expected="0 or more", got=self.remainder)
         self.prices.check()
 
 
 def diagnosis_of(model: Path | None) -> Mapping[str, Any] | None:
-    """Give the diagnosis that stands beside a model file; None where there is none."""
+    """Return the diagnosis.json in the folder of a model file; None if there is none."""
     if model is None or not (beside := model.parent / DIAGNOSIS).is_file():
         return None
     values = read_json(beside, finite=False)
@@ -71,15 +71,15 @@ def diagnosis_of(model: Path | None) -> Mapping[str, Any] | None:
 
 
 def tolerance_mm(config: TaskConfig) -> float | None:
-    """Give the width of the goal less that of the part, mm; None of a task without one."""
+    """Return the width of the goal minus that of the part, mm; None for a task without a tolerance."""
     about = config.tolerance
     return None if about is None else getattr(config, about.setting) * MM[about.unit]
 
 
 def signs_of(config: TaskConfig) -> Sequence[Sign]:
-    """Return the signs of an unbridgeable gap (SVRC's guide, docs/sources.md) that a world's tolerance and arm decide.
+    """Return the signs of an unbridgeable gap (SVRC's guide, docs/sources.md) from tolerance and repeatability.
 
-    Empty where the world states neither.
+    Empty if the world does not state both.
     """
     room, repeats = tolerance_mm(config), config.robot.repeats_mm
     if room is None or repeats is None:
@@ -89,16 +89,16 @@ def signs_of(config: TaskConfig) -> Sequence[Sign]:
 
 @dataclass(frozen=True)
 class Bridging:
-    """The remainder of trials, and who plays it where.
+    """Compute and play the remainder of trials.
 
     Attributes:
         who: the policy.
-        world: of the model, by name or file.
-        file: the same, read.
+        world: name or file of the world.
+        file: the world, as read.
         named: effects that may be causes.
         task: settings of the task.
-        folder: for changed worlds.
-        seed: of the episodes.
+        folder: folder for changed worlds.
+        seed: seed of the episodes.
     """
 
     who: Entrant
@@ -110,15 +110,16 @@ class Bridging:
     seed: int
 
     def arm(self, robot: str) -> World:
-        """Return the identified arm: the world's effects, ranges at their middle, and those that the model names."""
+        """Return the identified arm: the world's effects, with ranges at their middle, and the named ones."""
         drawn = of_arm(self.file.world).middle(scene_of(self.file.task))
         return _searched(robot, (*drawn.effects, *self.named))
 
     def remainder(
         self, recordings: Sequence[Recording], replayed: Sequence[Trial], tick: float, notes: list[str]
     ) -> Remainder | None:
-        """Return the missing torque of the identified arm in the recordings, minus that of its own replays in their
-        worlds.
+        """Return the missing torque of the identified arm in the recordings, beyond that in its simulated replays.
+
+        None, with a note, if no recording is long enough.
         """
         missing = _missing(recordings, self.arm(recordings[0].robot))
         floor: list[Missing] = []
@@ -131,7 +132,11 @@ class Bridging:
         return found
 
     def play(self, remainder: Remainder, episodes: int, play: PlayJobs, notes: list[str]) -> list[list[Episode]]:
-        """Give the episodes as found, with the remainder, and the same at home; the latter two empty where none is."""
+        """Play episodes as found, with the remainder, at home, and at home with as much random torque.
+
+        Returns:
+            The four lists of episodes; the last two are empty if the training world is unknown.
+        """
         changes = tuple(Change(e.effect, {k: v.value for k, v in e.params.items()}, e.where) for e in self.named)
         at = _digest(remainder)
         plain = Setting(self.world, self.file.name, FOUND, changes, dict(self.task))
@@ -153,7 +158,7 @@ class Bridging:
         return [by.get(job.configuration, []) for job in jobs] + [[] for _ in range(4 - len(jobs))]
 
     def home(self, notes: list[str]) -> str | None:
-        """Give the world that the policy was trained in, of the scripted one the model's; None where it is gone."""
+        """Return the policy's training world, for the scripted policy the given world; None if it no longer exists."""
         if self.who.scripted:
             return self.world
         from vispeg.learn.coarse_to_fine import open_policy
@@ -169,7 +174,7 @@ class Bridging:
 
 
 def _searched(robot: str, effects: Sequence[EffectInstance]) -> World:
-    """Give an arm with these effects, of one place the last, as far as inverse dynamics shows them."""
+    """Return an arm with those effects that inverse dynamics shows; of several with one label, the last."""
     arm = of_arm(World(effects=tuple({e.label: e for e in effects}.values())))
     return World(robot).add(*(e for e in arm.effects if effect(e.effect).searchable))
 
@@ -179,7 +184,7 @@ def _missing(recordings: Sequence[Recording], world: World) -> list[Missing]:
 
 
 def _at_random(remainder: Remainder) -> list[tuple[str, float, float]]:
-    """Joint, greatest RMS (N m) and correlation time (s) of a random torque that covers the remainder."""
+    """Return (joint, largest RMS, N m, correlation time, s) of random torques that cover the remainder."""
     params = effect("torque_noise").params
     time = float(np.clip(remainder.block / 2, params["time"].low, params["time"].high))
     sizes = remainder.sizes()
@@ -191,7 +196,7 @@ def _at_random(remainder: Remainder) -> list[tuple[str, float, float]]:
 
 
 def _digest(remainder: Remainder) -> str:
-    """Return a digest of a remainder, by which a resumed run checks that it is unchanged."""
+    """Return a digest of a remainder, so that a resumed run can check that it is unchanged."""
     hashed = hashlib.sha256()
     for piece in remainder.pieces:
         hashed.update(np.round(piece, 6).tobytes())
@@ -199,10 +204,10 @@ def _digest(remainder: Remainder) -> str:
 
 
 def recordings_of(places: Sequence[Path], trials: Sequence[Trial]) -> list[Recording]:
-    """Give the held-out recordings; the trials' where none is named.
+    """Return the held-out recordings; those of the trials if none are named.
 
     Raises:
-        UserError: no recording there, or of another robot than the trials'.
+        UserError: there is no recording, or it is of another robot than the trials.
     """
     if not places:
         return [t.recording for t in trials]
@@ -227,7 +232,7 @@ def said(
     named: Sequence[EffectInstance],
     commands: Mapping[str, str],
 ) -> None:
-    """Put the remainder, the verdict, the cures and the next steps into a record."""
+    """Add the remainder, the verdict, the cures and the next steps to a record."""
     if remainder is not None and played:
         without, with_it, home, wide = played
         both = (home, wide) if home and wide else None
@@ -257,6 +262,6 @@ def said(
 
 
 def _alike(diagnosis: Mapping[str, Any] | None) -> set[str]:
-    """Give the labels of effects that the diagnosis could not tell from others."""
+    """Return the labels of effects that the diagnosis could not distinguish from others."""
     rows = [r for r in (diagnosis or {}).get("effects") or () if isinstance(r, dict)]
     return {f"{r.get('effect')}({r.get('where')})" for r in rows if r.get("indistinguishable_from")}

@@ -1,4 +1,4 @@
-"""`vispeg.calibrate`: a camera from images of a board and, for its place, the flange's poses."""
+"""`vispeg.calibrate`: calibrate a camera from images of a board and, for its pose, poses of the flange."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from vispeg.report.write import write_json
 
 @dataclass(frozen=True, repr=False)
 class CalibrationResult(Result):
-    """A calibrated camera; intervals are of 95 %.
+    """A calibrated camera with 95 % intervals.
 
     Attributes:
-        record: what results.json holds, see docs/cameras.md.
-        camera: intrinsics, distortion and, with poses, where it sits.
-        board: that was seen.
-        images: their folder.
+        record: content of results.json, see docs/cameras.md.
+        camera: intrinsics, distortion and, with poses, the camera's pose.
+        board: the board in the images.
+        images: folder of the images.
         calibration: the fit behind the record.
-        flange: poses of the flange on the base, one a used image, (n, 4, 4); None without.
-        sources: what was read.
+        flange: (n, 4, 4) poses of the flange on the base, one per used image; None without poses.
+        sources: files and folders that were read.
     """
 
     record: Mapping[str, Any]
@@ -53,7 +53,7 @@ class CalibrationResult(Result):
 
     @property
     def summary(self) -> list[Block]:
-        """The numbers with their intervals, a row an image, and what to know before using them."""
+        """The numbers with their intervals, one row per image, and notes."""
         return calibration_summary(self.record)
 
     def _write(self, folder: Path) -> None:
@@ -82,15 +82,15 @@ def calibrate(
     distortion: Distortion = "brown4",
     name: str = "camera",
 ) -> CalibrationResult:
-    """Calibrates a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
+    """Calibrate a camera; with `poses` also its pose on the flange, or on the base with the board on the flange.
 
     Args:
-        images: folder of images of one size, or a recording with frames, whose joints say where the flange was.
-        pattern: COLUMNSxROWS: inner corners of a chessboard (9x6), squares of a ChArUco board; none for a tag.
+        images: folder of images of one size, or a recording with frames, whose joint angles give the flange's poses.
+        pattern: COLUMNSxROWS: inner corners of a chessboard (9x6), or squares of a ChArUco board; omit it for a tag.
         square: side of a square, or of a tag's black frame, m.
         board: what the images show; tag is one AprilTag or ArUco marker.
         marker: ChArUco: side of a marker, m.
-        dictionary: OpenCV's name of the markers' dictionary; default: DICT_4X4_50, of a tag DICT_APRILTAG_36h11.
+        dictionary: OpenCV's name of the markers' dictionary; default: DICT_4X4_50, for a tag DICT_APRILTAG_36h11.
         legacy: ChArUco: a board of OpenCV before 4.6 (begins with a marker if the number of rows is even).
         tag: number of the tag; default: the only one in the images.
         poses: the flange on the base in each image: CSV (file, x, y, z in m, qw, qx, qy, qz), or a folder of ViSP's
@@ -98,23 +98,25 @@ def calibrate(
         mount: what the camera is fixed to.
         intrinsics: known intrinsics instead of fitted ones: a camera file, OpenCV's, ROS's or ViSP's.
         distortion: lens terms to fit: none; radial: k1 k2; brown4: k1 k2 p1 p2; brown5: k1 k2 p1 p2 k3.
-        name: the camera's name in camera.yaml; of a recording with several cameras, the one to take.
+        name: the camera's name in camera.yaml; for a recording with several cameras, the one to calibrate.
 
     Raises:
         UserError: images without the board, too few views, motion that does not determine the camera's pose.
     """
     taken = photographs(images, poses, name)
     if intrinsics is not None and taken.flange is None:
-        raise UserError("nothing is left to find", expected="--poses, or no --intrinsics")
+        raise UserError(
+            "with known intrinsics and no poses there is nothing to find", expected="--poses, or no --intrinsics"
+        )
     if board == "tag":
         if pattern or marker:
             given = "--pattern" if pattern else "--marker"
-            raise UserError("is not of a tag", key=given, expected="--square, the side of its black frame, m")
+            raise UserError("does not apply to a tag", key=given, expected="--square, the side of its black frame, m")
         printed = rooms.Board("tag", 1, 1, square, 0.0, dictionary or "DICT_APRILTAG_36h11", tag=tag)
         printed = the_tag(taken.files, printed)
     else:
         if tag is not None:
-            raise UserError("is of --board tag", key="--tag", got=tag)
+            raise UserError("applies only to --board tag", key="--tag", got=tag)
         marks = (marker, dictionary or "DICT_4X4_50", legacy) if board == "charuco" else (0.0, "", False)
         printed = rooms.Board(board, *parse_pattern(pattern), square, *marks)
     lens = None if intrinsics is None else read_intrinsics(Path(intrinsics))

@@ -1,4 +1,4 @@
-"""`vispeg camera place` from Python: hand-eye calibration from robot poses and a tag's poses in the camera."""
+"""Hand-eye calibration from robot poses and a tag's poses in the camera, as `vispeg camera place` does."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class CameraPlace(Result):
     """The pose of a camera with 95 % intervals.
 
     Attributes:
-        record: what results.json holds, see docs/cameras.md.
+        record: content of results.json, see docs/cameras.md.
         camera: the camera with its intrinsics; None if none were given.
-        sources: what was read.
+        sources: files that were read.
     """
 
     record: Mapping[str, Any]
@@ -82,18 +82,18 @@ def place_camera(
     intrinsics: str | Path | None = None,
     name: str = "camera",
 ) -> CameraPlace:
-    """Find where a camera is on the flange (a tag at rest), or on the base (a tag on the flange).
+    """Find a camera's pose on the flange (tag at rest), or on the base (tag on the flange).
 
     Args:
         table: table of poses (.csv, .csv.gz, .parquet).
         robot: the robot whose joint angles the table has, instead of the flange's poses.
-        mount: what the camera is fixed to; the tag rests, or is on the flange.
-        orientation: meaning of three angles; default: the interpretation that fits.
-        intrinsics: the camera's intrinsics, for a camera file: a camera file, OpenCV's, ROS's or ViSP's.
+        mount: what the camera is fixed to; with `flange` the tag is at rest, with `base` it is on the flange.
+        orientation: meaning of three angles; default: the interpretation that fits the data.
+        intrinsics: file of the camera's intrinsics (this project's, OpenCV's, ROS's or ViSP's), to write a camera file.
         name: the camera's name in camera.yaml.
 
     Raises:
-        UserError: no such table, motion that does not determine the pose, or units that the data leave open.
+        UserError: no such table, motion that does not determine the pose, or units that the data do not determine.
     """
     path = Path(table)
     robots, tags = _both(path, robot, orientation)
@@ -101,7 +101,7 @@ def place_camera(
     try:
         found = place(tag, flange, mount)
     except UserError as error:
-        raise UserError(f"the camera's place cannot be told: {error}", file=path) from error
+        raise UserError(f"the camera's pose cannot be determined: {error}", file=path) from error
     files = [p for p in (path, None if intrinsics is None else Path(intrinsics)) if p is not None]
     record = _record(found, mount, said, path)
     record["provenance"] = here(None, {str(p): f"sha256:{digest(p)}" for p in files if p.exists()})
@@ -119,7 +119,7 @@ def _both(
         both = [poses_of(table, columns, form) for columns in two_poses(table)]
         flange, tag = ([(_matrix(p, t), f"{who} {said}" if said else "") for p, t, said in ways]
                        for who, ways in zip(("the robot's", "the tag's"), both, strict=True))  # fmt: skip
-        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm have to be stated
+        usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm must be stated in the header
         return usual or flange, tag
     model = load(placed(robot))
     ways: list[Readings] = readings(path, model.joints, form)

@@ -1,4 +1,4 @@
-"""The cameras of a file: what `vispeg camera show` does, from Python."""
+"""Show the cameras of a file, as `vispeg camera show` does."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ HEADS = ("camera", "px", "fx fy", "cx cy", "field deg", "lens k1 k2 p1 p2 k3", "
 
 @dataclass(frozen=True)
 class CameraTable:
-    """Cameras, a row each."""
+    """A table of cameras, one per row."""
 
     cameras: Sequence[Camera]
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg camera show --json` prints."""
+        """The output of `vispeg camera show --json`."""
         return {"cameras": [to_record(camera) for camera in self.cameras]}
 
     @property
     def summary(self) -> list[Block]:
-        """Size, intrinsics, field of view, lens, place and direction of each."""
+        """Size, intrinsics, field of view, lens, position and direction of each camera."""
         return [Sheet([Column(head) for head in HEADS], [_row(camera) for camera in self.cameras])]
 
     def _repr_html_(self) -> str:
@@ -37,7 +37,10 @@ class CameraTable:
 
 
 def show_cameras(file: str | Path) -> CameraTable:
-    """Read the project's YAML, OpenCV's, or ROS's camera_info. Raises UserError for a file that is none of them.
+    """Read the cameras of a file: this project's YAML, OpenCV's, or ROS's camera_info.
+
+    Raises:
+        UserError: a file of another kind.
 
     Args:
         file: camera file.

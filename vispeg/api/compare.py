@@ -1,4 +1,4 @@
-"""`vispeg.compare`: a model against recordings, nothing fitted."""
+"""`vispeg.compare`: compare a model with recordings, without fitting."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vispeg.report.text.summary import Block
 from vispeg.report.text.terminal import comparison_summary
 from vispeg.report.write import finite, write_comparison
 
-UNSEEN = f"frames are compared with a cell, as {OPEN_CELL} is, or with a robot's file that shows more than its arm"
+UNSEEN = f"frames need the model of a cell, such as {OPEN_CELL}, or a robot's file that shows more than its arm"
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class ComparisonResult(Result, Drawn):
-    """How far a model is off.
+    """The error of a model.
 
     Attributes:
-        record: what compare.json holds, see docs/formats.md.
-        arrays: measured and predicted values behind the pictures, as in evidence.npz.
-        sources: what was read.
+        record: content of compare.json, see docs/formats.md.
+        arrays: measured and predicted values, as in evidence.npz.
+        sources: files and folders that were read.
     """
 
     record: Mapping[str, Any]
@@ -47,27 +47,28 @@ class ComparisonResult(Result, Drawn):
 
     @property
     def error(self) -> float:
-        """RMS error over all joints, rad; N m where compared by torque, px of borders where by pictures
-        alone; NaN where all diverged.
+        """RMS error over all joints, rad; N m if torques are compared, px of borders for pictures only.
+
+        NaN if the model diverged in all recordings.
         """
         error = self.record["ladder"][-1]["heldout_error"]
         return float("nan") if error is None else error
 
     @property
     def noise_floor(self) -> float:
-        """RMS of the sensor noise, in the unit of `error`; NaN where only pictures are compared, whose is not known."""
+        """RMS of the sensor noise, in the unit of `error`; NaN if only pictures are compared, as theirs is unknown."""
         return self.record["noise_floor"]["value"] if "noise_floor" in self.record else float("nan")
 
     @property
     def summary(self) -> list[Block]:
-        """The error in words and joint by joint."""
+        """The error in words and for each joint."""
         return comparison_summary(self.record)
 
     def plot(self, recording: int = 0) -> Figure:
-        """Draw measured values, the model's, and their difference of one recording, a row a joint; see `Result.plot`.
+        """Draw measured and predicted values of a recording and their difference, one row per joint; see `Result.plot`.
 
         Args:
-            recording: its number.
+            recording: number of the recording, from 0.
         """
         from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.evidence import evidence_of
@@ -93,22 +94,24 @@ def compare(
     threads: int = 2,
     reading: Reading = silent,
 ) -> ComparisonResult:
-    """Compare a model, driven by the recorded commands, with recordings: size, joint and time of its error.
+    """Compare a model, driven by the recorded commands, with recordings: size, joint and time of the error.
 
-    A model of a cell is also compared by the wrench at the wrist, by axis and phase of contact. So are pictures with a
-    model of a cell, or of a robot whose file shows more than the arm. They are predicted at the measured angles:
-    `record["pictures"]` holds the errors of borders, depth and colour. Recordings are folders, or in memory.
+    With the model of a cell, the wrench at the wrist is also compared, by axis and phase of contact. Pictures are
+    compared with the model of a cell, or of a robot whose file shows more than the arm; they are rendered at the
+    measured angles, and `record["pictures"]` holds the errors of borders, depth and colour. Recordings are folders, or
+    objects in memory.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
         recordings: recordings of one robot to compare with.
-        channels: the evidence to compare: joints, contact, pictures; default: what `vispeg diagnose` looks in.
-        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
-        threads: threads of the simulation.
-        reading: progress display of reading a recording.
+        channels: channels to compare: joints, contact, pictures; default: the channels that `vispeg diagnose` uses.
+        seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
+            everything.
+        threads: number of threads for the simulation.
+        reading: shows progress while a recording is read.
 
     Raises:
-        UserError: a model or a recording that cannot be read, or that cannot be compared with each other.
+        UserError: the model or a recording cannot be read, or they cannot be compared.
     """
     whole = windows(model, seconds, recordings)
     inputs = read_inputs(model, recordings, (), need_validate=False, **whole, reading=reading)
@@ -135,7 +138,7 @@ def compare(
 
 
 def _unseen(inputs: Inputs) -> str:
-    """Why pictures that there are were not compared; empty where there are none."""
+    """Return a note on pictures that were not compared, or on recordings without pictures; empty if neither applies."""
     looked = [rec for rec in inputs.fitted if rec.frames is not None]
     unseen = [rec.name for rec in looked if not seen(inputs.world, rec)]
     if unseen:

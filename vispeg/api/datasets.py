@@ -1,4 +1,4 @@
-"""`vispeg.render_dataset`: a randomized RGB-D dataset of the task; and `check_dataset`: whether one is whole."""
+"""`vispeg.render_dataset` renders a randomized dataset of the task; `check_dataset` checks a dataset for damage."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vispeg.datasets.shards.engine import local, on_ray
 from vispeg.datasets.shards.rendering import render
 from vispeg.report.text.summary import Block, Line, html
 
-Begun = Callable[[int, int], None]  # called with the number of frames, and of those of an earlier run
+Begun = Callable[[int, int], None]  # called with the number of frames in all, and of those from an earlier run
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class RenderedDataset:
     """A dataset on disk.
 
     Attributes:
-        path: its folder.
-        frames: in all; one moment in one look, seen by every camera.
-        cameras: their names.
-        resumed: frames that an earlier run had left.
-        seconds: that the others took.
+        path: folder of the dataset.
+        frames: total number of frames; a frame is one moment in one look, seen by every camera.
+        cameras: names of the cameras.
+        resumed: number of frames from an earlier run.
+        seconds: time that the other frames took, s.
     """
 
     path: Path
@@ -44,18 +44,18 @@ class RenderedDataset:
     seconds: float
 
     def open(self) -> Dataset | Stored:
-        """Give the dataset, to read frames from."""
+        """Open the dataset for reading."""
         return open_dataset(self.path)
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg render --json` prints."""
+        """The output of `vispeg render --json`."""
         numbers = {"frames": self.frames, "resumed": self.resumed, "seconds": round(self.seconds, 1)}
         return {"dataset": str(self.path), "cameras": list(self.cameras), **numbers}
 
     @property
     def summary(self) -> list[Block]:
-        """How many frames of how many cameras, where, and how fast."""
+        """A line with numbers of frames and cameras, folder, and speed."""
         new = self.frames - self.resumed
         rate = f"{new / max(self.seconds, 1e-9):.1f} frames/s" if new else "nothing left to draw"
         again = f", {self.resumed} of them from before" if self.resumed else ""
@@ -70,13 +70,13 @@ class RenderedDataset:
 
 @dataclass(frozen=True)
 class CheckedDataset:
-    """What is wrong with a dataset.
+    """The result of a check of a dataset.
 
     Attributes:
-        path: its folder, as it was named.
-        faults: a line each; empty where nothing is wrong.
-        frames, episodes: how many.
-        megabytes: of all its files.
+        path: folder of the dataset, as named by the user.
+        faults: one line per fault; empty if nothing is wrong.
+        frames, episodes: number of frames and of episodes.
+        megabytes: size of all its files, MB.
     """
 
     path: Path
@@ -87,13 +87,13 @@ class CheckedDataset:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg dataset check --json` prints."""
+        """The output of `vispeg dataset check --json`."""
         sizes = {"frames": self.frames, "episodes": self.episodes, "megabytes": round(self.megabytes, 1)}
         return {"dataset": str(self.path), **({} if self.faults else sizes), "wrong": [*self.faults]}
 
     @property
     def summary(self) -> list[Block]:
-        """A line for each fault, or the size of a dataset without any."""
+        """One line per fault, or the size of a faultless dataset."""
         if self.faults:
             return [Line(fault, path=True) for fault in self.faults]
         many = f"{self.episodes} episode" + "s" * (self.episodes != 1)
@@ -107,14 +107,14 @@ class CheckedDataset:
 def check_dataset(
     dataset: str | Path, *, watch: Callable[[int, int], None] = lambda frames, total: None
 ) -> CheckedDataset:
-    """Find records that are cut short, changed, repeated or contradictory, in any layout.
+    """Find records that are truncated, changed, repeated or contradictory, in a dataset of any layout.
 
     Args:
         dataset: folder of the dataset.
-        watch: called with the number of frames just checked and of all.
+        watch: called with the number of frames just checked, and of all frames.
 
     Raises:
-        UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
+        UserError: no dataset, or its `meta/info.json` cannot be read.
     """
     data = open_dataset(dataset)
     faults = check(dataset, lambda frames: watch(frames, len(data)))
@@ -142,31 +142,31 @@ def render_dataset(
     begun: Begun = lambda frames, resumed: None,
     watch: Callable[[int], None] = lambda frames: None,
 ) -> RenderedDataset:
-    """Render a dataset: the expert plays, and the cameras draw each moment in several looks; see docs/datasets.md.
+    """Render a dataset: the expert plays, and the cameras render each moment in several looks; see docs/datasets.md.
 
-    A stopped rendering goes on when it is called again, and ends with the same bytes.
+    Call it again to continue a stopped rendering; the result has the same bytes.
 
     Args:
         out: folder of the dataset, new or empty.
         world: a built-in world's name or a world file.
-        frames: frames in all; a frame is one moment in one look, by every camera.
-        looks: looks of every episode; its physics runs once.
+        frames: total number of frames; a frame is one moment in one look, seen by every camera.
+        looks: number of looks of every episode; its physics runs once.
         cameras: cameras; default: the world's.
-        size: pixels of a picture's shorter side; 0 for the cameras' own.
+        size: pixels of a picture's shorter side; 0 for the cameras' own size.
         seed: seed of everything random.
-        noise: noise on the expert's actions: standard deviation, as a share of the greatest action.
+        noise: standard deviation of the noise on the expert's actions, as a share of the largest action.
         labels: draw segmentation images; poses are always written.
-        modality: rgb: write no depth, which policies of LeRobot do not see and its loader reads slowly.
-        workers: processes of one thread each; 0 for this process alone.
+        modality: rgb writes no depth, which LeRobot's policies do not use and its loader reads slowly.
+        workers: number of processes with one thread each; 0 to use only this process.
         engine: where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
         format: layout of the folder: LeRobotDataset v3.0, BOP, or plain PNG and CSV files.
         backend: renderer, if the world names none.
         overwrite: replace `out` if it exists, once the new dataset is complete.
-        begun: called once with the number of frames, and of those that exist.
-        watch: called with frames as they are drawn.
+        begun: called once with the number of frames, and of those that exist already.
+        watch: called with the number of new frames after each batch.
 
     Raises:
-        UserError: an unknown world or camera, impossible numbers, or `out` holds something else.
+        UserError: an unknown world or camera, impossible numbers, or `out` holds other files.
     """
     from vispeg.demonstrations.plan import plan_of
     from vispeg.demonstrations.stage import shard
@@ -174,7 +174,7 @@ def render_dataset(
     if workers < 0:
         raise UserError("must not be negative", key="workers", got=workers)
     if modality == "rgb" and format == "bop":
-        raise UserError("BOP has depth", key="modality", expected="rgbd", got=modality)
+        raise UserError("BOP requires depth", key="modality", expected="rgbd", got=modality)
     if engine == "ray":
         require("ray", "--engine ray")
     shape = {"looks": looks, "cameras": several(cameras), "size": size, "seed": seed, "noise": noise}

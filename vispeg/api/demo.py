@@ -1,4 +1,4 @@
-"""The main job on bundled recordings: what `vispeg demo` does, from Python."""
+"""Compare and diagnose a model with bundled recordings, as `vispeg demo` does."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class Hidden(TypedDict):
 
 @dataclass(frozen=True, repr=False)
 class Demonstration(Result):
-    """A diagnosis of bundled recordings, beside what was hidden in the robot that made them.
+    """A diagnosis of bundled recordings, and the effects that were hidden in the recorded robot.
 
     Attributes:
-        comparison: of the nominal model with the held-out recording.
-        diagnosis: what the model lacks.
-        hidden: what was hidden.
-        pictures: file name -> PNG: the robot in its cell, and what policies are trained on; empty where nothing draws.
-        problem: why there are no pictures; "" where there are.
+        comparison: the comparison of the nominal model with the held-out recording.
+        diagnosis: the effects that the model lacks.
+        hidden: the hidden effects.
+        pictures: file name -> PNG of the robot in its cell and of a contact sheet; may be empty.
+        problem: why pictures are missing; "" if none is.
     """
 
     comparison: ComparisonResult
@@ -55,12 +55,12 @@ class Demonstration(Result):
 
     @property
     def record(self) -> Mapping[str, object]:
-        """What `vispeg demo --json` prints: diagnosis.json, and what was hidden."""
+        """The output of `vispeg demo --json`: diagnosis.json, and the hidden effects."""
         return {**self.diagnosis.record, "hidden": list(self.hidden)}
 
     @property
     def summary(self) -> list[Block]:
-        """The falling error first; the verdict, the effects, and what was hidden."""
+        """The decrease of the error, the verdict, the effects found, and the hidden ones."""
         record = self.diagnosis.record
         effects = [effects_table(record)] if record["effects"] else []
         verdict = Line(words.verdict(record), head=record["verdict"])
@@ -84,8 +84,8 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
 
     Args:
         seed: seed of everything random.
-        threads: threads of the simulation.
-        say: called with a line on each step.
+        threads: number of threads for the simulation.
+        say: called with a line of text at each step.
     """
     place = assets() / "recordings"
     fitted, held_out = ([place / name for name in names] for names in (FITTED, HELD_OUT))
@@ -102,8 +102,10 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
 
 
 def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
-    """Give the robot and the contact sheet as PNG by file name, where the robot's joints lie, and what is in the
-    way.
+    """Draw the robot and the contact sheet.
+
+    Returns:
+        File name -> PNG; place of an effect -> [x, y] in the robot's picture; and the reason if a picture is missing.
     """
     pictures: dict[str, bytes] = {}
     places: dict[str, list[float]] = {}
@@ -111,6 +113,6 @@ def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
         image, places = robot_picture.draw()
         pictures[ROBOT] = encode(np.ascontiguousarray(image))
         pictures[SHEET] = encode(contact_sheet.draw(seed=seed))
-    except UserError as error:  # the diagnosis stands without pictures
+    except UserError as error:  # the diagnosis is complete without pictures
         return pictures, places, str(error)
     return pictures, places, ""

@@ -1,4 +1,4 @@
-"""`vispeg.diagnose`: names the effects that a model lacks."""
+"""`vispeg.diagnose`: name the effects that a model lacks."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class DiagnosisResult(Result, Drawn):
-    """The effects that a model lacks; every error is on the held-out recordings.
+    """The effects that a model lacks, with errors on the held-out recordings.
 
     Attributes:
-        record: what diagnosis.json holds, see docs/formats.md.
-        world: the model with the effects that were accepted; `effects` are those.
-        arrays: measured and predicted values behind the pictures, as in evidence.npz.
-        effects: with values and 95 % intervals; `partial` where they leave a remainder.
-        sources: what was read.
+        record: content of diagnosis.json, see docs/formats.md.
+        world: the model with the accepted effects.
+        arrays: measured and predicted values, as in evidence.npz.
+        effects: the accepted effects with values and 95 % intervals; marked `partial` if a residual remains.
+        sources: files and folders that were read.
     """
 
     record: DiagnosisRecord
@@ -64,17 +64,17 @@ class DiagnosisResult(Result, Drawn):
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Held-out RMS error of the model as it was and as it is now, rad (or N m, see `record`)."""
+        """Held-out RMS error of the given and of the corrected model, rad (or N m, see `record`)."""
         first, last = (self.record["ladder"][at]["heldout_error"] for at in (0, -1))
         return float("nan" if first is None else first), float("nan" if last is None else last)
 
     @property
     def summary(self) -> list[Block]:
-        """The verdict, the fall of the error, the effects with their intervals, and what to do next."""
+        """The verdict, the decrease of the error, the effects with intervals, and the next step."""
         return diagnosis_summary(self.record)
 
     def plot(self) -> Figure:
-        """Draw how the error falls from model to model, with the noise floor; see `Result.plot`."""
+        """Draw the error of each model of the ladder, with the noise floor; see `Result.plot`."""
         from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.drawings.ladder import ladder_figure
         from vispeg.report.evidence import Evidence
@@ -116,39 +116,40 @@ def diagnose(
     likely: Callable[[ProposalRecord], None] = lambda record: None,
     reading: Reading = silent,
 ) -> DiagnosisResult:
-    """Name the physical effects that a model lacks and add them.
+    """Name the physical effects that a model lacks, and add them to it.
 
-    Recordings are folders, or in memory. `record["baseline"]` holds the effects before a change, `record["cost"]` what
-    the remaining error costs a policy.
+    Recordings are folders, or objects in memory. `record["baseline"]` holds the effects before a change,
+    `record["cost"]` the cost of the remaining error to a policy.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF; an MJCF of one free body is an
             object, whose recordings are tosses (docs/formats.md).
         recordings: recordings to fit.
         validate: held-out recordings, never fitted.
-        hold_out: without `validate`: judge on this share of each recording, its end; 0.3 is usual, a recording of
-            another motion judges better.
-        baseline: an earlier recording of the same robot; two or more, the last one is held out. The effects named are
+        hold_out: without `validate`: hold out the end of each recording, this share of it; 0.3 is usual. A recording of
+            another motion is a better test.
+        baseline: two or more earlier recordings of the same robot, of which the last is held out. The named effects are
             then the change since.
-        seconds: of longer recordings, use the most informative windows, this many seconds in all; 0 uses everything.
+        seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
+            everything.
         seed: seed of everything random.
-        threads: threads of the simulation.
-        policies: a policy's folder or name, or `expert`: state what the remaining error costs it, in success.
+        threads: number of threads for the simulation.
+        policies: a policy's folder or name, or `expert`, to state what the remaining error costs it in success.
         cell: world of the policy: a built-in world's name or a world file.
-        episodes: episodes of the policy, with and without the remaining error.
-        part: a folder of finished steps until the result is saved; with the same arguments and folder a stopped
-            diagnosis goes on.
-        channels: the evidence to diagnose; default: all that the recordings hold, in a cell the joints only beside both
-            others.
-        rooms: what `channels` was called; goes with the next release.
-        say: called with a line on each step.
-        likely: called within seconds with what torques call for, before the search confirms or corrects it: the
-            `proposal` of docs/formats.md.
-        reading: progress display of reading a recording.
+        episodes: number of episodes of the policy, with and without the remaining error each.
+        part: folder that keeps finished steps until the result is saved; with the same arguments and folder, a stopped
+            diagnosis continues.
+        channels: channels to diagnose; default: all that the recordings hold, but in a cell the joints only together
+            with contact and pictures.
+        rooms: former name of `channels`; to be removed in the next release.
+        say: called with a line of text at each step.
+        likely: called after a few seconds with the effects that torques suggest, which the search then confirms or
+            corrects: the `proposal` of docs/formats.md.
+        reading: shows progress while a recording is read.
 
     Raises:
-        UserError: a model or a recording that cannot be read or compared, or in which nothing moves; a policy that
-            cannot be played, or whose cell has another robot.
+        UserError: the model or a recording cannot be read or compared, or nothing moves in it; or a policy cannot be
+            played, or its cell has another robot.
     """
     channels = renamed([channels] if isinstance(channels, str) else channels, rooms)
     check_seed(seed)
@@ -180,7 +181,7 @@ def diagnose(
         result = conduct.diagnose(looking, inputs.world, both, how)
     else:
         if channels and tuple(channels) != ("joints",):
-            raise UserError("a change is told in the joints alone", key="--channels", got=" ".join(channels))
+            raise UserError("a change can only be found in the joints", key="--channels", got=" ".join(channels))
         was = (*before.fitted, *before.held_out)
         options = {"seed": seed, "nthread": threads, "say": say, "progress": progress, "likely": likely}
         result = diagnose_change(inputs.world, was, *both, **options)
@@ -198,12 +199,16 @@ def diagnose(
 
 
 def renamed(channels: Sequence[str], rooms: Sequence[str]) -> Sequence[str]:
-    """Give the channels that were asked for, by the argument's name or by its earlier one, of which it warns."""
+    """Return the requested channels; warn if the former argument `rooms` is used.
+
+    Raises:
+        UserError: both arguments are given.
+    """
     if not rooms:
         return channels
     warnings.warn("rooms is called channels now; the old name goes with the next release", FutureWarning, stacklevel=4)
     if channels:
-        raise UserError("is what --channels was called; both were given", key="--rooms", expected="--channels alone")
+        raise UserError("is the former name of --channels; both are given", key="--rooms", expected="only --channels")
     return rooms
 
 
@@ -215,7 +220,7 @@ def progress_of(inputs: Inputs, seconds: float, seed: int, part: Path, before: I
 
 
 def _before(model: Model, baseline: Source | Sequence[Source], seconds: float, reading: Reading) -> Inputs | None:
-    """Give the baseline's recordings, the last one to judge on; None without any."""
+    """Read the recordings of the baseline, the last of which is held out; None without any."""
     sources = [baseline] if isinstance(baseline, Recording | str | Path) else [*baseline]
     if not sources:
         return None

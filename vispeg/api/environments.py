@@ -22,16 +22,16 @@ def make(
     render_mode: str | None = None,
     **settings: Any,
 ) -> TaskEnv:
-    """One environment of a world's task, a `gymnasium.Env`.
+    """Return one environment of a world's task, a `gymnasium.Env`.
 
     Args:
         world: a world, a built-in world's name (`vispeg worlds` lists them) or a world file.
         obs_mode: `state`, `proprio`, `depth`, `rgb` or `rgbd`.
-        privileged: whether observations hold the ground truth too, as `privileged`, for critics and teachers.
-        depth_image: whether depth comes as uint8 images (2 mm a level, 0 = no reading) in place of float32 metres.
-        measured: whether observations hold readings in SI units too, as rendered datasets have them.
+        privileged: add the ground truth to observations, as `privileged`, for critics and teachers.
+        depth_image: give depth as uint8 images (2 mm per level, 0 for no reading) instead of float32 metres.
+        measured: add readings in SI units to observations, as in rendered datasets.
         render_mode: `rgb_array` for pictures from outside.
-        settings: of the task, in place of the world's, such as `steps=60`; see `vispeg.task.config.TaskConfig`.
+        settings: settings of the task in place of the world's, such as `steps=60`; see `vispeg.task.config.TaskConfig`.
 
     Raises:
         UserError: no such world, mode or setting.
@@ -54,13 +54,13 @@ def make_vec(
     render_mode: str | None = None,
     **settings: Any,
 ) -> TaskVec:
-    """`num_envs` environments that are stepped together, a `gymnasium.vector.VectorEnv`; arguments as in `make`.
+    """Return a `gymnasium.vector.VectorEnv` of environments that are stepped together; arguments as in `make`.
 
     Args:
-        num_envs: rows.
-        seed: of the first row; row i has seed + i. None: another one every time, told in `infos` of `reset`.
-        world, obs_mode, privileged, depth_image, measured, render_mode, settings: as in `make`; `nthread` among the
-            settings is the threads of physics.
+        num_envs: number of environments (rows).
+        seed: seed of row 0; row i has seed + i. With None the seed differs each time; `infos` of `reset` states it.
+        world, obs_mode, privileged, depth_image, measured, render_mode, settings: as in `make`; the setting `nthread`
+            is the number of threads for physics.
     """
     from vispeg.task.environments.vector import TaskVec
 

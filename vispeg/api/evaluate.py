@@ -1,4 +1,4 @@
-"""`vispeg.evaluate`: policies in one world, on the same seeds."""
+"""`vispeg.evaluate`: evaluate policies in one world, on the same seeds."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from vispeg.task.world_file import load_world
 
 
 class EvaluationResult(Played):
-    """Success of each policy with its interval, how long it takes, how hard it pushes, how it fails; see `Played`."""
+    """Each policy's success with interval, time, peak force and kinds of failure; see `Played`."""
 
     command = holds = "evaluate"
     tables = ("success",)
 
     @property
     def summary(self) -> list[Block]:
-        """A row a policy, what more episodes would tell, and the policies against each other."""
+        """One row per policy, what more episodes could resolve, and comparisons of the policies."""
         rows = self.record["success"]
         heads = ("policy", "success", "time", "peak force", "failures")
         out: list[Block] = [Sheet([Column(head) for head in heads], [_row(r) for r in rows])]
@@ -59,30 +59,29 @@ def evaluate(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> EvaluationResult:
-    """Plays policies in one world; success with 95 % intervals.
+    """Play policies in one world; return their success with 95 % intervals.
 
-    A policy may also be a function of the observation, an object with `act(obs)`, or one of a mapping of names to
-    these; see `vispeg.evaluation.own`. Films need `out`; without it there are no files.
+    A policy may also be a function of the observation or an object with `act(obs)`; several may be a mapping of names
+    to these; see `vispeg.evaluation.own`. Without `out` nothing is written, so there are no videos.
 
     Args:
-        policies: policies: folders, bundled policies' names, NAME=FOLDER, `expert`, MODULE:CLASS, lerobot:FOLDER, .onnx
-            or .zip files.
+        policies: folders, names of bundled policies, NAME=FOLDER, `expert`, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip
+            files.
         world: a built-in world's name or a world file.
-        episodes: episodes of every policy.
-        controls: play also with images shuffled or frozen, or with a goal that never moves (GOAL_fixed).
+        episodes: number of episodes of every policy.
+        controls: also play with images shuffled or frozen, or with a goal that never moves (GOAL_fixed).
         task: settings in place of the world's, such as `steps`.
-        videos: failures of each policy to film; 0 for none.
+        videos: number of failures of each policy to film; 0 for none.
         seed: seed of the episodes. The same seed gives the same starts and draws of the world.
-        workers: processes.
-        engine: where they are: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
-        out: folder for the results; a stopped run goes on there.
-        trials: keep each episode that is played as a trial in this folder: joints, wrench, pictures, what the policy
-            did.
+        workers: number of processes.
+        engine: where workers run: on this machine, or on a Ray cluster (the one at RAY_ADDRESS, if set).
+        out: folder for the results, in which a stopped run continues.
+        trials: keep each played episode as a trial in this folder: joints, wrench, pictures, and the policy's actions.
         overwrite: replace the result in `out`.
-        playing: progress display.
+        playing: shows progress.
 
     Raises:
-        UserError: no such policy, world or control, or `out` holds something else.
+        UserError: no such policy, world or control, or `out` holds other files.
     """
     check_numbers(episodes, workers)
     who, file = ready(policies), load_world(world)
@@ -105,7 +104,7 @@ def evaluate(
 
 
 def _kept(trials: Path, out: Path | None, sources: Sequence[str | Path]) -> Path:
-    """Give the folder of trials, new or of the evaluation that goes on. Raises UserError where it is something else."""
+    """Return the folder for trials: new, empty, or of a continued evaluation. Raises UserError: it is none of these."""
     apart(trials, sources)
     goes_on = out is not None and (out / runner.EPISODES).exists()
     if trials.exists() and not (trials.is_dir() and (goes_on or not any(trials.iterdir()))):

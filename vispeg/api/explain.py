@@ -1,4 +1,4 @@
-"""`vispeg explain`: why trials fail, from their starts played again in simulation."""
+"""`vispeg explain`: explain why trials fail, by replaying their starts in simulation."""
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ from vispeg.trials.trial import folders as trials_in
 from vispeg.worlds.model_file import load_model
 
 ASSUMED = (
-    f"a repeatability of {senses.ASSUMED:g} mm is assumed of the arm: `robot: {{repeatability: M}}` in the world's file"
-    " states another"
+    f"the arm's repeatability is assumed to be {senses.ASSUMED:g} mm; `robot: {{repeatability: M}}` in the world's file"
+    " states it"
 )
-CORRECTED, CORRECTED_MODEL = "world.yaml", "model.yaml"  # in OUT
+CORRECTED, CORRECTED_MODEL = "world.yaml", "model.yaml"  # files in OUT
 UNTRIED = (
-    "no cause is tried: name effects with --model FILE, as `vispeg diagnose` of a motion in free air finds them"
-    " (`vispeg motions` makes one)"
+    "no cause was tried: give effects with --model FILE, which `vispeg diagnose` finds from a motion in free air"
+    " (`vispeg motions` writes one)"
 )
 
 
 @dataclass(frozen=True, repr=False)
 class ExplainResult(Stressed):
-    """Where the trials' starts lead in simulation, and what each named effect explains; see `Played`.
+    """How trials end when replayed in simulation, and what each named effect explains; see `Played`.
 
     Attributes:
-        strip: pictures of one trial beside simulated ones; None of a policy that sees none.
+        strip: pictures of one trial beside simulated ones; None for a policy without cameras.
     """
 
     strip: Strip | None = field(default=None, repr=False)
@@ -69,7 +69,7 @@ class ExplainResult(Stressed):
 
     @property
     def summary(self) -> list[Block]:
-        """The verdict, and a row a cause."""
+        """The verdict, one row per cause, and next steps."""
         r = self.record
         out: list[Block] = [Line(f"{r['policy']}: {r['words']}", path=True)]
         out += [
@@ -134,32 +134,32 @@ def explain(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> ExplainResult:
-    """Explain why trials fail.
+    """Explain why trials of a policy fail.
 
-    Every trial's start is played in `world`, by the policy and by the trial's own actions; then by the policy with each
-    effect that is named.
+    Replays every trial's start in `world`, by the policy and by the trial's own actions; then by the policy with each
+    effect of `model`.
 
     Args:
         trials: a folder of trials.
-        policy: whose trials they are: a folder, or a bundled policy's name.
-        world: the simulated world: a built-in world's name or a world file. What it draws is the model's uncertainty.
+        policy: the policy of the trials: a folder, or a bundled policy's name.
+        world: the simulated world: a built-in world's name or a world file. Its draws represent the model's
+            uncertainty.
         model: a model file whose effects may be the causes. Default: no cause is tried.
-        replays: replays of each start.
-        remainder: episodes that play the torque which the trials' motions lack in the found world, and as many without;
-            again where the policy was trained. 200 tell 5 points.
-        held_out: recordings that this torque is taken from. Default: the trials.
-        demonstrations: how many would be recorded on the robot, for their price.
-        minutes_per_demonstration: what setting up and doing one takes you, min; 500 in a day of eight hours.
-        minutes_per_recording: what setting up a motion for `diagnose` takes you, min; two hours for an arm of seven
-            joints.
-        training_hours: hours of fine-tuning; default: as the log of the policy's own training says, where there is one.
-        apply: write `out`/world.yaml, which has the causes, and print the command that trains in it; or the one that
-            collects demonstrations from where the policy fails.
+        replays: number of replays of each start.
+        remainder: number of episodes with the torque that the found world lacks in the trials' motions, and as many
+            without; also in the training world. 200 episodes resolve 5 percentage points.
+        held_out: recordings from which this torque is computed. Default: the trials.
+        demonstrations: number of demonstrations that would be recorded on the robot, to estimate their cost.
+        minutes_per_demonstration: time to set up and do a demonstration, min; 500 fit into a day of eight hours.
+        minutes_per_recording: time to set up a motion for `diagnose`, min; two hours for an arm of seven joints.
+        training_hours: hours of fine-tuning; default: from the log of the policy's training, if there is one.
+        apply: write `out`/world.yaml with the causes, and print the command that trains in it; or, if the policy fails
+            in simulation too, the command that collects demonstrations from there.
         task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
-        UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have,
-            or as `vispeg.evaluate`.
+        UserError: no trials in which the arm was moved at full speed, an effect that the world's cell does not have, or
+            as for `vispeg.evaluate`.
     """
     check_numbers(1, workers)
     if replays < 1:
@@ -176,7 +176,9 @@ def explain(
     notes: list[str] = []
     read = _read(Path(trials), notes)
     if len(who) != 1 or who[0].source is not None:
-        raise UserError("one policy is explained", key="--policy", expected="a folder or a bundled policy", got=policy)
+        raise UserError(
+            "not a single stored policy", key="--policy", expected="a folder or a bundled policy", got=policy
+        )
     others = {t.said.policy.name for t in read if t.said.policy.digest not in ("", who[0].digest)}
     if others:
         notes.append(f"the trials are of another policy than {who[0].name}: {', '.join(sorted(others))}")
@@ -190,7 +192,7 @@ def explain(
     diagnosis = diagnosis_of(None if model is None else Path(model))
     sources = [file.path, *folders(who), Path(trials), *asked.held_out, *([] if model is None else [Path(model)])]
     with workplace(out, "explain.json", overwrite, sources) as place:
-        if not (place / runner.EPISODES).exists():  # of a run before
+        if not (place / runner.EPISODES).exists():  # remove replays left by an earlier run
             rmtree(place / "replays", ignore_errors=True)
         at = _digest(read)
         seeds = [why.seeds_of(i, replays, seed) for i in range(len(read))]
@@ -204,7 +206,9 @@ def explain(
             (job,) = make_jobs(who, [setting], [s for some in seeds for s in some], place / "worlds")
             job = replace(job, replays=again)
             jobs[kind] = [job]
-            if kind == OPEN:  # two of each are kept, for what is measured in them is compared with the trial's
+            if (
+                kind == OPEN
+            ):  # keep DRAWS replays of each start as trials, to compare their measurements with the trial's
                 first = tuple(s for some in seeds for s in some[:DRAWS])
                 rest = tuple(s for some in seeds for s in some[DRAWS:])
                 jobs[kind] = [replace(job, seeds=first, trials=place / "replays"), replace(job, seeds=rest)]
@@ -256,7 +260,7 @@ def explain(
 
 
 def _read(place: Path, notes: list[str]) -> list[Trial]:
-    """Give the trials that tell something. Raises UserError: none."""
+    """Read the trials in which the arm was moved at full speed. Raises UserError: there are none."""
     every = [read_trial(folder) for folder in trials_in(place)]
     moved = [t for t in every if not t.said.how.shadow and t.said.how.slow == 1.0 and len(t.steps.time)]
     if len(moved) < len(every):
@@ -267,7 +271,7 @@ def _read(place: Path, notes: list[str]) -> list[Trial]:
 
 
 def _digest(trials: Sequence[Trial]) -> str:
-    """Return a digest of the trials, by which a resumed run checks that they are unchanged."""
+    """Return a digest of the trials, so that a resumed run can check that they are unchanged."""
     hashed = hashlib.sha256()
     for trial in trials:
         for name in (FILE, STEPS):
@@ -287,16 +291,18 @@ def _of(ends: Sequence[Episode], configuration: str, seeds: Sequence[Sequence[in
 def _applied(
     record: ExplainRecord, place: Path, out: Path, policy: str, world: WorldFile, model: str | Path | None, trials: Path
 ) -> Next | None:
-    """Return the next step: a world corrected by the causes, or demonstrations from the starts where the policy fails.
+    """Return the next step: train in a world with the causes, which is written, or collect demonstrations.
+
+    None if no effect of a model is a cause, unless the policy fails in simulation too.
 
     Args:
-        record: what the trials show.
-        place: where the world is written.
-        out: what the place will be called.
-        policy: as it was named.
-        world: of the replays.
-        model: whose effects were tried.
-        trials: their folder.
+        record: the explanation so far.
+        place: folder in which the world is written.
+        out: final path of that folder.
+        policy: the policy, as named by the user.
+        world: the world of the replays.
+        model: the model file whose effects were tried.
+        trials: folder of the trials.
     """
     base = _called(world)
     if record["verdict"] == "policy":
@@ -307,13 +313,13 @@ def _applied(
     write_text_atomic(place / CORRECTED_MODEL, Path(model).read_text("utf-8"), overwrite=True)
     values = {"format": "vispeg-world/1", "about": f"what {trials.name} showed", "base": base, "model": CORRECTED_MODEL}
     write_text_atomic(place / CORRECTED, yaml.safe_dump(values, sort_keys=False), overwrite=True)
-    load_world(place / CORRECTED)  # what cannot be trained in is said now
+    load_world(place / CORRECTED)  # fail now if the world is invalid
     why = f"{CORRECTED} has what {Path(model).name} names, each value within its interval, besides all of {world.name}"
     return {"why": why, "command": _command("finetune", policy, world=out / CORRECTED, out="tuned")}
 
 
 def _called(world: WorldFile) -> str:
-    """Return how to name a world on the command line, valid in any folder."""
+    """Return a world's name, or its absolute path, for the command line."""
     return world.name if world.path.parent == BUILT_IN else str(world.path.resolve())
 
 
@@ -330,9 +336,9 @@ def _parted(
     engine: Engine,
     notes: list[str],
 ) -> tuple[list[Parting], Strip | None]:
-    """How the policy's actions move with simulation's senses, and pictures of the trial that shows it best.
+    """Return how each trial's actions change with simulated senses, and pictures of the trial that shows it best.
 
-    Empty, with a note, where the policy senses nothing that a robot has, or where there is but one replay.
+    Empty, with a note, if the policy has no interface to a robot, or if there are fewer than DRAWS replays.
 
     Raises:
         UserError: a policy that cannot be read.

@@ -1,4 +1,4 @@
-"""Videos of a policy's episodes: the cell, what the policy sees, and where it thinks its goal is."""
+"""Videos of a policy's episodes: the cell, the policy's images, and its estimate of the goal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vispeg.report.text.summary import Block, Line, html
 
 @dataclass(frozen=True)
 class Film:
-    """A video of one episode: its seed, how it ended, its peak contact force in N, where it lies."""
+    """A video of one episode: seed, outcome, peak contact force (N), and path."""
 
     seed: int
     category: str
@@ -22,22 +22,22 @@ class Film:
 
     @property
     def line(self) -> str:
-        """For a person."""
+        """The video in one line of text."""
         return f"seed {self.seed}: {self.category}, peak force {self.peak_force:.0f} N, {self.file}"
 
 
 def films(
     folder: str | Path, world: str, settings: Mapping[str, object], seeds: Sequence[int], out: Path, overwrite: bool
 ) -> Iterator[Film]:
-    """Plays a policy on these seeds and writes a video of each, which it gives.
+    """Play a policy on these seeds, write a video of each episode, and yield the videos.
 
     Args:
-        folder: of the policy, or the name of one that comes with the package.
-        world: built-in name or world file.
-        settings: of the task, in place of the world's.
-        seeds: of the episodes.
+        folder: a policy's folder, or the name of a bundled policy.
+        world: a built-in world's name or a world file.
+        settings: settings of the task, in place of the world's.
+        seeds: seeds of the episodes.
         out: folder of the videos.
-        overwrite: whether it may be replaced.
+        overwrite: replace `out` if it exists.
 
     Raises:
         UserError: no such policy or world; `out` exists.
@@ -65,9 +65,9 @@ class Films:
     """Videos of a policy's episodes.
 
     Attributes:
-        policy: its folder or name, as it was asked for.
-        world: that it was played in.
-        films: one an episode, in the order of the seeds.
+        policy: the policy's folder or name, as given by the user.
+        world: the world in which it was played.
+        films: one video per episode, in the order of the seeds.
     """
 
     policy: str
@@ -76,12 +76,12 @@ class Films:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg play --json` prints."""
+        """The output of `vispeg play --json`."""
         return {"policy": self.policy, "world": self.world, "films": [asdict(film) for film in self.films]}
 
     @property
     def summary(self) -> list[Block]:
-        """How each episode ended, and where its video lies."""
+        """The outcome and video path of each episode."""
         return [Line(film.line, path=True) for film in self.films]
 
     def _repr_html_(self) -> str:
@@ -99,21 +99,21 @@ def play(
     overwrite: bool = False,
     watch: Callable[[Film], None] = lambda film: None,
 ) -> Films:
-    """Plays a policy and writes a video of each episode.
+    """Play a policy and write a video of each episode.
 
     Args:
         policy: a policy's folder, or a bundled policy's name (`depth-S`).
         world: a built-in world's name or a world file; default: the training world.
-        tolerance: width of the goal less that of the part (`TaskConfig.tolerance`), mm; default: the world's, or the
+        tolerance: width of the goal minus that of the part (`TaskConfig.tolerance`), mm; default: the world's, or the
             policy's in its training world.
         episodes: number of episodes.
         seed: seed of the first episode; the next ones count up.
         out: folder of the videos; default: films/POLICY-WORLD.
         overwrite: replace `out` if it exists.
-        watch: called with each video once it is written.
+        watch: called with each video after it is written.
 
     Raises:
-        UserError: no such policy or world; no episodes; `out` is there.
+        UserError: no such policy or world, fewer than one episode, or `out` exists.
     """
     from vispeg.learn.coarse_to_fine import open_policy
     from vispeg.learn.envs import home

@@ -1,4 +1,4 @@
-"""`vispeg.fit`: the parameters of effects that the user names, with intervals."""
+"""`vispeg.fit`: fit the parameters of effects that the user names, with intervals."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class FitResult(Result, Drawn):
     """Fitted effects.
 
     Attributes:
-        record: what fit.json holds, see docs/formats.md.
+        record: content of fit.json, see docs/formats.md.
         world: the model with the fitted values and their 95 % intervals.
-        effects: the fitted ones of `world`.
-        sources: what was read.
-        arrays: measured and predicted values of joints behind the report, as in evidence.npz.
+        effects: the fitted effects of `world`.
+        sources: files and folders that were read.
+        arrays: measured and predicted values, as in evidence.npz.
     """
 
     record: Mapping[str, Any]
@@ -70,7 +70,7 @@ class FitResult(Result, Drawn):
         return fit_summary(self.record)
 
     def plot(self) -> Figure:
-        """Draw how the error falls from model to model, with the noise floor; see `Result.plot`."""
+        """Draw the error of each model of the ladder, with the noise floor; see `Result.plot`."""
         from vispeg.report.drawings.figures import WIDE, styled
         from vispeg.report.drawings.ladder import ladder_figure
         from vispeg.report.evidence import Evidence
@@ -134,7 +134,7 @@ def fit(
             the paper's protocol, 120 generations.
         starts: number of random starts, of which the best result is kept.
         seed: seed of the random starts and of CMA-ES.
-        threads: threads of the simulation.
+        threads: number of threads for the simulation.
         engine: where candidates are simulated: local, or ray for a Ray cluster, of which --threads workers are used.
         part: folder that keeps the state of the optimizers until the result is saved.
         resume: continue a fit that was stopped.
@@ -205,7 +205,7 @@ def _shown(
 
 def _fitted(world: World, both: Both, channel: str, how: How) -> Evidence:
     """Return the evidence of the fitted recordings; called in each Ray worker."""
-    own = both if channel == "pictures" else (both[0], ())  # trust in edges depends on both
+    own = both if channel == "pictures" else (both[0], ())  # the trust in edges depends on both groups of recordings
     return CHANNELS[channel].evidence(world, own, how)[0]
 
 

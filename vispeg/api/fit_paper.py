@@ -1,4 +1,4 @@
-"""The paper's protocol (`vispeg.identify.paper.protocol`) on recordings: what `vispeg fit --protocol paper` does."""
+"""Fit by the paper's protocol (`vispeg.identify.paper.protocol`), as `vispeg fit --protocol paper` does."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class PaperFit(Result):
     """Link masses, damping and gravity fitted to the flange's path.
 
     Attributes:
-        record: what fit.json holds.
+        record: content of fit.json.
         world: the model with the fitted values.
-        effects: the fitted ones.
+        effects: the fitted effects.
         paths: recording -> (time (n,) s, {"measured", "before", "after"} -> (npiece, nstep, 3) m).
-        sources: what was read.
+        sources: files and folders that were read.
     """
 
     record: Mapping[str, Any]
@@ -48,7 +48,7 @@ class PaperFit(Result):
 
     @property
     def summary(self) -> list[Block]:
-        """Cost and flange error of each recording before and after, and the values."""
+        """Cost and flange error of each recording before and after, the fitted values, and undetermined parameters."""
         out: list[Block] = []
         for row in self.record["recordings"]:
             role = "fitted" if row["fitted"] else "held out"
@@ -96,15 +96,15 @@ def fit_paper(
     watch: Callable[[int, Trace], None] = lambda start, trace: None,
     reading: Reading = silent,
 ) -> PaperFit:
-    """Fits link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in sub-trajectories.
+    """Fit link masses, joint damping and the direction of gravity by CMA-ES to the flange's path in sub-trajectories.
 
     Args:
         model, validate, seed, threads, part, resume, watch, reading: as in `vispeg.fit`.
-        recording: one, under operational space control.
-        iterations: generations of CMA-ES; default: 120.
+        recording: one recording under operational space control.
+        iterations: number of CMA-ES generations; default: 120.
 
     Raises:
-        UserError: a recording under another controller, or too short; whatever reading raises.
+        UserError: another controller, a recording that is too short or cannot be read.
     """
     iterations = protocol.GENERATIONS if iterations is None else iterations
     if iterations < 1:
@@ -148,7 +148,7 @@ def fit_paper(
 
 
 def _stated(name: str, value: Value, unit: str) -> str:
-    """`mass 0.213 [0.198, 0.266] kg`."""
+    """Return a value with its interval as text, such as `mass 0.213 [0.198, 0.266] kg`."""
     ends = "" if value.low is None or value.high is None else f" [{value.low:.3g}, {value.high:.3g}]"
     return f"{name} {value.value:.3g}{ends} {unit}"
 

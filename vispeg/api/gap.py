@@ -1,4 +1,4 @@
-"""`vispeg.gap`: policies in several worlds on the same seeds, what each loses, and to which factor of the change."""
+"""`vispeg.gap`: play policies in several worlds on the same seeds; find what each loses, and due to which factor."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class _Worlds:
         return [file.name for file in self.files]
 
     def settings(self) -> list[Setting]:
-        """Every world, then the controls where they are played."""
+        """Return the settings of every world without control, then those of the controls."""
         places = dict(zip(self.names, self.sources, strict=True))
         plain = [Setting(world, name) for name, world in places.items()]
         return plain + [Setting(places[name], name, control=c) for name in self.controlled for c in self.controls]
@@ -88,28 +88,29 @@ def gap(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> GapResult:
-    """Plays policies in several worlds on the same seeds; the loss of each with 95 % intervals.
+    """Play policies in several worlds on the same seeds; return the loss of each with 95 % intervals.
 
-    A world that is named after others (VNP after V, N, P) is split into their shares. A world that a policy was trained
-    in is its home, and its success there is called that. Films need `out`.
+    The loss in a world named after others (VNP after V, N, P) is split into their shares. A world that a policy was
+    trained in is marked as its home. Videos need `out`.
 
     Args:
-        policies: policies: folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files. Replicas of a name
-            differ in training seed.
-        worlds: built-in worlds' names or world files; losses count from the first.
-        episodes: episodes of every policy in every world, and as many for each control in each of `control_worlds`.
-        controls: shuffled, frozen, and GOAL_fixed with the cell's name of the goal; none: without; default: all.
+        policies: folders, NAME=FOLDER, MODULE:CLASS, lerobot:FOLDER, .onnx or .zip files. Policies of one name are
+            replicas with different training seeds.
+        worlds: names of built-in worlds or world files; the first is the reference.
+        episodes: number of episodes of every policy in every world, and for each control in each of `control_worlds`.
+        controls: shuffled, frozen, and GOAL_fixed with the cell's name of the goal; `none` for no controls; default:
+            all.
         control_worlds: worlds of the controls; default: the first and the last of `worlds`.
         records: files of episodes to reuse.
-        measured: a real robot's trials: a CSV, or a folder of trials as `vispeg run` keeps them.
-        robot: the name of the measured target in tables.
-        videos: episodes of each policy to film in the first and the last world, new failures first.
+        measured: a real robot's trials: a CSV, or a folder of trials by `vispeg run`.
+        robot: name of the measured target in tables.
+        videos: number of episodes of each policy to film in the first and the last world, new failures first.
         fine_tuned: allow policies that were trained or fine-tuned with a part of a target.
         seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
 
     Raises:
-        UserError: nothing to evaluate; no such policy, world, control or record, or an unfit one; a policy that
-            was trained with a part of a target.
+        UserError: nothing to evaluate; an unknown or unfit policy, world, control or record; a policy that was trained
+            with a part of a target.
     """
     named = given(policies)
     files, worlds = [Path(r) for r in several(records)], several(worlds)
@@ -126,7 +127,7 @@ def gap(
         check_numbers(episodes, workers)
         chosen = _worlds(worlds, controls, control_worlds, who, fine_tuned)
         read += [file.path for file in chosen.files]
-        if stored_before:  # OUT, which may hold the records, is not touched before they fit
+        if stored_before:  # check the records before OUT is touched, as it may hold them
             with TemporaryDirectory() as folder:
                 seeds = seeds_of(episodes, seed)
                 check_stored(make_jobs(who, chosen.settings(), seeds, Path(folder)), stored_before, files)
@@ -165,7 +166,12 @@ def _worlds(
     who: Sequence[Entrant],
     fine_tuned: bool,
 ) -> _Worlds:
-    """Give the worlds, of whose targets no policy knows a part that it was not trained in as a whole."""
+    """Read the worlds, and check the controls.
+
+    Raises:
+        UserError: two worlds of one name; an unknown control world; or, unless `fine_tuned`, a policy trained with a
+            part of a target.
+    """
     files = [load_world(w) for w in sources]
     names = [f.name for f in files]
     if len(set(names)) < len(names):
@@ -178,7 +184,9 @@ def _worlds(
             raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
     for file in files[1:]:
         if not fine_tuned:
-            guests = [e for e in who if file.hash not in e.trained_on]  # of the others it is the home, and told so
+            guests = [
+                e for e in who if file.hash not in e.trained_on
+            ]  # for the others it is their home, which is allowed and marked
             refuse_trained_on(guests, file.name, file.hash, file.path, training=files[0].path)
     return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 
@@ -189,7 +197,7 @@ def _measured(
     robot: str,
     digests: Mapping[str, tuple[str, int]],
 ) -> Trials:
-    """Give a real robot's trials of these policies (name, training seed); none without a file or folder."""
+    """Read a real robot's trials of these policies (name, training seed); empty without a source."""
     seeds: dict[str, set[int]] = {}
     for name, seed in networks:
         seeds.setdefault(name, set()).add(seed)

@@ -1,4 +1,4 @@
-"""What several functions read: a model and recordings, checked against each other."""
+"""Read a model and recordings, and check them against each other."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ class Inputs:
 
     Attributes:
         world: the model.
-        fitted, held_out: the recordings.
-        digests: of the fitted and of the held-out recordings' content, by the name that the user gave.
-        files: what was read.
-        hold_out: share of each recording that judges, where none but those that are fitted was given.
+        fitted, held_out: the recordings to fit and those held out.
+        digests: name given by the user -> digest of the content, for the fitted and for the held-out recordings.
+        files: files and folders that were read.
+        hold_out: share of each recording that is held out at its end; None if separate recordings are held out.
     """
 
     world: World
@@ -67,14 +67,15 @@ class Inputs:
 
 
 def load_recording(path: str | Path, *, seconds: float = 0.0) -> Recording:
-    """Give the recording in a folder with recording.yaml and samples.csv or samples.parquet; see docs/formats.md.
+    """Read the recording in a folder with recording.yaml and samples.csv or samples.parquet; see docs/formats.md.
 
     Args:
         path: the folder.
-        seconds: of longer recordings, length of the most informative windows, s in all; 0 keeps everything.
+        seconds: of a longer recording, keep only the most informative windows, this many seconds in total; 0 keeps
+            everything.
 
     Raises:
-        UserError: anything missing, malformed or implausible, naming the file and the key, column or row.
+        UserError: something is missing, malformed or implausible; the error names the file and the key, column or row.
     """
     return choose(load(path), seconds)
 
@@ -90,23 +91,24 @@ def read_inputs(
     signals: Callable[[Header], Collection[str]] | None = needed,
     reading: Reading = silent,
 ) -> Inputs:
-    """Give the world and the fitted and held-out recordings.
+    """Read the model, and the fitted and held-out recordings.
 
-    The model's robot takes the place of the recordings' where it is a file of the user's own. One recording after the
-    other is read and cut to its windows, so that only one long one is in memory.
+    If the model's robot is the user's file, it replaces the recordings' robot. Each recording is cut to its windows
+    before the next is read, so that at most one long recording is in memory.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
-        recordings: to fit: folders, or recordings in memory.
-        validate: to judge on.
-        need_validate: whether there must be one to judge on.
-        hold_out: share of each recording, its end, that judges where `validate` is empty.
-        seconds: of a longer recording the windows that show the most, this long in all; 0 uses all.
-        signals: header -> what is kept of a recording beside `q`; None keeps all.
-        reading: progress display of reading a recording.
+        recordings: recordings to fit: folders, or objects in memory.
+        validate: held-out recordings.
+        need_validate: whether held-out data are required.
+        hold_out: share of each recording to hold out at its end; only without `validate`.
+        seconds: of longer recordings, use only the most informative windows, this many seconds in total; 0 uses
+            everything.
+        signals: header -> signals to keep besides `q`; None keeps all.
+        reading: shows progress while a recording is read.
 
     Raises:
-        UserError: none given, one given twice or on both sides, or another robot's.
+        UserError: no recording, one given twice or on both sides, a copy, or another robot's.
     """
     world = model if isinstance(model, World) else read_model(str(model))
     _refuse_object(world)
@@ -114,9 +116,9 @@ def read_inputs(
     if not fit:
         raise UserError("no recording given", key="--recording", expected="at least one folder")
     if hold_out is not None and judge:
-        raise UserError("either recordings to judge on or a part of each", key="--hold-out", expected="no --validate")
+        raise UserError("cannot be combined with --validate", key="--hold-out", expected="one of them")
     if need_validate and not judge and hold_out is None:
-        expected = "a folder that is not fitted; with one recording alone, --hold-out 0.3 judges on its last 30 %"
+        expected = "a folder that is not fitted; with only one recording, --hold-out 0.3 judges on its last 30 %"
         raise UserError("no recording to judge on", key="--validate", expected=expected)
     for flag, sources in (("--recording", fit), ("--validate", judge)):
         _once(flag, [_path(s) for s in sources])
@@ -154,7 +156,7 @@ def _path(source: Source) -> Path:
 
 
 def _digest(source: Source) -> str:
-    """SHA-256 of a folder's content, or of the arrays of a recording in memory."""
+    """Return the SHA-256 of a folder's content, or of a recording in memory."""
     if not isinstance(source, Recording):
         return f"sha256:{digest(source)}"
     made = hashlib.sha256()
@@ -180,26 +182,26 @@ def _read(
     rec = _of_robot(rec, world, _path(source))
     check_units(rec)
     if signals is needed and rec.control.mode != "osc":
-        rec = replace(rec, dq=None)  # was read to hold the angles against it
+        rec = replace(rec, dq=None)  # it was only needed to check the angles
     if rec.chosen is not None:
         return rec
     return choose(rec, seconds)
 
 
 def of_cell(model: Model) -> bool:
-    """Whether a model is of a cell, so that its contact is what recordings are compared by."""
+    """Return whether a model has a cell, so that contact can be compared."""
     return (model if isinstance(model, World) else read_model(str(model))).cell is not None
 
 
 class Windows(TypedDict):
-    """How much of a recording `read_inputs` takes: seconds at most (0: all), and which signals (None: all)."""
+    """Arguments of `read_inputs`: seconds to use in total (0 for all), and signals to keep (None for all)."""
 
     seconds: float
     signals: NotRequired[None]
 
 
 def windows(model: Model, seconds: float, *groups: Source | Sequence[Source]) -> Windows:
-    """Windows of recordings of an arm; all of those with pictures; all of those of a cell, their wrench included."""
+    """Return `seconds` for an arm; use everything if there are pictures or a cell, for a cell with all signals."""
     if of_cell(model):
         return {"seconds": 0.0, "signals": None}
     return {"seconds": 0.0 if any(map(_pictured, (s for some in groups for s in several(some)))) else seconds}
@@ -210,21 +212,21 @@ def _pictured(source: Source) -> bool:
 
 
 def read_model(source: str) -> World:
-    """Give the world of a model file, a robot's name or a path; its robot, its tool and its effects' places are there.
+    """Read the world of a model file, a robot's name or a path, and check its robot, tool and places of effects.
 
-    OPEN_CELL is the cell that each recording states; the name or file of a world is the cell in it.
+    OPEN_CELL stands for the cell that each recording states; the name or file of a world stands for its cell.
 
     Raises:
-        UserError: as `load_model`, and for a robot, tool or place that does not exist, with the file and key at fault.
+        UserError: as for `load_model`, or a robot, tool or place that does not exist; the error names file and key.
     """
     if is_world(source):
         return of_world(source)
     world = load_model(source)
     _refuse_object(world)
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
-        load_robot(world.robot)  # here, where no recording is to blame for a file that is no model
+        load_robot(world.robot)  # report an invalid file here, before recordings are read
         return world
-    if not world.robot:  # the world that its cell names knows the arm
+    if not world.robot:  # the arm is that of the world that the cell names
         world = replace(world, robot=believed(world.cell, source).config.robot.model)
     with _said_of(source, "robot"):
         robot: RobotModel = load_robot(world.robot)
@@ -233,29 +235,29 @@ def read_model(source: str) -> World:
     robot = robot if world.cell is None else believed(world.cell, source, world.robot).scene
     for i, placed in enumerate(world.effects):
         if effect(placed.effect).family == "camera":
-            continue  # the cameras are the recordings'
+            continue  # cameras are those of the recordings
         with _said_of(source, f"effects[{i}].where"):
             place(effect(placed.effect), placed.where, robot)
     return world
 
 
 def model_files(source: str) -> tuple[str, ...]:
-    """Give the model file and the robot's file that it names, as far as they can be read."""
+    """Return the model file, and the robot's file that it names if it can be read."""
     try:
         return source, load_model(source).robot
-    except UserError:  # is said when the model is read
+    except UserError:  # reported when the model is read
         return (source,)
 
 
 def _refuse_object(world: World) -> None:
-    """Raise a UserError where a model is no robot but a thing that is tossed."""
+    """Raise UserError if a model is a free object instead of a robot."""
     if is_object(world.robot):
         raise UserError("a free object: vispeg diagnose reads its tosses", key="model", expected="a robot or a cell")
 
 
 @contextmanager
 def _said_of(file: str | Path, key: str) -> Iterator[None]:
-    """Give a mistake in what a file names is a mistake in that file."""
+    """Attribute a UserError in the body of `with` to a key of this file, which names the faulty thing."""
     try:
         yield
     except UserError as error:
@@ -263,7 +265,7 @@ def _said_of(file: str | Path, key: str) -> Iterator[None]:
 
 
 def _once(flag: str, paths: Sequence[Path]) -> None:
-    """Raise UserError for a recording given twice: the same noise would count as new evidence."""
+    """Raise UserError for a recording given twice, whose noise would count as new evidence."""
     earlier: set[Path] = set()
     for path in paths:
         if path.resolve() in earlier:
@@ -272,9 +274,9 @@ def _once(flag: str, paths: Sequence[Path]) -> None:
 
 
 def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
-    """Give the recording under the model's robot; a UserError where the two name different ones.
+    """Return the recording with the model's robot; raise UserError if the two name different robots.
 
-    A model that leaves the cell to the recordings leaves them the robot too.
+    If the model leaves the cell to the recordings, each keeps its own robot.
     """
     if world.cell is not None and world.cell.open:
         return replace(rec, cell=cell_of(world, rec) or rec.cell)
@@ -293,9 +295,7 @@ def _of_robot(rec: Recording, world: World, path: Path) -> Recording:
 
 
 def _of_recordings(world: World, recordings: Sequence[Recording]) -> World:
-    """Give the model, with the recordings' robot where it leaves the cell to them. Raises UserError: they name
-    several.
-    """
+    """Return the model; if it leaves the cell to the recordings, with their robot. Raises UserError: they differ."""
     if world.cell is None or not world.cell.open or not recordings:
         return world
     first = recordings[0]

@@ -1,4 +1,4 @@
-"""`vispeg.diagnose` of a free object: its model, its tosses, and what its contact lacks."""
+"""`vispeg.diagnose` for a free object: read its model and tosses, and find what its contact lacks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Toss = ObjectRecording | str | Path
 
 
 def object_world(model: World | str | Path) -> World | None:
-    """Give the world of a model whose robot is a free object; None where it is something else."""
+    """Return the world of a model whose robot is a free object; None for other models."""
     if isinstance(model, World):
         return model if is_object(model.robot) else None
     if Path(model).suffix.lower() in (".yaml", ".yml") and Path(model).is_file():
@@ -35,7 +35,7 @@ def object_world(model: World | str | Path) -> World | None:
 
 @dataclass(frozen=True)
 class Tosses:
-    """What a diagnosis of an object was made from."""
+    """A diagnosis of an object, the files that were read, its provenance, and its saved progress."""
 
     result: Diagnosis
     files: tuple[str | Path, ...]
@@ -52,7 +52,7 @@ def diagnose_tosses(
     say: Callable[[str], None],
     part: Path | None = None,
 ) -> Tosses:
-    """Names what an object's contact lacks; arguments as for `vispeg.diagnose`.
+    """Return names what an object's contact lacks; arguments as for `vispeg.diagnose`.
 
     Raises:
         UserError: no recordings, one on both sides, of another object, or effects that have no place on it.

@@ -1,4 +1,4 @@
-"""`vispeg.load`: a result that was saved, as the function that made it gave it."""
+"""`vispeg.load`: read a saved result."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ RECORDS = ("diagnosis", "compare", "fit", "evaluate", "gap")
 
 
 def load(folder: str | Path) -> Result:
-    """Open the folder of a diagnosis, a comparison, a fit, an evaluation or a gap.
+    """Read the result in the folder of a diagnosis, a comparison, a fit, an evaluation or a gap.
 
     Args:
-        folder: as `save` or the command of the same name wrote it.
+        folder: a folder written by `save` or by the command of the same name.
 
     Raises:
-        UserError: none of them is there, or a file of it is damaged.
+        UserError: the folder has no result, or a damaged file.
     """
     place = Path(folder)
     kind = next((name for name in RECORDS if (place / f"{name}.json").is_file()), None)
@@ -40,7 +40,7 @@ def load(folder: str | Path) -> Result:
         media = read_json(place / "media.json") if (place / "media.json").is_file() else []
         return made(record, tuple(read_episodes(place / EPISODES)), tuple(media))
     evidence = place / "evidence.npz"
-    arrays = read_arrays(evidence) if evidence.is_file() else {}  # results of contact alone may have none
+    arrays = read_arrays(evidence) if evidence.is_file() else {}  # results with only contact may have none
     if kind == "compare":
         return ComparisonResult(record, arrays)
     world = load_model(place / "model.yaml")

@@ -1,4 +1,4 @@
-"""Images to calibrate from: a folder of them with the flange's poses beside it, or a recording with frames."""
+"""Find the images for a calibration, and poses of the flange: in a folder, or in a recording with frames."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from vispeg.sim.compiled import flange_pose
 
 @dataclass(frozen=True)
 class Photographs:
-    """Image files, and base_T_flange (n, 4, 4) m of some by their names; None where nobody says where it was."""
+    """Image files, and a function from image names to poses base_T_flange (n, 4, 4), m; None if these are unknown."""
 
     files: list[Path]
     flange: Callable[[Sequence[str]], np.ndarray] | None
 
 
 def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Photographs:
-    """Give what `images` holds.
+    """Return the images of a folder or recording.
 
     Args:
         images: a folder of images, or a recording with frames.
-        poses: of the flange, for a folder of images.
-        camera: which one of a recording that has several.
+        poses: file or folder of the flange's poses, for a folder of images.
+        camera: name of the camera, for a recording with several.
 
     Raises:
-        UserError: no image; a recording without colour frames of one camera, or given poses beside its own.
+        UserError: no image; a recording without colour frames of the camera, or `poses` with a recording.
     """
     root = Path(images)
     if (root / "recording.yaml").is_file():
@@ -48,7 +48,7 @@ def photographs(images: str | Path, poses: str | Path | None, camera: str) -> Ph
 
 def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
     if poses is not None:
-        raise UserError("a recording has its own poses: those of its joints", key="--poses", expected="none", got=poses)
+        raise UserError("the poses of a recording follow from its joints", key="--poses", expected="none", got=poses)
     rec = load(root)
     frames = _frames_of(rec, camera)
     q = joints_at(rec, frames.times, frames.episodes)
@@ -63,7 +63,7 @@ def _recorded(root: Path, poses: str | Path | None, camera: str) -> Photographs:
 
 
 def _frames_of(rec: Recording, camera: str) -> Frames:
-    """Give the frames of the camera of this name, or of the only one."""
+    """Return the frames of the camera of this name, or of the only camera. Raises UserError: no such camera."""
     names = [] if rec.frames is None else list(rec.frames.names)
     if rec.frames is None or not names or (len(names) > 1 and camera not in names):
         raise UserError("no such camera", file=rec.path, key="--name", got=camera, choices=names, expected="frames")

@@ -1,4 +1,4 @@
-"""`vispeg plan`: what can be expected of a world's task on a real robot, before anything is built."""
+"""`vispeg plan`: estimate the transfer to expect for a world's task on a real robot."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from vispeg.task.world_file import load_world
 
 @dataclass(frozen=True)
 class Planned:
-    """What can be expected.
+    """The transfer to expect.
 
     Attributes:
-        world: its name.
-        outlook: verdict, the article's rates for such tasks, its signs with their numbers here, and advice.
+        world: name of the world.
+        outlook: verdict, the article's success rates for such tasks, its signs with their values here, and advice.
     """
 
     world: str
@@ -29,12 +29,12 @@ class Planned:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg plan --json` prints."""
+        """The output of `vispeg plan --json`."""
         return {"world": self.world, **self.outlook}
 
     @property
     def summary(self) -> list[Block]:
-        """The verdict, the article's rates, its signs."""
+        """The verdict, the article's rates, its signs, and advice."""
         o = self.outlook
         out: list[Block] = [Line(f"{self.world}: {o['verdict']}: {o['why']}")]
         if o["expected"]:
@@ -66,20 +66,19 @@ def plan(
     a_day: int | None = None,
     build_days: float | None = None,
 ) -> Planned:
-    """Say what can be expected of a world's task on a real robot, by the article's table and signs.
+    """Estimate the transfer to expect for a world's task on a real robot, by the article's table and signs.
 
     Args:
         world: a built-in world's name or a world file, whose task states the tolerance.
-        repeatability: pose repeatability of the robot, mm (ISO 9283); default: what the world states, or the arm's data
-            sheet.
-        soft: a part deforms, flows or is granular.
-        varies: success hangs on a property that varies from object to object, such as surface friction.
-        demonstrations: demonstrations that would teach the task on the robot alone.
-        a_day: demonstrations that can be recorded in a day.
+        repeatability: pose repeatability of the robot, mm (ISO 9283); default: from the world, or the arm's data sheet.
+        soft: state that a part deforms, flows or is granular.
+        varies: state that success depends on a property that varies between objects, such as surface friction.
+        demonstrations: number of demonstrations that would teach the task without simulation.
+        a_day: number of demonstrations that can be recorded in a day.
         build_days: days to build and calibrate the simulation.
 
     Raises:
-        UserError: no such world, a number that cannot be, an arm of which no repeatability is known.
+        UserError: no such world, an impossible number, or an arm of unknown repeatability.
     """
     for key, number in (
         ("repeatability", repeatability),

@@ -1,4 +1,4 @@
-"""What evaluations share: playing jobs under a progress display, and a result of episodes that saves itself."""
+"""Shared parts of evaluations: play jobs with a progress display, and save results of episodes."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ Playing = Callable[[Sequence[Job], Path], AbstractContextManager[runner.Watch]]
 
 
 def silent(jobs: Sequence[Job], folder: Path) -> AbstractContextManager[runner.Watch]:
-    """Show nothing while episodes are played."""
+    """Provide a progress display that shows nothing."""
     return nullcontext(lambda new, done, total: None)
 
 
 @dataclass(frozen=True, repr=False)
 class Played(Result):
-    """Episodes and what they say.
+    """A result of played episodes.
 
     Attributes:
-        record: what the JSON file holds, see docs/formats.md.
-        episodes: every one, see `vispeg.evaluation.records.Episode`.
-        media: films of some of them; none where the result has no folder of its own.
-        sources: what was read.
+        record: content of the JSON file, see docs/formats.md.
+        episodes: all episodes, see `vispeg.evaluation.records.Episode`.
+        media: videos of some episodes; empty without a folder of results.
+        sources: files and folders that were read.
     """
 
     record: Mapping[str, Any]
@@ -82,7 +82,7 @@ class Played(Result):
         return Path(out).expanduser()
 
     def _write(self, folder: Path) -> None:
-        """Give the record, the list of films and the page; the episodes are there."""
+        """Write the record, the list of videos and the page, beside the episodes."""
         write_text_atomic(folder / "media.json", json.dumps(self.media) + "\n", overwrite=True)
         text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
         write_text_atomic(folder / f"{self.command}.json", text, overwrite=True)
@@ -90,18 +90,18 @@ class Played(Result):
 
 
 def play(jobs: Sequence[Job], folder: Path, workers: int, playing: Playing, engine: Engine = "local") -> list[Episode]:
-    """All episodes of the jobs; those that `folder` has are not played again."""
+    """Play the jobs and return all their episodes; those saved in `folder` are not played again."""
     with playing(jobs, folder) as watch:
         return runner.run(jobs, folder, workers, watch=watch, engine=engine)
 
 
 def stamped(values: Mapping[str, Any], seed: int, inputs: Iterable[Path]) -> Mapping[str, Any]:
-    """Give the record with its provenance."""
+    """Return the record with its provenance."""
     return {**values, "provenance": here(seed, {str(path): f"sha256:{digest(path)}" for path in inputs})}
 
 
 def folders(who: Iterable[Entrant]) -> list[Path]:
-    """Folders and files of the policies; the scripted one and objects have none."""
+    """Return the folders or files of the policies that have one, unlike the scripted one and Python objects."""
     return [e.path for e in who if e.stored]
 
 
@@ -114,10 +114,10 @@ def check_numbers(episodes: int, workers: int) -> None:
 
 
 def check_controls(controls: str | Sequence[str] | None, world: WorldFile) -> tuple[str, ...]:
-    """Give the controls that are asked for: all that the world's cell has for None, none for `none` alone.
+    """Return the requested controls: all that the world's cell has for None, and none for `none`.
 
     Raises:
-        UserError: an unknown one.
+        UserError: an unknown control.
     """
     choices = controls_of(scene_of(world.task))
     controls = None if controls is None else several(controls)

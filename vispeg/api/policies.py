@@ -1,4 +1,4 @@
-"""`vispeg.load_policy`: a policy from its folder, or one that comes with the package, by name."""
+"""`vispeg.load_policy`: load a policy from its folder, or a bundled one by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def load_policy(place: str | Path) -> Policy:
-    """Give a policy that acts: `policy.reset(n)`, then `policy.act(observations)` gives actions (n, action) within +-1.
+    """Load a policy. After `policy.reset(n)`, `policy.act(observations)` returns actions (n, action) within +-1.
 
     Args:
         place: a folder with policy.json and policy.safetensors, or a bundled policy's name

@@ -1,4 +1,4 @@
-"""What every function of the public face gives back: it shows itself and saves itself."""
+"""The base class of results, which can be printed, plotted, tabulated and saved."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from vispeg.diagnosis.traces import Trace
 
-LONGEST = 150  # letters of a result in one line
+LONGEST = 150  # most characters of a result's `repr`
 
 
 class Drawn:
@@ -31,7 +31,7 @@ class Drawn:
 
     @property
     def traces(self) -> tuple[Trace, ...]:
-        """Measured values beside the models', of each stretch of a recording and each channel."""
+        """Measured and predicted values of each recorded stretch, in each channel."""
         from vispeg.report.evidence import evidence_of
 
         return evidence_of(self.arrays).every
@@ -42,8 +42,8 @@ class Result(ABC):
 
     Attributes:
         holds: the kind of folder that `save` writes, see `vispeg.core.marker`.
-        tables: keys of `record` that hold its rows; `to_pandas` gives the first that is not empty.
-        sources: files and folders that were read; `save` replaces none of them.
+        tables: keys of `record` that hold tables; `to_pandas` returns the first that is not empty.
+        sources: files and folders that were read, which `save` never replaces.
     """
 
     holds: ClassVar[str]
@@ -63,7 +63,7 @@ class Result(ABC):
         """Write the folder that the command of the same name writes; return its path.
 
         Raises:
-            UserError: `out` holds something else, or the same while `overwrite` is False, or cannot be written.
+            UserError: `out` holds other files, exists while `overwrite` is False, or cannot be written.
         """
         with new_folder(out, overwrite=overwrite, holds=self.holds, inputs=self.sources) as folder:
             self._write(folder)
@@ -73,12 +73,12 @@ class Result(ABC):
         """Return the main picture of the result's page as a matplotlib figure.
 
         Raises:
-            UserError: the result has none; the page that `save` writes shows what there is.
+            UserError: the result has no single picture; see the page that `save` writes.
         """
         raise UserError("this result has no single picture", expected="the page that save(folder) writes")
 
     def to_pandas(self) -> DataFrame:
-        """Return the main table of `record` as a pandas.DataFrame, a row an entry; nested values are flattened.
+        """Return the main table of `record` as a pandas.DataFrame, one row per entry, with nested values flattened.
 
         Raises:
             UserError: pandas is not installed, or this result has no table.
@@ -107,7 +107,7 @@ class Result(ABC):
     def __str__(self) -> str:
         from rich.console import Console
 
-        # Plain text everywhere: in a notebook rich would show an empty output of its own and colour what it returns.
+        # Plain text everywhere: in a notebook, rich would add an empty output and colour the text.
         plain = StringIO()
         console = Console(file=plain, highlight=False, width=PIPED, color_system=None, force_jupyter=False)
         print_summary(self.summary, console)

@@ -1,4 +1,4 @@
-"""`vispeg run` from Python: a policy on a robot, each episode a trial."""
+"""Run a policy on a robot, and keep each episode as a trial, as `vispeg run` does."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from vispeg.trials.trial import OutcomePart, PolicyPart, Said, is_trial, write_t
 if TYPE_CHECKING:
     from vispeg.evaluation.entrants import Entrant
 
-DIGITS = 4  # of a trial's number
+DIGITS = 4  # number of digits of a trial's number
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run came to.
+    """The trials of a run.
 
     Attributes:
-        folder: of the trials.
-        trials: name of each trial's folder -> what its trial.yaml says.
-        policy, robot: who ran, and on what.
+        folder: folder of the trials.
+        trials: name of a trial's folder -> content of its trial.yaml.
+        policy, robot: names of the policy and the robot.
     """
 
     folder: Path
@@ -47,7 +47,7 @@ class RunResult:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg run --json` prints."""
+        """The output of `vispeg run --json`."""
         each = [
             {"trial": str(self.folder / name), **said.outcome.model_dump(), "timing": said.timing.model_dump()}
             for name, said in self.trials.items()
@@ -57,7 +57,7 @@ class RunResult:
 
     @property
     def summary(self) -> list[Block]:
-        """A row a trial, and how many succeeded."""
+        """One row per trial, and the number of successes."""
         rows = []
         for name, said in self.trials.items():
             o, t = said.outcome, said.timing
@@ -95,24 +95,24 @@ def run(
     key: Callable[[], bool] = lambda: False,
     watch: bool = True,
 ) -> RunResult:
-    """Run a policy on a robot; every episode becomes a folder in `out`, in which earlier trials stay.
+    """Run a policy on a robot; every episode becomes a folder in `out`.
 
     Args:
-        policy: a policy's folder, a bundled policy's name, an .onnx file, or one of your own.
+        policy: a policy's folder, a bundled policy's name, an .onnx file, or your own policy.
         robot: sim:WORLD, ros2[:FILE.yaml], lerobot:TYPE[:FILE.yaml], log:FOLDER, or python:MODULE:CALLABLE.
-        out: folder of the trials; those that are there stay, numbers go on.
-        episodes: number of episodes; default: 1, of a log all that it has.
-        seed: what a simulated robot draws the first episode's start from; default: the trial's number.
-        how: limits, shadow, slow, the believed goal.
-        world: the world on whose arm the policy is played; default: the one that it was trained in.
-        name: name of the policy in tables; default: its folder's.
-        clock: by which the loop goes; the host's.
-        ask: is told an outcome and says what a person saw.
+        out: folder of the trials; existing trials stay, and numbers continue.
+        episodes: number of episodes; default: 1, for a log all its episodes.
+        seed: seed of a simulated robot's first start; default: the trial's number.
+        how: settings of the run: limits, shadow, slow, the believed goal.
+        world: the world with the arm and cameras of the robot; default: the policy's training world.
+        name: name of the policy in tables; default: that of its folder.
+        clock: clock of the run loop; default: the host's.
+        ask: called with each outcome; returns the outcome that a person states.
         ready: called before each episode with its number.
         show, key, watch: as in `run_episode`.
 
     Raises:
-        UserError: no such policy or robot, a policy that cannot be run, an `out` that holds something else.
+        UserError: no such policy or robot, a policy that cannot be run, or `out` holds other files.
     """
     if episodes is not None and episodes < 1:
         raise UserError("no episodes", key="--episodes", expected="1 or more", got=episodes)
@@ -156,11 +156,11 @@ def run(
 
 
 def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
-    """Give a policy, the meaning of its numbers, and whose trials they will be.
+    """Return a policy, its interface (the meaning of its numbers), and its description for trials.
 
     Raises:
-        NoInterface: one that no robot can run, or whose world is gone.
-        UserError: no such policy, or one that cannot be read.
+        NoInterface: a policy that no robot can run, or whose world no longer exists.
+        UserError: no such policy, or it cannot be read.
     """
     text = str(policy)
     if Path(text).suffix.lower() == ".onnx":
@@ -171,7 +171,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
         exported = Exported(text)
         meaning = exported.interface
         part = PolicyPart(name=name or Path(text).stem, digest=meaning.policy, modality=meaning.modality)
-        meaning.observer()  # whether its terms and actions can be built here
+        meaning.observer()  # check that its observations and actions can be built here
         return exported, meaning, part
     from vispeg.evaluation.entrants import EXPERT, entrant
     from vispeg.learn.coarse_to_fine import open_policy
@@ -190,9 +190,7 @@ def opened(policy: str | Path, world: str | Path | None, name: str | None) -> tu
 
 
 def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts, Interface, PolicyPart]:
-    """Give a policy of the user's own, or of another tool, which says nothing of the arm. Raises UserError: no
-    world.
-    """
+    """Return the user's or another tool's policy, whose arm is that of `world`. Raises UserError: no world."""
     from vispeg.evaluation.lerobot import LeRobot
     from vispeg.evaluation.players import own_player
     from vispeg.task.environments.vector import world_of
@@ -209,13 +207,13 @@ def _own(who: Entrant, world: str | Path | None, name: str | None) -> tuple[Acts
     acts = own_player(who, config)
     if isinstance(acts.target, LeRobot) and not acts.target.feels(len(meaning.arm.joints)):
         meaning = meaning.model_copy(update={"told": tuple(t for t in meaning.told if t.name not in FELT)})
-    acts.reset(1)  # what cannot begin is refused before the robot is asked, and what begins slowly has begun
+    acts.reset(1)  # fail before the robot is connected, and do slow initialization now
     return acts, meaning, part
 
 
 @contextmanager
 def _place(out: Path) -> Iterator[Path]:
-    """Give the folder of trials, kept from other processes. Raises UserError where it is something else."""
+    """Yield the folder of trials, locked against other processes. Raises UserError: it holds other files."""
     if out.exists() and (not out.is_dir() or any(not is_trial(p) for p in out.iterdir() if not p.name.startswith("."))):
         raise UserError("is not a folder of trials", file=out, expected="a new or empty folder, or one with trials")
     with claimed(out):
@@ -229,6 +227,6 @@ def _place(out: Path) -> Iterator[Path]:
 
 
 def _next(place: Path) -> int:
-    """Give the number of the next trial."""
+    """Return the number of the next trial."""
     numbers = [p.name.rpartition("-")[2] for p in place.glob("trial-*")]
     return 1 + max((int(n) for n in numbers if n.isdigit()), default=0)

@@ -1,4 +1,4 @@
-"""`vispeg train` from Python."""
+"""Train a policy, as `vispeg train` does."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrainedPolicy:
-    """A run of training on disk.
+    """A training run on disk.
 
     Attributes:
-        run: its folder: config.yaml, progress.csv, tensorboard/, checkpoints/.
-        best: folder of the policy that did best in the run's own evaluations.
-        world: that it was trained in.
-        settings: of the task, in place of the world's.
+        run: folder of the run: config.yaml, progress.csv, tensorboard/, checkpoints/.
+        best: folder of the policy that was best in the run's evaluations.
+        world: the training world.
+        settings: settings of the task, in place of the world's.
     """
 
     run: Path
@@ -35,19 +35,19 @@ class TrainedPolicy:
     settings: Mapping[str, Any]
 
     def open(self) -> Policy:
-        """Give the best policy, which acts."""
+        """Load the best policy."""
         return load_policy(self.best)
 
     @property
     def history(self) -> list[dict[str, str]]:
-        """The run's evaluations, in order: rows of progress.csv, whose columns docs/learning.md explains."""
+        """The run's evaluations in order: rows of progress.csv, whose columns docs/learning.md explains."""
         from vispeg.learn.curves.progress import Table
 
         return Table(self.run / "progress.csv", sys.maxsize).rows
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg train --json` prints beside the films."""
+        """The output of `vispeg train --json`, without the films."""
         return {"run": str(self.run), "best": str(self.best)}
 
     @property
@@ -61,7 +61,7 @@ class TrainedPolicy:
 
 
 def new_run(task: str, seed: int) -> Path:
-    """Give a folder for a run that begins now."""
+    """Return the default folder for a run that begins now."""
     return Path("runs") / task / f"{time.strftime('%Y%m%d-%H%M%S')}_s{seed}"
 
 
@@ -93,7 +93,7 @@ def train(
     out: str | Path | None = None,
     show: bool = False,
 ) -> TrainedPolicy:
-    """Trains a policy for the task of a world; see docs/learning.md. A run that was stopped goes on.
+    """Train a policy for the task of a world, or continue a stopped run in `out`; see docs/learning.md.
 
     Args:
         task: the task and what the policy sees, such as LABEL-depth; not needed with `resume`.
@@ -101,34 +101,36 @@ def train(
         recipe: reinforcement learning, imitation of a teacher, or imitation and then reinforcement.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
         curriculum: wider tolerances to begin with, mm, widest first; the next stage begins at 80 % success.
-        start_radius: lateral ranges of starts for these stages, m, nearest first.
-        ranges: randomization, full from the first step, growing over the first half of the steps, or range by range
-            with success.
-        steps: environment steps in all; default: 100000. With `resume`: the new total.
-        target: success rate in two evaluations in a row that ends imitation or reinforcement early; 2 for never.
+        start_radius: lateral ranges of starts in these stages, m, nearest first.
+        ranges: randomization: full from the first step, growing over the first half of the steps (schedule), or range
+            by range with success (adaptive).
+        steps: total number of environment steps; default: 100000. With `resume`: the new total.
+        target: success rate that ends imitation or reinforcement early if two successive evaluations reach it; 2 for
+            never.
         seed: seed of networks, exploration and episodes.
-        envs: environments in one batch.
-        threads: threads of the physics and of the networks.
-        utd: critic updates per environment step.
+        envs: number of environments in one batch.
+        threads: number of threads for physics and for networks.
+        utd: number of critic updates per environment step.
         recurrent: width of an LSTM in place of stacked observations; 0 for none.
-        symmetric: critics see what the actor sees, in place of ground truth (slower; for comparison).
-        replay: transitions kept in memory and in each checkpoint; default: 300000, with images 100000. The size is said
-            at the start.
+        symmetric: let critics observe what the actor observes, in place of ground truth (slower; for comparison).
+        replay: number of transitions kept in memory and in each checkpoint; default: 300000, with images 100000. Their
+            size is printed at the start.
         teacher: a policy's folder or name, or `expert` for the scripted one.
-        dataset: demonstrations in LeRobot's layout, as of `vispeg render`: in place of a teacher (distill), or half of
-            each batch (sac). Only successful episodes count. FOLDER?action=KIND says what its actions are.
-        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, other than the defaults.
+        dataset: demonstrations in LeRobot's layout, such as by `vispeg render`, in place of a teacher (distill), or as
+            half of each batch (sac). Only successful episodes are used. FOLDER?action=KIND states the kind of its
+            actions.
+        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, if not the defaults.
         every: environment steps between evaluations and checkpoints.
-        episodes: episodes of an evaluation.
+        episodes: number of episodes of an evaluation.
         device: where networks run.
-        wandb: project of Weights & Biases for the curves (WANDB_MODE=offline keeps them in the run).
+        wandb: project of Weights & Biases for the curves (WANDB_MODE=offline keeps them in the run's folder).
         out: folder of the run; default: runs/TASK/TIME_sSEED.
         show: show progress on standard error.
 
     Raises:
-        UserError: no such task, world or teacher; impossible numbers; `out` holds something else.
+        UserError: no such task, world or teacher; impossible numbers; or `out` holds other files.
     """
-    if wandb is not None:  # before torch: who asks for curves is told of both, one after the other
+    if wandb is not None:  # checked before torch, so that both are reported, one after the other
         require("wandb", "--wandb")
     require("torch", "training")
     from vispeg.learn import train as running
@@ -140,7 +142,7 @@ def train(
 
     chosen = dict(settings or {})
     if recurrent and chosen.get("stack") not in (None, 1):
-        expected = "one of them, as the LSTM stands in place of the stack"
+        expected = "one of them, as the LSTM replaces the stack"
         raise UserError("an LSTM and stacked observations", key="--stack", expected=expected, got=chosen["stack"])
     world = str(world)
     asked = world_of(world, dict(chosen))[1]
@@ -173,15 +175,15 @@ def train(
 
 
 def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> TrainedPolicy:
-    """Goes on with a run from its last checkpoint, as if it had never stopped.
+    """Continue a run from its last checkpoint, exactly as if it had not stopped.
 
     Args:
-        run: its folder.
-        steps: new total; by default that of the run.
+        run: folder of the run.
+        steps: new total number of steps; by default that of the run.
         show: show progress on standard error.
 
     Raises:
-        UserError: no run is there, its last checkpoint is gone or damaged, or another process trains there.
+        UserError: there is no run, its last checkpoint is missing or damaged, or another process trains in it.
     """
     require("torch", "training")
     from vispeg.learn import train as running

@@ -1,1 +1,1 @@
-"""Policies and models for programs that know nothing of this package."""
+"""Export policies and models for other programs."""

@@ -1,4 +1,4 @@
-"""What an exported file must be called."""
+"""File endings of exported formats."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ ENDINGS = {"onnx": ".onnx", "mjcf": ".xml", "urdf": ".urdf"}
 
 
 def check_ending(out: Path, to: str) -> None:
-    """Raise UserError for a file whose name does not end as its format's do."""
+    """Raise UserError if a file's ending does not match its format."""
     if out.suffix.lower() != ENDINGS[to]:
         expected = f"a name that ends in {ENDINGS[to]} (--to {to})"
         raise UserError(f"not an {to.upper()} file", key="--out", expected=expected, got=str(out))

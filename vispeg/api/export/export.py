@@ -1,4 +1,4 @@
-"""A policy to ONNX, or a model to MJCF or URDF: what `vispeg export` does, from Python."""
+"""Export a policy to ONNX, or a model to MJCF or URDF, as `vispeg export` does."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ def export(
     world: str | Path | None = None,
     overwrite: bool = False,
 ) -> ExportedPolicy | ExportedModel:
-    """Write a policy or a model in a format that others read.
+    """Write a policy or a model in a format of other programs.
 
     Args:
         source: a policy's folder or name; for MJCF and URDF a model file, a robot's name, or a path to an MJCF or URDF.
         out: the file to write: .onnx, .xml, or .urdf.
         to: the format.
-        world: for ONNX, the world on whose arm the policy is to be played; default: the training world.
+        world: for ONNX: the world with the arm on which the policy will be played; default: the training world.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: as `export_policy` and `export_model`.
+        UserError: as for `export_policy` and `export_model`.
     """
     if to == "onnx":
         from vispeg.api.export.policy import export_policy

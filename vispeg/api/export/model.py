@@ -1,4 +1,4 @@
-"""A model with its effects as MJCF or URDF: what `vispeg export MODEL` does, from Python."""
+"""Export a model with its effects as MJCF or URDF, as `vispeg export MODEL` does."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """A model in a file that other programs read.
+    """A model exported to a file.
 
     Attributes:
         file: the MJCF or URDF.
-        to: its format.
-        robot: of the model.
-        meshes: files beside it.
-        native: labels of the effects that are in it.
-        left_out: of those that the format has no element for.
-        rotors: joint -> rotor inertia in kg m2 that a URDF cannot hold.
+        to: the file's format.
+        robot: the model's robot.
+        meshes: mesh files beside it.
+        native: labels of the effects in the file.
+        left_out: labels of the effects that the format has no element for.
+        rotors: joint -> rotor inertia, kg m2, which a URDF cannot hold.
     """
 
     file: Path
@@ -48,14 +48,14 @@ class ExportedModel:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg export --json` prints."""
+        """The output of `vispeg export --json`."""
         rotors = {"rotor_inertia": dict(self.rotors)} if self.rotors else {}
         effects = {"native": [*self.native], "left_out": [*self.left_out]}
         return {self.to: str(self.file), "meshes": [*self.meshes], **effects, **rotors}
 
     @property
     def summary(self) -> list[Block]:
-        """The file, the effects in it, and those that are not."""
+        """The file, the effects in it, and those left out."""
         program = "MuJoCo" if self.to == "mjcf" else "URDF"
         lines = [f"{self.file}: {self.robot}, {len(self.meshes)} meshes beside it"]
         lines += [f"in it: {label}" for label in self.native]
@@ -69,7 +69,7 @@ class ExportedModel:
 
 
 def _whole(world: World, meshes: str) -> Exported:
-    """Give the MJCF of a model: of its cell, at the task's physics step, where it has one."""
+    """Return the MJCF of a model, or of its cell with the task's physics time step if it has one."""
     if world.cell is None:
         return to_mjcf(world, meshes)
     belief = model_cell(world)
@@ -79,7 +79,7 @@ def _whole(world: World, meshes: str) -> Exported:
 
 
 def with_cameras(scene: Scene) -> Scene:
-    """Give a cell whose spec has its standard cameras."""
+    """Return a cell whose MuJoCo spec includes its standard cameras."""
 
     def build() -> mujoco.MjSpec:
         spec = scene.spec()
@@ -94,16 +94,16 @@ def export_model(
 ) -> ExportedModel:
     """Write a model with its effects; meshes are copied beside the file.
 
-    An MJCF of a cell has all of it: arm, tool, what it holds, fixture, table and cameras. A URDF has the arm alone.
+    An MJCF of a cell has arm, tool, held part, fixture, table and cameras. A URDF has only the arm.
 
     Args:
         model: a world, a model file, a robot's name, or a path to an MJCF or URDF.
-        out: file, .xml or .urdf.
+        out: the file to write, .xml or .urdf.
         to: the format.
-        overwrite: whether it may be replaced.
+        overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such model, one that the format cannot hold, another ending, or `out` exists.
+        UserError: no such model, a model that the format cannot hold, a wrong file ending, or `out` exists.
     """
     path = Path(out).expanduser()
     check_ending(path, to)

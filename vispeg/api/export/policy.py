@@ -1,4 +1,4 @@
-"""A policy as ONNX, for controllers without torch: what `vispeg export POLICY` does, from Python."""
+"""Export a policy as ONNX, for controllers without torch, as `vispeg export POLICY` does."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ExportedPolicy:
     """A policy in an ONNX file.
 
     Attributes:
-        file: the ONNX.
+        file: the ONNX file.
         modality: what the policy sees.
         inputs: name of each input -> its shape without the batch.
     """
@@ -29,13 +29,13 @@ class ExportedPolicy:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg export --json` prints."""
+        """The output of `vispeg export --json`."""
         inputs = {name: list(shape) for name, shape in self.inputs.items()}
         return {"onnx": str(self.file), "modality": self.modality, "inputs": inputs}
 
     @property
     def summary(self) -> list[Block]:
-        """The file and what it wants."""
+        """The file and its inputs."""
         inputs = ", ".join(f"{name} {list(shape)}" for name, shape in self.inputs.items())
         return [Line(f"{self.file}: {self.modality}, inputs {inputs}", path=True)]
 
@@ -49,13 +49,13 @@ def export_policy(
     """Write a policy's deterministic action as an ONNX model.
 
     Args:
-        policy: a folder, or a bundled policy's name.
-        out: file, .onnx.
-        world: on whose arm, and through whose cameras, it is to be played; None for the one that it was trained in.
-        overwrite: whether it may be replaced.
+        policy: a policy's folder, or a bundled policy's name.
+        out: the file to write, .onnx.
+        world: the world with the arm and cameras with which it will be played; None for its training world.
+        overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such policy, one of two networks, another ending than .onnx, or `out` exists.
+        UserError: no such policy, a combined policy of two networks, a wrong file ending, or `out` exists.
     """
     check_ending(Path(out).expanduser(), "onnx")
     require("torch", "export")

@@ -1,4 +1,4 @@
-"""A world's arm as URDF: links, shapes, joints with limits, damping and dry friction; what URDF cannot say is named."""
+"""Write a world's arm as URDF: links, shapes, joints with limits, damping and dry friction."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ HOLDS = {
     "body_ipos",
     "body_iquat",
     "body_inertia",
-}  # of the model's fields
+}  # fields of the MuJoCo model that a URDF can express
 KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "revolute", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic"}
 G = mujoco.mjtGeom
 
 
 @dataclass(frozen=True)
 class Urdf:
-    """A URDF.
+    """A URDF, and what it leaves out.
 
     Attributes:
-        xml: the text; files of meshes are named relative to its folder.
-        native: effects that are numbers of it.
-        left_out: those that URDF has no element for.
+        xml: the text; mesh files are named relative to its folder.
+        native: effects that are included.
+        left_out: effects that URDF has no element for.
         rotors: joint -> rotor inertia of the model, kg m2, which URDF has no element for.
-        meshes: name in the text -> file to copy there.
+        meshes: path in the text -> mesh file to copy there.
     """
 
     xml: str
@@ -49,17 +49,17 @@ class Urdf:
 
 
 def fits(placed: EffectInstance) -> bool:
-    """Whether all that an effect does is a number of a URDF."""
+    """Return whether a URDF can express an effect completely."""
     kind = effect(placed.effect)
     return is_native(kind) and bool(kind.writes) and set(kind.writes) <= HOLDS
 
 
 def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
-    """Give the arm of a world with its effects.
+    """Return the URDF of a world's arm with its effects.
 
     Args:
         world: robot, tool and effects with values.
-        meshes: folder beside the text that shall hold the meshes.
+        meshes: name of the folder for the meshes, beside the URDF.
 
     Raises:
         UserError: a body with several joints, or a joint that neither turns nor slides.
@@ -85,7 +85,11 @@ def to_urdf(world: World, meshes: str = "meshes") -> Urdf:
 
 
 def _anchors(model: mujoco.MjModel) -> np.ndarray:
-    """(nbody, 3) from each body's frame to its link's, which in URDF lies on the joint's axis."""
+    """Return the offsets (nbody, 3), m, from each body's frame to its link's frame, which must lie on the joint axis.
+
+    Raises:
+        UserError: a body with several joints, or a joint that neither turns nor slides.
+    """
     for b in range(model.nbody):
         kinds = [int(model.jnt_type[j]) for j in range(model.njnt) if model.jnt_bodyid[j] == b]
         if len(kinds) > 1 or any(kind not in KINDS for kind in kinds):
@@ -122,7 +126,7 @@ def _inertial(link: xml.Element, model: mujoco.MjModel, b: int, shift: np.ndarra
 def _shapes(
     link: xml.Element, spec: mujoco.MjSpec, body: str, shift: np.ndarray, meshes: str, files: dict[str, Path]
 ) -> None:
-    """Visual shapes as the robot's own file has them; of kinds that URDF knows."""
+    """Add the visual shapes of the robot's file that URDF supports, and collect mesh files in `files`."""
     base = Path(spec.modelfiledir or ".") / (spec.meshdir or "")
     for geom in spec.body(body).geoms:
         shape, size = xml.Element("geometry"), geom.size

@@ -1,4 +1,4 @@
-"""A model in MuJoCo's own viewer, with the effects that MuJoCo has elements for: what `vispeg view --native` does."""
+"""Show a model in MuJoCo's viewer, with the effects that MuJoCo has elements for, as `vispeg view --native` does."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NativeViewer:
-    """A model that MuJoCo's viewer is about to show.
+    """A model to be shown by MuJoCo's viewer.
 
     Attributes:
-        name: of the model, as it was asked for.
-        model: compiled, with its effects.
+        name: the model, as named by the user.
+        model: the compiled model with its effects.
         left_out: labels of the effects that MuJoCo has no element for.
     """
 
@@ -34,12 +34,12 @@ class NativeViewer:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg view --native --json` prints."""
+        """The output of `vispeg view --native --json`."""
         return {"model": self.name, "left_out": [*self.left_out]}
 
     @property
     def summary(self) -> list[Block]:
-        """The model, and the effects that the viewer does not show."""
+        """The model, and the effects that are left out."""
         lines = [f"{self.name} in MuJoCo's viewer"]
         lines += [f"not in it, MuJoCo has no element for it: {label}" for label in self.left_out]
         return [Line(text, path=True) for text in lines]
@@ -52,7 +52,7 @@ class NativeViewer:
 
 
 def open_viewer(name: str) -> NativeViewer:
-    """Compiles a model for the viewer.
+    """Compile a model for the viewer.
 
     Args:
         name: a model file, a robot's name, or a path to an MJCF or URDF.

@@ -1,1 +1,1 @@
-"""Policies made from other policies: fine-tuned, combined, exported."""
+"""Make policies from other policies: fine-tune and combine."""

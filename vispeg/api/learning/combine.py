@@ -1,4 +1,4 @@
-"""`vispeg.combine`: two policies as one, a coarse one and a fine one near the goal."""
+"""`vispeg.combine`: combine a coarse policy with a fine one that acts near the goal."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CombinedPolicy:
-    """A coarse policy that sees, and a fine one that takes over near the goal.
+    """A coarse policy with cameras, and a fine one that takes over near the goal.
 
     Attributes:
         folder: folder of the combined policy.
-        coarse, fine: their folders or names.
+        coarse, fine: folders or names of the two policies.
         within: distance from the goal's axis at which the fine one takes over, m.
     """
 
@@ -35,7 +35,7 @@ class CombinedPolicy:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg combine --json` prints."""
+        """The output of `vispeg combine --json`."""
         return {
             "policy": str(self.folder),
             "coarse": self.coarse,
@@ -45,7 +45,7 @@ class CombinedPolicy:
 
     @property
     def summary(self) -> list[Block]:
-        """Which policy acts where."""
+        """A line that says which policy acts where."""
         text = f"{self.folder}: {Path(self.coarse).name}, from {1000 * self.within:g} mm on {Path(self.fine).name}"
         return [Line(text, path=True)]
 
@@ -56,18 +56,18 @@ class CombinedPolicy:
 def combine(
     coarse: str | Path, fine: str | Path, out: str | Path, *, within: float = 0.006, overwrite: bool = False
 ) -> CombinedPolicy:
-    """Combine two policies in one folder, which is used like that of any policy.
+    """Combine two policies into one folder, which can be used as a policy.
 
     Args:
-        coarse: folder or name of the first policy, which sees.
+        coarse: folder or name of the first policy, which has cameras.
         fine: folder or name of the policy that takes over; it may observe no more than the coarse one.
         out: folder of the combined policy.
-        within: distance of the tip from the goal's axis, as the coarse policy sees it, at which the fine one takes
+        within: distance of the tip from the goal's axis, estimated by the coarse policy, at which the fine one takes
             over, m.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such policies, or policies that do not fit together; `within` is not above 0; `out` exists.
+        UserError: no such policies, policies that do not fit together, `within` not above 0, or `out` exists.
     """
     require("torch", "combining policies")
     from vispeg.learn import coarse_to_fine

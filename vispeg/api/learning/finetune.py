@@ -1,4 +1,4 @@
-"""A trained policy is fine-tuned in a target world: what `vispeg finetune` does, from Python."""
+"""Fine-tune a trained policy in a target world, as `vispeg finetune` does."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FinetunedPolicy:
-    """A policy that was fine-tuned.
+    """A fine-tuned policy.
 
     Attributes:
-        folder: of the policy.
-        measured: finetune.json: success `before` and `after` in the target world (shares), settings, seed.
+        folder: folder of the policy.
+        measured: content of finetune.json: success `before` and `after` in the target world (0 to 1), settings, seed.
     """
 
     folder: Path
     measured: Mapping[str, object]
 
     def open(self) -> Policy:
-        """Give the policy, which acts."""
+        """Load the policy."""
         return load_policy(self.folder)
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg finetune --json` prints."""
+        """The output of `vispeg finetune --json`."""
         return {"policy": str(self.folder), **self.measured}
 
     @property
     def summary(self) -> list[Block]:
-        """Success before and after, and where the policy is."""
+        """Success before and after, and the policy's folder."""
         change = [
             f"success {when} fine-tuning: {share:.0%}"
             for when in ("before", "after")
@@ -73,22 +73,23 @@ def finetune(
     overwrite: bool = False,
     say: Callable[[str], None] = lambda text: None,
 ) -> FinetunedPolicy:
-    """Fine-tunes a policy in a target world on a few demonstrations; see docs/learning.md.
+    """Fine-tune a policy in a target world on a few demonstrations; see docs/learning.md.
 
     Args:
         policy: a policy's folder, or a bundled policy's name.
         world: the target world: a built-in name or a world file.
         out: folder of the new policy.
         teacher: demonstrator: `expert` for the scripted policy, or a state policy's folder or name.
-        dataset: demonstrations in LeRobot's layout, in place of a teacher. FOLDER?action=KIND says what its actions
-            are.
-        starts: a folder of trials: demonstrations begin as those that failed began.
-        demos: successful demonstrations in the target world.
-        updates: gradient steps. Image encoders are frozen for the first half, then learn at a hundredth of `lr`.
-        lr: learning rate; default: a tenth of that of training.
-        known: share of each batch from the training world, 0 to 0.5.
-        known_world: the training world, if the policy's record names no built-in one.
-        episodes: episodes of the evaluations before and after.
+        dataset: demonstrations in LeRobot's layout, in place of a teacher. FOLDER?action=KIND states the kind of its
+            actions.
+        starts: a folder of trials; demonstrations begin at the starts of those that failed.
+        demos: number of successful demonstrations in the target world.
+        updates: number of gradient steps. Image encoders are frozen for the first half, then learn at a hundredth of
+            `lr`.
+        lr: learning rate; default: a tenth of that in training.
+        known: share of each batch that comes from the training world, 0 to 0.5.
+        known_world: the training world, if the policy's record does not name a built-in one.
+        episodes: number of episodes of the evaluations before and after.
         seed: seed of everything random.
         device: where the network runs.
         overwrite: replace `out` if it exists.
@@ -101,7 +102,7 @@ def finetune(
     from vispeg.learn.methods import finetune as tuning
 
     if starts is not None and dataset is not None:
-        raise UserError("a dataset's demonstrations have begun", key="--starts", expected="--starts or --dataset")
+        raise UserError("cannot be combined with --dataset", key="--starts", expected="one of them")
     begun = () if starts is None else failed_starts(Path(starts))
     settings = tuning.FinetuneSettings(demos, updates, lr, known=known, episodes=episodes)
     folder = tuning.finetune_in_worlds(
@@ -122,7 +123,7 @@ def finetune(
 
 
 def failed_starts(trials: Path) -> tuple[Start, ...]:
-    """Return the starts of failed trials; their world is drawn from the seed. Raises UserError: none failed."""
+    """Return the starts of failed trials without their effects, which are drawn anew. Raises UserError: none failed."""
     said = read_trials(trials)
     starts = tuple(replace(s.begin(), effects=None) for s in said if not s.outcome.success)
     if not starts:

@@ -1,1 +1,1 @@
-"""What comes with the package: worlds, policies, motions, and what an effect does."""
+"""Lists of what comes with the package: effects, robots, worlds, policies and motions."""

@@ -1,4 +1,4 @@
-"""What can be named: effects, robots, worlds, policies and motions."""
+"""Lists of named things: effects, robots, worlds, policies and motions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vispeg.task.world_file import WORLD, by_name, load_world
 
 @dataclass(frozen=True)
 class Entry:
-    """Something that can be named: its kind of family, what it is in a sentence, and what else is known of it."""
+    """A named thing: name, family, one sentence on what it is, and further data for JSON."""
 
     name: str
     family: str
@@ -29,14 +29,14 @@ class Entry:
 
     @property
     def record(self) -> dict[str, object]:
-        """For JSON."""
+        """The entry as plain data, for JSON."""
         return {"name": self.name, "family": self.family, "about": self.about, **self.more}
 
 
 def effects(
     name: str | None = None, search: str = "", family: Family | None = None, robot: str = "iiwa14"
 ) -> list[tuple[Effect, RobotModel | Scene]]:
-    """Effects, each with the model whose joints, links or parts are its places: the robot, or the default cell.
+    """Return effects, each with the robot or the default cell whose joints, links or parts are its places.
 
     Args:
         name: the effect to explain; default: list all.
@@ -53,9 +53,7 @@ def effects(
 
 
 def robots() -> list[Entry]:
-    """Give the arms that a model's name may be; the family says whether one is here or downloads when it is asked
-    for.
-    """
+    """Return the arms that have a name; the family says whether one is installed, or is downloaded when used."""
     entries = [Entry("iiwa14", "built in", "KUKA LBR iiwa 14 R820", {"model": "built in"})]
     for name, (entry, title) in menagerie.ARMS.items():
         entries.append(Entry(name, menagerie.state(name), title, {"model": entry}))
@@ -65,9 +63,7 @@ def robots() -> list[Entry]:
 
 
 def worlds() -> list[Entry]:
-    """Return the built-in worlds of --world: `fixed` ones, and `randomized` ones, which are drawn again for each
-    episode.
-    """
+    """Return the built-in worlds; the family is `fixed`, or `randomized` if values are drawn for each episode."""
     entries = []
     for name, file in by_name().items():
         data = WORLD.read(file)
@@ -79,7 +75,7 @@ def worlds() -> list[Entry]:
 
 
 def policies() -> list[Entry]:
-    """Give the bundled policies; the family is what they see."""
+    """Return the bundled policies; the family is the modality."""
     from vispeg.learn.meta import made_for  # here, as the other lists need nothing of the extra `learn`
     from vispeg.learn.record import PAIR, read_record
     from vispeg.learn.shipped import names, policy_folder
@@ -114,11 +110,11 @@ def motions() -> list[Entry]:
 
 
 def search(entries: list[Entry], text: str = "", family: str | None = None) -> list[Entry]:
-    """Those of one family that have a text in their name or words, in any case."""
+    """Return the entries of a family (None for all) that contain a text, ignoring case."""
     word = text.lower()
     return [e for e in entries if family in (None, e.family) and word in f"{e.name} {e.family} {e.about}".lower()]
 
 
 def _sentence(text: str) -> str:
-    """Give the first one."""
+    """Return the first sentence of a text."""
     return " ".join(text.partition("\n\n")[0].split()).partition(". ")[0].rstrip(".")

@@ -1,4 +1,4 @@
-"""A picture of what an effect does: what `vispeg effects NAME --out` draws, from Python."""
+"""Draw what an effect does, as `vispeg effects NAME --out` does."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from vispeg.worlds.words import place
 
 @dataclass(frozen=True)
 class EffectPicture:
-    """A PNG of what an effect at its typical size changes.
+    """A picture of what an effect of typical size changes.
 
     Attributes:
-        path: of the picture; None where there is none.
-        note: why there is none, or that it was there before.
+        path: path of the PNG; None if there is no picture.
+        note: why there is none, or that it existed already.
     """
 
     path: Path | None
@@ -29,7 +29,7 @@ class EffectPicture:
 
     @property
     def line(self) -> str:
-        """What the command prints."""
+        """The line that the command prints."""
         return f"picture: {self.path}{self.note}" if self.path is not None else f"no picture: {self.note}"
 
     def _repr_html_(self) -> str:
@@ -39,14 +39,14 @@ class EffectPicture:
 def draw_effect(
     name: str, out: str | Path, *, where: str | None = None, robot: str = "iiwa14", overwrite: bool = False
 ) -> EffectPicture:
-    """Draws what an effect does: in one joint under position control, or in the pictures of the cell's cameras.
+    """Draw what an effect does: in one joint under position control, or in the pictures of the cell's cameras.
 
     Args:
-        name: of the effect.
-        out: folder of the picture, effect-NAME.png.
-        where: the effect's place; by default a usual one.
-        robot: a name or a path to an MJCF or URDF.
-        overwrite: draw a picture that is there anew.
+        name: name of the effect.
+        out: folder for the picture, effect-NAME.png.
+        where: the effect's place; by default a typical one.
+        robot: a robot's name, or a path to an MJCF or URDF.
+        overwrite: replace an existing picture.
 
     Raises:
         UserError: no such effect or place.
@@ -57,7 +57,7 @@ def draw_effect(
     if where is not None:
         place(kind, where, load(robot) if scene is None else scene)
     if path.exists() and not overwrite:
-        return EffectPicture(path, " (from before; --overwrite draws it anew)")
+        return EffectPicture(path, " (exists; --overwrite draws it again)")
     if kind.family in OPTICAL:
         draw_look(kind, where, scene or build(), path, overwrite=overwrite)
         return EffectPicture(path)

@@ -1,1 +1,1 @@
-"""What this machine has, as far as vispeg needs it; nothing here needs more than the standard library."""
+"""Check what vispeg needs of this machine, using only the standard library."""

@@ -1,4 +1,4 @@
-"""What this machine has, what is missing, and how to get it."""
+"""Check what this machine has, what is missing, and how to get it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PHYSICS = "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>'); mujo
 
 @dataclass(frozen=True)
 class Finding:
-    """One line: what was looked for, whether it is there, whether the base needs it, and how to get it."""
+    """A line of the report: what was checked, whether it is fine, details, whether the base needs it, and a remedy."""
 
     name: str
     ok: bool
@@ -42,35 +42,33 @@ class Finding:
 
 @dataclass(frozen=True)
 class Machine:
-    """What a machine has.
+    """The findings on a machine.
 
     Attributes:
-        findings: the needed ones first.
+        findings: the findings, needed things first.
     """
 
     findings: Sequence[Finding]
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing that the base needs is missing."""
+        """Return whether nothing that the base needs is missing."""
         return all(f.ok for f in self.findings if f.needed)
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg doctor --json` prints."""
+        """The output of `vispeg doctor --json`."""
         return {"format": "vispeg-doctor/1", "ok": self.healthy, "findings": [asdict(f) for f in self.findings]}
 
     def text(self, missing: bool = False) -> str:
-        """Give a line for each finding and how to get what is missing; with `missing` only those, nothing where all
-        is.
-        """
+        """Return a line per finding with remedies for what is missing; with `missing`, only what is missing."""
         width = max(len(f.name) for f in self.findings)
         lines = []
         for f in (f for f in self.findings if not (missing and f.ok)):
             lines.append(f"{'ok  ' if f.ok else 'FAIL' if f.needed else 'none'}  {f.name:<{width}}  {f.detail}")
             lines += [f"{'':<{width + 8}}-> {f.fix}"] if not f.ok and f.fix else []
         if not (missing and self.healthy):
-            lines += ["", "Ready." if self.healthy else "Not ready: put right what is marked FAIL."]
+            lines += ["", "Ready." if self.healthy else "Not ready: fix what is marked FAIL."]
         return "\n".join(lines)
 
     __str__ = text
@@ -80,7 +78,7 @@ class Machine:
 
 
 def examine() -> Machine:
-    """Look at this machine: what `vispeg doctor` does. An examination that fails is a finding too."""
+    """Examine this machine, as `vispeg doctor` does; an examination that fails is reported as a finding."""
     parts = {"python": _python, "packages": _packages, "physics": _physics, "cores, memory": _memory, "disk": _disk}
     parts |= {"training (torch)": _torch, "pictures": _pictures, "gpu": _gpu, "ffmpeg": _ffmpeg}
     return Machine([finding for name, look in parts.items() for finding in _look(name, look)])
@@ -90,9 +88,9 @@ def _look(name: str, look: Callable[[], Finding | Iterable[Finding]]) -> list[Fi
     try:
         findings = look()
         return [findings] if isinstance(findings, Finding) else list(findings)
-    except Exception as error:  # a broken installation may raise anything, and nothing of it is for a user's eyes
+    except Exception as error:  # a broken installation may raise anything; users get a short reason
         needed = name in ("python", "packages", "physics")
-        return [Finding(name, False, f"cannot be looked at: {meaning(error)}", needed, _INSTALL)]
+        return [Finding(name, False, f"cannot be examined: {meaning(error)}", needed, _INSTALL)]
 
 
 def _python() -> Finding:
@@ -102,7 +100,7 @@ def _python() -> Finding:
 
 
 def _packages() -> Iterator[Finding]:
-    """One finding for the base's packages and one for each extra, against the versions this release was made for."""
+    """Yield a finding on the base's packages and one on each extra, by the versions that this release requires."""
     for name, wrong in wrong_packages().items():
         target = f"'{BASE}[{name}]'" if name else BASE
         again = "--force-reinstall " * any(": " in w for w in wrong)
@@ -140,7 +138,7 @@ def _disk() -> Finding:
 
 
 def _torch() -> Finding:
-    """Whether networks can be trained here, and on what; torch itself is imported in another process."""
+    """Return whether networks can be trained here, and on which devices; torch is imported in another process."""
     fix = f"pip install {EDITABLE}'{BASE}[learn]'; without it everything but policies works"
     try:
         metadata.version("torch")
@@ -151,7 +149,7 @@ def _torch() -> Finding:
 
 
 def _pictures() -> Iterator[Finding]:
-    """Yield the renderers that need OpenGL, what is used where there is none, and the one that needs Vulkan."""
+    """Yield findings on the renderers: two that need OpenGL, the ray caster, and one that needs Vulkan."""
     egl = probe("egl")
     yield Finding("pictures (egl)", egl.ok, egl.detail, fix=APT_LINE)
     osmesa = probe("osmesa")

@@ -1,4 +1,4 @@
-"""Which OpenGL backend MuJoCo can use on this machine, and proof that it draws."""
+"""Find the OpenGL backend that MuJoCo can use on this machine, and test that it draws."""
 
 from __future__ import annotations
 
@@ -10,16 +10,27 @@ from dataclasses import dataclass
 from vispeg.core.broken import run
 from vispeg.core.errors import UserError
 
-# MUJOCO_GL -> libraries that MuJoCo's binding loads at import, and the packages that bring them
+# MUJOCO_GL -> libraries that MuJoCo's binding loads at import, and the packages that provide them
 LIBRARIES: dict[str, tuple[tuple[str, ...], str]] = {
     "egl": (("libEGL.so.1", "libOpenGL.so.0"), "libegl1 libopengl0 libgl1-mesa-dri"),
     "osmesa": (("libOSMesa.so.8",), "libosmesa6"),
     "glfw": ((), ""),
     "glx": ((), ""),
 }
-WITHOUT = ("disable", "disabled", "off", "false", "0", "enable", "enabled", "on", "true", "1")  # no library is named
+WITHOUT = (
+    "disable",
+    "disabled",
+    "off",
+    "false",
+    "0",
+    "enable",
+    "enabled",
+    "on",
+    "true",
+    "1",
+)  # values of MUJOCO_GL that name no backend
 APT_LINE = "sudo apt-get install -y libegl1 libopengl0 libgl1-mesa-dri"
-# In a process of its own: a driver that crashes takes nothing else with it, and MuJoCo reads MUJOCO_GL at import.
+# Runs in a separate process, because a driver may crash, and because MuJoCo reads MUJOCO_GL at import.
 _PROBE = """
 import os
 import mujoco
@@ -36,13 +47,13 @@ from OpenGL import GL
 name = GL.glGetString(GL.GL_RENDERER).decode()
 renderer.close()
 print("\\n" + name, flush=True)
-os._exit(0)  # what OSMesa says while Python ends is no finding
+os._exit(0)  # ignore what OSMesa prints while Python ends
 """
 
 
 @dataclass(frozen=True)
 class Probe:
-    """Whether a backend (`egl`, `osmesa`, `glfw`) draws, and its renderer's name or why it does not."""
+    """Whether a backend (`egl`, `osmesa`, `glfw`) draws, and the renderer's name or the reason why not."""
 
     backend: str
     ok: bool
@@ -50,15 +61,15 @@ class Probe:
 
 
 def probe(backend: str, timeout: float = 60.0) -> Probe:
-    """Render one small picture with a backend, in another process; `timeout` in seconds."""
+    """Render a small picture with a backend in another process, within `timeout` s."""
     return Probe(backend, *run([sys.executable, "-c", _PROBE], {**os.environ, "MUJOCO_GL": backend}, timeout))
 
 
 def check_backend() -> None:
-    """Refuse a MUJOCO_GL that MuJoCo does not know, or whose library is missing: `import mujoco` itself would fail.
+    """Refuse a MUJOCO_GL that is unknown or whose library is missing, because `import mujoco` would fail.
 
     Raises:
-        UserError: names the choices, or how to get the library.
+        UserError: the error names the choices, or how to get the library.
     """
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if not chosen or not sys.platform.startswith("linux"):
@@ -67,15 +78,15 @@ def check_backend() -> None:
         raise UserError("no such renderer", key="MUJOCO_GL", got=chosen, choices=[*LIBRARIES])
     libraries, package = LIBRARIES.get(chosen, ((), ""))
     if missing := [name for name in libraries if not has_library(name)]:
-        expected = f"sudo apt-get install -y {package}, or another MUJOCO_GL; `vispeg doctor` tells more"
+        expected = f"sudo apt-get install -y {package}, or another MUJOCO_GL; see `vispeg doctor`"
         raise UserError(f"the library {missing[0]} is missing", key="MUJOCO_GL", got=chosen, expected=expected)
 
 
 def choose_backend() -> None:
-    """Set MUJOCO_GL=egl on a Linux machine without a display, where EGL exists and the user has not chosen.
+    """Set MUJOCO_GL=egl on a Linux machine without a display, if EGL exists and MUJOCO_GL is not set.
 
-    MuJoCo would look for a window system otherwise. Where EGL is missing nothing is set, because then `import mujoco`
-    itself would fail, and everything but pictures works without.
+    Otherwise MuJoCo would look for a window system. If EGL is missing, nothing is set: `import mujoco` would fail with
+    it, and without it everything but pictures works.
     """
     headless = sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     if headless and "MUJOCO_GL" not in os.environ and all(map(has_library, ("libEGL.so.1", "libOpenGL.so.0"))):
@@ -83,7 +94,7 @@ def choose_backend() -> None:
 
 
 def has_library(name: str) -> bool:
-    """Whether the system's loader finds a shared library."""
+    """Return whether the system's loader finds a shared library."""
     try:
         ctypes.CDLL(name)
     except OSError:

@@ -1,4 +1,4 @@
-"""Which of the packages that this release was made for are here, in a right version, and whole."""
+"""Check that the required packages are installed, complete, and in the right versions."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 from vispeg.core.broken import run
 from vispeg.core.extras import there as importable
 
-_PYPROJECT = Path(__file__).parents[3] / "pyproject.toml"  # there in a checkout, not in an installed wheel
-EDITABLE, BASE = ("-e ", ".") if _PYPROJECT.is_file() else ("", "vispeg")  # a checkout is installed where it stands
+_PYPROJECT = Path(__file__).parents[3] / "pyproject.toml"  # exists in a checkout, not in an installed wheel
+EDITABLE, BASE = ("-e ", ".") if _PYPROJECT.is_file() else ("", "vispeg")  # how pip installs a checkout or a release
 _IMPORT = """
 import importlib, sys
 from vispeg.core.broken import meaning
@@ -27,9 +27,9 @@ for module in sys.argv[1:]:
 
 
 def wrong_packages() -> dict[str, list[str]]:
-    """Give what is wrong with each group's packages, in words: that of the base ("") and of every extra.
+    """Return what is wrong with the packages of the base ("") and of every extra, in words.
 
-    The base's are imported, in another process; of the others it is only seen that their files are there.
+    Packages of the base are imported, in another process; for the others only the existence of their files is checked.
     """
     from packaging.requirements import Requirement
 
@@ -65,13 +65,13 @@ def _version_wrong(requirement: Any) -> str:
         fits = requirement.specifier.contains(have, prereleases=True)
     except metadata.PackageNotFoundError:
         return "is not installed"
-    except Exception:  # a folder of metadata without its files
+    except Exception:  # a metadata folder without its files
         return "is half installed"
     return "" if fits else f"{have}, needed {requirement.specifier}"
 
 
 def _modules() -> dict[str, list[str]]:
-    """Package -> what it is imported by."""
+    """Return package -> modules by which it is imported."""
     imports: dict[str, list[str]] = {}
     for module, packages in metadata.packages_distributions().items():
         for package in packages:
@@ -85,14 +85,14 @@ def _plain(package: str) -> str:
 
 
 def _unimportable(modules: Sequence[str]) -> dict[str, str]:
-    """Map each module to why, in words, it cannot be imported; tried in another process, which one of them may end."""
+    """Map each module that cannot be imported to the reason; imports run in another process, which may crash."""
     remaining, reasons = list(modules), {}
     while remaining:
         ok, said = run([sys.executable, "-c", _IMPORT, *remaining], {**os.environ, "MUJOCO_GL": "disabled"}, 120.0)
         if ok:
             break
         culprit, _, reason = said.partition(": ")
-        if culprit not in remaining:  # the process ended before it could tell, so each is asked for by itself
+        if culprit not in remaining:  # the process crashed, so each module is tried separately
             return reasons | (
                 {remaining[0]: said}
                 if len(remaining) == 1

@@ -1,1 +1,1 @@
-"""Measurements of actuators and objects: what `vispeg measure` does, from Python."""
+"""Measure actuators and objects, as `vispeg measure` does."""

@@ -1,4 +1,4 @@
-"""Whether an interval is narrow enough for a policy: how far success moves between its two ends."""
+"""Test whether an interval is narrow enough for a policy, by the change of success between its two ends."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from vispeg.worlds.measurement_file import measurement_text
 
 @dataclass(frozen=True)
 class Sufficiency:
-    """What each effect's interval costs each policy.
+    """The change of success over each effect's interval, for each policy.
 
     Attributes:
-        rows: effect, policy, episodes, change of success with its interval (`moved`, `low`, `high`), verdict.
-        result: the measurement, with these rows in its file.
+        rows: effect, policy, episodes, change of success (`moved`) with its interval (`low`, `high`), verdict.
+        result: the measurement, whose file includes these rows.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -36,7 +36,7 @@ class Sufficiency:
 
     @property
     def summary(self) -> list[Block]:
-        """A line an effect and policy."""
+        """One line per effect and policy."""
         if not self.rows:
             return [Line("no effect with an interval: nothing to play")]
         return [Line(_said(row), path=True) for row in self.rows]
@@ -46,10 +46,10 @@ class Sufficiency:
 
 
 def check_stop(policies: Sequence[str], world: str, episodes: int, workers: int) -> None:
-    """Refuse what `enough` could not play, before anything is measured.
+    """Check the arguments of `enough` before anything is measured.
 
     Raises:
-        UserError: unknown policies or world; numbers that cannot be.
+        UserError: unknown policies or world, or impossible numbers.
     """
     check_numbers(episodes, workers)
     load_world(world)
@@ -66,18 +66,18 @@ def enough(
     workers: int = 1,
     playing: Playing = silent,
 ) -> Sufficiency:
-    """Plays policies with each effect at the low and at the high end of its intervals, on the same episodes.
+    """Play policies with each effect at the low and at the high end of its interval, on the same episodes.
 
     Args:
-        result: a measurement, whose file gets the rows.
-        policies: policies (folders or names) to play at both ends of the interval, to see if it is narrow enough.
+        result: a measurement, to whose file the rows are added.
+        policies: policies (folders or names) to play at both ends of the interval, to see whether it is narrow enough.
         world: world of the policies, and source of nominal values.
-        episodes: episodes at each end of the interval.
-        workers: processes.
-        playing: shows the progress.
+        episodes: number of episodes at each end of the interval.
+        workers: number of processes.
+        playing: shows progress.
 
     Raises:
-        UserError: unknown policies or world; an effect that has no place in the world.
+        UserError: unknown policies or world, or an effect that has no place in the world.
     """
     check_numbers(episodes, workers)
     measured = [e for e in result.measurement.effects if ends(e)[0] != ends(e)[1]]

@@ -1,4 +1,4 @@
-"""A joint's servo, friction and backlash from recordings: what `vispeg measure joint` does, from Python."""
+"""Measure a joint's servo, friction and backlash from recordings, as `vispeg measure joint` does."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def measure_joint(
     inertia: float | None = None,
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Measures a joint's servo, frequency response, friction and backlash.
+    """Measure a joint's servo, frequency response, friction and backlash.
 
     Args:
-        recordings: recordings, or tables whose columns `columns` names.
+        recordings: recordings, or tables with the columns that `columns` names.
         out: folder of measurement.yaml, joint.png and, with a servo, actuator.xml for MuJoCo.
         joint: the joint; default: the one that moves most in the recordings.
-        columns: tables: time=COLUMN q_cmd=COLUMN q=COLUMN, optionally tau=COLUMN (s, rad, N m).
-        inertia: inertia that the joint turns, kg m2, for the actuator; default: of the robot's model, or 1.
+        columns: for tables: time=COLUMN q_cmd=COLUMN q=COLUMN, optionally tau=COLUMN (s, rad, N m).
+        inertia: inertia that the joint turns, kg m2, for the actuator; default: from the robot's model, or 1.
         settings: conditions, seed, overwrite.
 
     Raises:
-        UserError: recordings that show nothing of the joint, or of several robots; tables without columns; an
-            impossible inertia; `out` exists.
+        UserError: recordings that show nothing of the joint, or of several robots; tables without `columns`; an
+            impossible inertia; or `out` exists.
     """
     settings = settings or MeasureSettings()
     paths = [Path(path) for path in several(recordings)]
@@ -91,7 +91,7 @@ def measure_joint(
 def _traces(
     paths: Sequence[Path], joint: str | None, columns: Mapping[str, str]
 ) -> tuple[list[Trace], str, str | None]:
-    """Give the joint's traces, its name, and the robot where one is named."""
+    """Return the joint's traces, its name, and the robot, which is None for tables."""
     resolved = [path.resolve() for path in paths]
     twice = [path for path in paths if resolved.count(path.resolve()) > 1]
     if not paths or twice:
@@ -111,7 +111,7 @@ def _traces(
 
 
 def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, str]:
-    """Give the arm of a recording, or None and why nothing is known of it."""
+    """Return the arm of a recording and "", or None and the reason."""
     if robot is None:
         return None, "scale it, or state --inertia"
     try:
@@ -121,7 +121,7 @@ def _arm(recording: Path, joint: str, robot: str | None) -> tuple[Arm | None, st
 
 
 def _beside(effects: Sequence[EffectInstance]) -> str:
-    """Give the joint's friction in MuJoCo's words, as the effects state it."""
+    """Return the joint's friction in the effects as attributes of a MuJoCo joint."""
     words = {"coulomb_friction": ("torque", "frictionloss"), "viscous_friction": ("damping", "damping")}
     said = [
         f'{word}="{e.params[key].value:.6g}"' for e in effects if e.effect in words for key, word in (words[e.effect],)

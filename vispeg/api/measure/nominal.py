@@ -1,4 +1,4 @@
-"""Nominal values of a world's cell, for measurements that yield a multiple of them."""
+"""Nominal values of a world's cell, by which measured values are divided for effects that scale them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vispeg.task.world_file import load_world
 
 
 def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> float:
-    """Mass (kg) of a part's body, or its coefficient of sliding friction, in the cell of a world.
+    """Return the mass (kg) of a part's body, or its coefficient of sliding friction, in a world's cell.
 
     Raises:
         UserError: an unknown world or part, or a part without the value.
@@ -27,12 +27,12 @@ def cell_value(what: Literal["mass", "friction"], part: str, world: str) -> floa
 
 
 def check_part(part: str, world: str) -> None:
-    """Raise UserError: an unknown world, or a part that nothing touches in its cell."""
+    """Check that a part makes contact in a world's cell. Raises UserError: it does not, or an unknown world."""
     parts = touching(scene_of(load_world(world).task))
     if part not in parts:
         raise UserError("no such part", key="--where", got=part, choices=parts)
 
 
 def held_part(world: str) -> str:
-    """Give the part that the gripper holds in the cell of a world. Raises UserError: an unknown world."""
+    """Return the part that the gripper holds in a world's cell. Raises UserError: an unknown world."""
     return scene_of(load_world(world).task).held

@@ -1,4 +1,4 @@
-"""The motions that measure a joint, in a folder: what `vispeg measure plan` does, from Python."""
+"""Write the motions that measure a joint into a folder, as `vispeg measure plan` does."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class MotionPlan:
     """Motions for one joint, ready to replay.
 
     Attributes:
-        out: their folder, with ORDER.md.
-        joint, robot: whose they are.
-        rate_hz: samples a second.
-        parts: the motions, in the order to run them.
+        out: folder of the motions, with ORDER.md.
+        joint, robot: the joint and its robot.
+        rate_hz: sample rate, Hz.
+        parts: the motions, in the order in which to run them.
     """
 
     out: Path
@@ -37,24 +37,24 @@ class MotionPlan:
 
     @property
     def names(self) -> list[str]:
-        """Files of the motions."""
+        """File names of the motions."""
         return [f"{k:02d}-{part.name}.csv" for k, part in enumerate(self.parts, 1)]
 
     @property
     def lines(self) -> list[str]:
-        """A sentence on each motion."""
+        """A line on each motion: file, purpose and duration."""
         return [f"{n}: {p.shows}, {p.time[-1]:.0f} s" for n, p in zip(self.names, self.parts, strict=True)]
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg measure plan --json` prints."""
+        """The output of `vispeg measure plan --json`."""
         pairs = zip(self.names, self.parts, strict=True)
         rows = [{"file": name, "shows": part.shows, "seconds": part.time[-1]} for name, part in pairs]
         return {"out": str(self.out), "joint": self.joint, "motions": rows}
 
     @property
     def summary(self) -> list[Block]:
-        """The motions in their order."""
+        """The motions in order, and their total duration."""
         minutes = sum(part.time[-1] for part in self.parts) / 60
         last = f"{self.out}: {len(self.parts)} motions, {minutes:.0f} minutes; see ORDER.md"
         return [Line(text, path=True) for text in (*self.lines, last)]
@@ -64,7 +64,7 @@ class MotionPlan:
 
     @property
     def order(self) -> str:
-        """ORDER.md."""
+        """Content of ORDER.md."""
         runs = " ".join(Path(name).stem for name in self.names)
         listed = "\n".join(f"{k}. {line}" for k, line in enumerate(self.lines, 1))
         return (
@@ -101,14 +101,14 @@ def plan_joint(
         out: folder of the motions.
         robot: a robot's name, a model file, or a path to an MJCF or URDF.
         posture: angles of all joints, rad; default: the middle posture. Backlash shows only where gravity does not load
-            it.
+            the joint.
         size: largest step, rad.
-        rate_hz: sample rate, Hz, 20 to 5000; the same as of `vispeg record` or your robot.
-        seed: seed of the order of motions.
+        rate_hz: sample rate, Hz, 20 to 5000; use that of `vispeg record` or of your robot.
+        seed: seed of the order of the motions.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such robot or joint, a posture or step outside its range, another rate, or `out` exists.
+        UserError: no such robot or joint, a posture, step or rate outside its range, or `out` exists.
     """
     world = read_model(robot)
     arm = load(world.robot, tool=world.tool)

@@ -1,4 +1,4 @@
-"""Mass, centre of mass, friction, restitution, stiffness: from readings or recordings to a file and an effect."""
+"""Measure mass, centre of mass, friction, restitution or stiffness; write the result with an effect for models."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ def measure_mass(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Weighs: a table with columns mass and, where the empty scale was read before each, tare (kg).
+    """Measure a mass by a scale: columns mass and, if the empty scale was read before each weighing, tare (kg).
 
     Args:
         readings: table of readings (.csv, .csv.gz, .parquet); a unit may end a column's name: angle_deg, mass_g, h1_mm,
             t_ms.
         out: the measurement file to write (.yaml).
         where: what was weighed: a thing at the `flange` (payload), or the part in the gripper (object_mass).
-        nominal: mass of the part in the model, kg; default: of the world's cell.
+        nominal: mass of the part in the model, kg; default: that in the world's cell.
         world: world of the policies, and source of nominal values.
         settings: resolution and accuracy of the scale, conditions, seed, overwrite.
 
     Raises:
-        UserError: readings that are no such table, an unknown part, or `out` exists.
+        UserError: an invalid table, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
     there = None if where == "flange" else _nominal("mass", where, nominal, world)
@@ -74,17 +74,17 @@ def measure_com(
     axes: tuple[str, str] = ("x", "y"),
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Find a centre of mass: from wrenches at rest, or from plumb lines on a photograph.
+    """Measure a centre of mass, from wrenches at rest or plumb lines on a photograph.
 
     Args:
         readings: one table, or recordings that hold still in four attitudes or more and have a wrench.
         out: the measurement file to write (.yaml).
-        mass_file: plumb lines: measurement file of the mass.
-        axes: plumb lines: the flange's axes along the photograph's x and y.
+        mass_file: for plumb lines: measurement file of the mass.
+        axes: for plumb lines: the flange's axes along the photograph's x and y.
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that do not tell it, wrong axes, or `out` exists.
+        UserError: readings that do not determine it, wrong axes, or `out` exists.
     """
     settings = settings or MeasureSettings()
     paths = [Path(path) for path in several(readings)]
@@ -115,18 +115,18 @@ def measure_friction(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Find a coefficient of friction: on an incline, timed down an incline, or from forces while sliding.
+    """Measure a coefficient of friction, by the angle of an incline, the time down it, or forces while sliding.
 
     Args:
         readings: one table, or recordings with a wrench that begin in free air and slide.
         out: the measurement file to write (.yaml).
         where: the part, such as fixture, gripper or table; default: the part in the gripper.
-        nominal: coefficient of the part in the model; default: of the world's cell.
+        nominal: coefficient of the part in the model; default: that in the world's cell.
         world: world of the policies, and source of nominal values.
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that do not tell it, an unknown part, or `out` exists.
+        UserError: readings that do not determine it, an unknown part, or `out` exists.
     """
     settings = settings or MeasureSettings()
     paths, part = [Path(path) for path in several(readings)], where or held_part(world)
@@ -151,7 +151,7 @@ def measure_restitution(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Find a coefficient of restitution from three touches, two flights, or a drop and a bounce.
+    """Measure a coefficient of restitution, from the times of three touches or two flights, or a drop and a bounce.
 
     Args:
         readings: a table with columns t1 t2 t3 (s), flight1 flight2 (s), or drop bounce (m); a unit may end a column's
@@ -162,7 +162,7 @@ def measure_restitution(
         settings: as for every measurement.
 
     Raises:
-        UserError: readings that are no such table, or `out` exists.
+        UserError: an invalid table, or `out` exists.
     """
     settings, part = settings or MeasureSettings(), where or held_part(world)
     check_part(part, world)
@@ -193,28 +193,28 @@ def measure_stiffness(
     world: str = "nominal",
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Find the stiffness of a fixture: presses on a rigid stop and on the fixture, in two arm poses or more.
+    """Measure the stiffness of a fixture, from presses on a rigid stop and on the fixture, in two arm poses or more.
 
     Args:
-        readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; none where `stop` and
-            `fixture` are given.
+        readings: a table with columns force (N), depth (m), on (0 stop, 1 fixture), pose, ramp; or omit it and give
+            `stop` and `fixture`.
         out: the measurement file to write (.yaml).
         stop: recordings of presses on a rigid stop.
         fixture: recordings of presses on the fixture.
         where: the part, such as fixture, gripper or table.
-        nominal: stiffness of the contact in the model, N/m, which the result is then a multiple of (contact_stiffness).
-            Without it the part gives way along z (fixture_compliance).
+        nominal: stiffness of the contact in the model, N/m; the effect is then a multiple of it (contact_stiffness).
+            Without it, the effect is a compliance along z (fixture_compliance).
         world: world of the policies, and source of nominal values.
         settings: as for every measurement.
 
     Raises:
-        UserError: a table and recordings, or neither; readings that do not tell it; or `out` exists.
+        UserError: both a table and recordings, or neither; readings that do not determine it; or `out` exists.
     """
     settings = settings or MeasureSettings()
     stops, fixtures = [Path(path) for path in several(stop)], [Path(path) for path in several(fixture)]
     tables = [] if readings is None else [Path(readings)]
     if (readings is None) == (not stops and not fixtures):
-        raise UserError("nothing to read, or twice", expected="a table, or --stop and --fixture")
+        raise UserError("no readings, or both a table and recordings", expected="a table, or --stop and --fixture")
     check_part(where, world)
     _check_nominal(nominal)
 
@@ -242,7 +242,7 @@ def _measured(
     measure: Callable[[np.random.Generator], Outcome],
     effects: Effects,
 ) -> MeasurementResult:
-    """Measures and writes; where the number is no effect of a model, a note says why."""
+    """Measure and write the result; if it cannot be an effect of a model, add a note with the reason."""
     check_out(Path(out).expanduser(), settings.overwrite)
     outcome = measure(stream(settings.seed, "measure", protocol))
     notes, made = list(outcome.notes), list[EffectInstance]()
@@ -263,7 +263,7 @@ def _measured(
 
 
 def _nominal(what: Literal["mass", "friction"], part: str, nominal: float | None, world: str) -> float:
-    """Give the nominal value that is stated, or of the world's cell. Raises UserError: no such part, or not above 0."""
+    """Return the stated nominal value, else that of the cell. Raises UserError: unknown part, or not above 0."""
     of_cell = cell_value(what, part, world)
     _check_nominal(nominal)
     return of_cell if nominal is None else nominal

@@ -1,4 +1,4 @@
-"""A measurement that was written: its file, its tables, and whether it is enough for a policy."""
+"""Settings and result of a measurement."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from vispeg.worlds.measurement_file import (
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """What every measurement takes.
+    """Settings of every measurement.
 
     Attributes:
-        resolution: one digit of the instrument for each column read, such as angle_deg=0.1 mass_g=1.
-        accuracy: limit of the instrument's error for each column, such as mass_g=2; default: none.
-        conditions: conditions to note in the file, such as surface=steel temperature=21.
+        resolution: smallest digit of the instrument for each column, such as angle_deg=0.1 mass_g=1.
+        accuracy: limit of the instrument's error for each column, such as mass_g=2; default: no limit is considered.
+        conditions: conditions to record in the file, such as surface=steel temperature=21.
         seed: seed of the Monte Carlo propagation.
         overwrite: replace `out` if it exists.
     """
@@ -46,10 +46,10 @@ class MeasurementResult:
     """A measurement on disk.
 
     Attributes:
-        measurement: the numbers, and the effects of a model that they are.
-        file: where it is.
-        written: what was written, for a reader.
-        budget: whether `summary` shows the sources of the first number's uncertainty.
+        measurement: the measured quantities, and the corresponding effects of a model.
+        file: the measurement file.
+        written: a line of text on what was written.
+        budget: whether `summary` shows the uncertainty budget of the first quantity.
     """
 
     measurement: Measurement
@@ -59,12 +59,12 @@ class MeasurementResult:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg measure .. --json` prints: the file as plain data."""
+        """The output of `vispeg measure .. --json`: the file as plain data."""
         return measurement_data(self.measurement)
 
     @property
     def summary(self) -> list[Block]:
-        """A row a number; below it the sources of the first one's uncertainty, the effects, the notes."""
+        """One row per quantity, the uncertainty budget of the first, the effects, and the notes."""
         m = self.measurement
         heads = [Column("quantity"), *(Column(h, right=True) for h in ("value", "u", "95 % interval", "dof"))]
         out: list[Block] = [Sheet([*heads, Column("unit")], [row(q) for q in m.results])]
@@ -86,13 +86,13 @@ class MeasurementResult:
 
 
 def row(q: Quantity) -> list[str]:
-    """Give the cells of one number."""
+    """Return the table cells of a quantity."""
     dof = "inf" if q.dof is None else f"{q.dof:.3g}"
     return [q.quantity, f"{q.value:.5g}", f"{q.u:.2g}", f"{q.low:.5g} to {q.high:.5g}", dof, q.unit]
 
 
 def budget_of(q: Quantity) -> Sheet:
-    """Give the sources of a number's uncertainty and their shares."""
+    """Return the uncertainty budget of a quantity: sources with their shares."""
     total = sum(b.contribution**2 for b in q.budget) or 1.0
     rows = [[b.source, b.type, f"{b.contribution:.2g}", f"{100 * b.contribution**2 / total:.0f} %"] for b in q.budget]
     columns = [Column(f"budget of {q.quantity}", prose=True), Column("type"), Column("u", right=True)]
@@ -100,24 +100,24 @@ def budget_of(q: Quantity) -> Sheet:
 
 
 def check_out(out: Path, overwrite: bool) -> None:
-    """Raise UserError for a name that no measurement can have, before anything is worked out."""
+    """Check, before measuring, that `out` can be written; raise UserError otherwise."""
     if out.suffix.lower() not in (".yaml", ".yml"):
         raise UserError("not a measurement file", key="--out", expected="a name that ends in .yaml", got=str(out))
     if out.exists() and not overwrite:
         raise UserError("exists already; name another or pass --overwrite", file=out)
     if out.is_file():
-        load_measurement(out)  # what is no measurement is not replaced
+        load_measurement(out)  # only a measurement file may be replaced
 
 
 def complete(measurement: Measurement, inputs: Iterable[Path], seed: int) -> Measurement:
-    """With the readings' hashes, the command and the versions."""
+    """Return the measurement with the hashes of its inputs, the command and the versions."""
     origin = provenance(sys.argv, seed, [*inputs])
     raw = origin.pop("inputs")
     return replace(measurement, raw=raw, provenance=origin)
 
 
 def write(measurement: Measurement, out: Path, inputs: Iterable[Path], settings: MeasureSettings) -> MeasurementResult:
-    """Write the file `out` with its origin."""
+    """Write the measurement file `out`, including its origin."""
     full = complete(measurement, inputs, settings.seed)
     write_text_atomic(out, measurement_text(full), overwrite=settings.overwrite)
     return MeasurementResult(full, out, str(out))

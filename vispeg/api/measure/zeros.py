@@ -1,4 +1,4 @@
-"""Joint zeros and frames from static poses: what `vispeg measure zeros` does, from Python."""
+"""Measure joint zeros and frames from poses at rest, as `vispeg measure zeros` does."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vispeg.robots.model import load
 from vispeg.sim.compiled import flange_pose
 from vispeg.worlds.measurement_file import Measurement, Quantity
 
-WEAK = 0.02  # rad: a half width from which a zero is hardly told
+WEAK = 0.02  # rad; a zero with a larger half width of its interval is reported as weakly determined
 Known = Literal["known", "unknown"]
 
 
@@ -37,21 +37,21 @@ def measure_zeros(
     orientation: Literal["rotation_vector", "fixed_xyz", "moving_xyz"] | None = None,
     settings: MeasureSettings | None = None,
 ) -> MeasurementResult:
-    """Find what each joint's encoder reads too much, and where base and tip are, from poses at rest.
+    """Measure the offset of each joint's encoder, and the frames of base and tip, from poses at rest.
 
     Args:
-        table: table of poses (.csv, .csv.gz, .parquet), a row each: joint angles as read, the tip's measured position
-            and, if any, orientation.
+        table: table with one pose per row (.csv, .csv.gz, .parquet): joint angles as read, the tip's measured position
+            and, if available, orientation.
         out: the measurement file to write (.yaml).
         robot: a robot's name, or a path to its MJCF or URDF.
-        base: whether the poses are in the robot's base frame; else it is found.
-        tool: whether the poses are the flange's; else the tip's place on it is found.
-        orientation: what three angles mean: a rotation vector, or turns about fixed (URDF's rpy) or moving axes;
-            default: what fits.
+        base: known if the poses are in the robot's base frame; otherwise the base frame is found.
+        tool: known if the poses are those of the flange; otherwise the tip's frame on the flange is found.
+        orientation: meaning of three angles: a rotation vector, or turns about fixed (URDF's rpy) or moving axes;
+            default: the interpretation that fits the data.
         settings: conditions, overwrite.
 
     Raises:
-        UserError: no such table, too few poses, units that the data leave open, or `out` exists.
+        UserError: no such table, too few poses, units that the data do not determine, or `out` exists.
     """
     settings = settings or MeasureSettings()
     path, robot = Path(table), placed_robot(robot)
@@ -69,7 +69,7 @@ def measure_zeros(
     try:
         found = solve(_poses(way), arm, **fixed)
     except UserError as error:
-        raise UserError(f"zeros and frames cannot be told: {error}", file=path) from error
+        raise UserError(f"zeros and frames cannot be determined: {error}", file=path) from error
     results, effects = _numbers(found, model.joints, len(way.position), **fixed)
     measurement = Measurement(
         "zeros",
@@ -92,7 +92,7 @@ def _poses(way: Readings) -> Poses:
 def _numbers(
     found: Zeros, joints: Sequence[str], count: int, base_known: bool, tool_known: bool
 ) -> tuple[list[Quantity], list[EffectInstance]]:
-    """Offsets and places of the frames as numbers, and the offsets as effects."""
+    """Return the offsets and the positions of the frames as quantities, and the offsets as effects."""
     untold = {c.joint for c in found.confounded}
     results, effects = [], []
     for j, joint in enumerate(joints):
@@ -118,7 +118,7 @@ def _quantity(name: str, value: float, unit: str, u: float, dof: int, count: int
 
 
 def _details(found: Zeros, base_known: bool, tool_known: bool) -> dict[str, Any]:
-    """Give the frames whole, and what is left."""
+    """Return the complete frames with intervals, and the remaining errors."""
     out: dict[str, Any] = {"error_mm": 1e3 * found.error_m}
     out |= {} if found.error_rad is None else {"error_deg": float(np.degrees(found.error_rad))}
     for name, pose, known in (("base", found.base, base_known), ("tool", found.tool, tool_known)):
@@ -145,21 +145,21 @@ def _notes(found: Zeros, way: Readings, joints: Sequence[str], path: Path) -> li
     half = half_width(found.u["offset"], found.dof)
     weak = [joint for joint, h in zip(joints, half, strict=True) if h > WEAK]
     if weak:
-        out.append(f"hardly told by these poses: {', '.join(weak)}; poses in which they turn farther tell more")
+        out.append(f"weakly determined by these poses: {', '.join(weak)}; add poses in which they turn farther")
     most = effect("encoder_offset").params["offset"].high
     large = [f"{joint} {o:.3g} rad" for joint, o in zip(joints, found.offset, strict=True) if abs(o) > most]
     if large:
-        out.append(f"beyond what the effect encoder_offset takes ({most:g} rad): {', '.join(large)}; another zero?")
+        out.append(f"beyond the limit of the effect encoder_offset ({most:g} rad): {', '.join(large)}; another zero?")
     for row, size in found.odd.items():
         out.append(f"row {row + 2} of {path.name} is {size:.1f} standard deviations off: moved, or another pose?")
     return out
 
 
 def _confounded(c: Confounded, joints: Sequence[str]) -> str:
-    """Return one line on a zero that is not identifiable."""
+    """Return a line on a zero that is not identifiable."""
     name = joints[c.joint]
     beside = [*(["the base's frame"] if c.base else []), *(["the tool's frame"] if c.tool else [])]
     beside += [f"the zero of {joints[j]}" for j in c.others]
     if not beside:
-        return f"{name}: its zero moves no measured tip, so it is not told"
-    return f"{name}: its zero cannot be told from {' and '.join(beside)}: it is left at 0, and they make up for it"
+        return f"{name}: its zero moves no measured tip, so it is not determined"
+    return f"{name}: its zero cannot be distinguished from {' and '.join(beside)}: it is left at 0, and they absorb it"

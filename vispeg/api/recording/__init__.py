@@ -1,1 +1,1 @@
-"""Recordings: made in simulation, converted from a log, checked."""
+"""Make recordings in simulation, convert logs to recordings, and check recordings."""

@@ -17,12 +17,12 @@ from vispeg.robots.scene import Scene
 from vispeg.worlds.words import parse
 from vispeg.worlds.world import World
 
-LARGEST = 4096  # px
+LARGEST = 4096  # px, largest side of a picture
 
 
 @dataclass(frozen=True)
 class Asked:
-    """The arguments of `record`, documented there."""
+    """The arguments of `record`, where they are documented."""
 
     model: Model
     motion: str
@@ -48,7 +48,7 @@ class Asked:
 
     @property
     def is_file(self) -> bool:
-        """Whether the motion is read from a table file."""
+        """Return whether the motion is read from a table file."""
         return bool(Path(self.motion).suffix)
 
     @property
@@ -62,7 +62,7 @@ class Asked:
         return {**NOISE, **self.noise}
 
     def hidden(self, world: World, robot: RobotModel | Scene) -> World:
-        """Return the world with `effects` added: what the simulated robot has and the model does not show."""
+        """Return the world with `effects` added, which the simulated robot has and the recording does not state."""
         listed = ([e] if isinstance(e, EffectInstance) else parse(e, robot) for e in self.effects)
         return world.add(*(placed for some in listed for placed in some))
 

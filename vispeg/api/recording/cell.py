@@ -1,4 +1,4 @@
-"""Motions of a cell and their recordings, by name or from a table, in any belief."""
+"""Motions in a cell, by name or from a table, and their recordings."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from vispeg.task.rig.motions import motion
 from vispeg.task.rig.record import record_cell
 from vispeg.worlds.world import World
 
-JOINT_S = 5.0  # s that motions of joints take
+JOINT_S = 5.0  # s, default duration of joint motions
 
 
 def motions_of(world: World | None = None) -> tuple[str, ...]:
-    """Names of the motions of a world's cell, those of the package's own task without a cell, and of its expert."""
+    """Return the names of the motions for a world's cell, or for the built-in task without one, and `expert`."""
     offered = task(FIRST) if world is None or world.cell is None else task_of(model_cell(world).config)
     return *offered.motions, EXPERT
 
@@ -44,17 +44,17 @@ def motions_of(world: World | None = None) -> tuple[str, ...]:
 def cell_motion(
     world: World, name: str, *, rate_hz: float = 500.0, seed: int = 0, force_limit: float | None = None
 ) -> CellMotion:
-    """Give a commanded motion for the cell that a world believes in: one of the package's by name, or a table's.
+    """Return a commanded motion for the cell of a world, by name or from a table.
 
     Args:
-        world: with a cell.
-        name: of a motion, or a .csv or .parquet file with `time` and `ee_cmd` columns.
-        rate_hz: ticks a second.
-        seed: shifts places, forces and speeds a little.
-        force_limit: N, in place of the motion's own.
+        world: a world with a cell.
+        name: name of a motion, or a .csv or .parquet file with `time` and `ee_cmd` columns.
+        rate_hz: control rate, Hz.
+        seed: seed of small variations of places, forces and speeds.
+        force_limit: force limit, N, in place of the motion's.
 
     Raises:
-        UserError: no such motion or file; one that the arm cannot make.
+        UserError: no such motion or file, or a motion that the arm cannot make.
     """
     belief = model_cell(world)
     if Path(name).suffix:
@@ -82,19 +82,19 @@ def record_in_cell(
     backend: BackendName = "auto",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Give a recording of a world with a cell; see `record_cell`. `expert` is a whole episode under the scripted
-    policy.
+    """Record a motion in a world with a cell; see `record_cell`.
 
-    With `cameras` there are pictures too: `fps` a second of each, drawn by `backend`; `progress` is called with the
-    share of them that is taken. They show the arm where it was; what gives way in grip and fixture is too small to
-    be drawn.
+    The motion `expert` is a whole episode of the scripted policy.
+
+    With `cameras`, each also takes pictures at `fps` Hz, rendered by `backend`; `progress` is called with the share of
+    pictures taken. Pictures show the arm at its true angles; compliance of grip and fixture is too small to be visible.
 
     Raises:
-        UserError: as `record_cell`, and for pictures of `expert` or of several runs.
+        UserError: as for `record_cell`, or pictures of `expert` or of several runs.
     """
     rng = stream(seed, "record", "noise")
     if cameras and (name == EXPERT or repeat > 1):
-        raise UserError("pictures of one run of a motion only", key="--cameras", got=[c.name for c in cameras])
+        raise UserError("pictures need a single run of a motion", key="--cameras", got=[c.name for c in cameras])
     options = {"rate_hz": rate_hz, "torque_sensor": torque_sensor, "repeat": repeat, "name": label}
     if name == EXPERT:
         return record_expert(world, seed, noise, rng, **options)
@@ -110,7 +110,7 @@ def record_in_cell(
 
 
 def names(space: str | None = None, model: str | None = None) -> list[str]:
-    """Names of commanded paths, of a model's cell: all, or those of one space (`joint`, `contact`, `cell`)."""
+    """Return the names of motions for a model, all or those of one space (`joint`, `contact`, `cell`)."""
     world = None if model is None else read_model(model)
     spaces = {"joint": [*JOINT], "contact": [*motions_of(world)[:-1]], "cell": [*LOOKS]}
     return [name for key, some in spaces.items() if space in (None, key) for name in some]
@@ -119,8 +119,17 @@ def names(space: str | None = None, model: str | None = None) -> list[str]:
 def commands(
     model: str, name: str, *, rate_hz: float, seed: int, duration: float | None
 ) -> tuple[str, float, CellMotion | None]:
-    """Give a motion as the text of a CSV that a robot can replay, how long it takes, s, and in a cell the motion with
-    the controller that it is made for; `duration` of those of joints.
+    """Return a motion as a CSV that a robot can replay.
+
+    Args:
+        model: the model of the robot or cell.
+        name: name of the motion.
+        rate_hz: rate of commands, Hz.
+        seed: seed of the motion.
+        duration: duration of a joint motion or a motion for cameras, s.
+
+    Returns:
+        The text of the CSV, its duration, s, and for motions in contact the motion with the intended controller.
 
     Raises:
         UserError: no such motion or model, or one that the arm cannot make.

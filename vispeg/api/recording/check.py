@@ -1,4 +1,4 @@
-"""Recordings are checked before anybody fits to them: what `vispeg check` does, from Python."""
+"""Check recordings, as `vispeg check` does."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ from vispeg.vision.check import CameraCheck, check_frames
 from vispeg.vision.eye import posed
 from vispeg.worlds.world import World
 
-HEAD = 20_000  # rows of each recording that are held against the others'
+HEAD = 20_000  # number of rows of each recording that are compared with the others
 Share = Callable[[float], None]
 Watch = Callable[[str, Path], AbstractContextManager[Share]]
 
 
 class Repeated(TypedDict):
-    """Recordings that repeat one commanded motion, by their folders, and the noise that they show, rad, a joint."""
+    """Folders of recordings that repeat one commanded motion, and each joint's noise that follows from them, rad."""
 
     recordings: list[str]
     noise_q: list[float]
@@ -55,18 +55,17 @@ class Repeated(TypedDict):
 
 @dataclass(frozen=True, repr=False)
 class Checks(Result):
-    """What recordings are like.
+    """Findings on recordings; all lists have one entry per recording unless stated.
 
     Attributes:
-        reports: of each recording.
-        cameras: of each recording, what was found of its cameras; empty without frames.
-        excited: of each recording, by how much effects of camera, sensor and arm would change its pictures; empty
-            where that cannot be known.
-        stated: of each recording, whether it says in which cell it was made.
-        repeats: which of them repeat one motion.
-        pages: of each recording, what its page shows; empty where nothing was drawn.
-        drawings: file name -> PNG of each recording, likewise.
-        sources: the folders.
+        reports: findings on joints and contact.
+        cameras: findings on each camera; empty without frames.
+        excited: change of the pictures by effects of camera, sensor and arm; empty if unknown.
+        stated: whether the recording describes its cell.
+        repeats: groups of recordings that repeat one motion.
+        pages: data of the recording's page; empty if nothing was drawn.
+        drawings: file name -> PNG of a recording; empty if nothing was drawn.
+        sources: folders of the recordings.
     """
 
     reports: Sequence[CheckReport]
@@ -81,7 +80,7 @@ class Checks(Result):
 
     @property
     def record(self) -> Mapping[str, object]:
-        """All of it, as check.json holds it."""
+        """Content of check.json."""
         entries = [
             {**report.to_json(), **_of_pictures(cameras, excited)}
             for report, cameras, excited in zip(self.reports, self.cameras, self.excited, strict=True)
@@ -90,7 +89,7 @@ class Checks(Result):
 
     @property
     def summary(self) -> list[Block]:
-        """Two tables a recording, more where there are pictures, and what is to be said."""
+        """Two tables per recording, more if there are pictures, and warnings."""
         blocks = list[Block]()
         each = zip(self.reports, self.cameras, self.excited, self.stated, strict=True)
         for report, cameras, excited, stated in each:
@@ -121,16 +120,17 @@ def check(
     overwrite: bool = False,
     watch: Watch = lambda what, path: nullcontext(lambda share: None),
 ) -> Checks:
-    """Examine recording folders, one after the other, so that only one is in memory.
+    """Check recording folders, one after the other, so that only one is in memory.
 
     Args:
         recordings: recording folders.
         out: folder for report.html, check.json and a picture of each recording; default: nothing is drawn.
         overwrite: replace `out` if it exists.
-        watch: opened with what goes on and the recording; it gives the callback that takes the share that is done.
+        watch: called with a stage and the recording; returns a context manager, which yields a function of the share
+            done.
 
     Raises:
-        UserError: a recording cannot be used; `out` exists.
+        UserError: a recording cannot be used, or `out` exists.
     """
     paths = [Path(path) for path in several(recordings)]
     if not paths:
@@ -144,13 +144,11 @@ def check(
 
 
 def limits_of(rec: Recording) -> Limits:
-    """Give the robot's limits in the recording's joint order. Raises UserError for a joint that the robot does not
-    have.
-    """
+    """Return the robot's limits in the recording's joint order. Raises UserError: no such robot or joint."""
     file = rec.path / "recording.yaml"
     try:
         robot = load_robot(rec.robot)
-    except UserError as error:  # a name or a file that a line of this recording gave
+    except UserError as error:  # attribute the error to the recording's key
         raise UserError(str(error), file=file, key="robot") from error
     for joint in rec.joints:
         if joint not in robot.joints:
@@ -192,9 +190,7 @@ def _needs(rec: Recording) -> Needs | None:
 
 
 def _signals(header: Header) -> tuple[str, ...]:
-    """Give what is looked at: the wrench, and the commands that blows run again by, only where it is said how to
-    read it.
-    """
+    """Return the signals to read; wrench and commanded flange poses only if the recording states how to read them."""
     return (*SIGNALS, "ft", "ee_cmd") if header.wrench is not None or header.cell is not None else SIGNALS
 
 
@@ -208,7 +204,7 @@ def _scene_of(rec: Recording) -> Scene | None:
 
 
 def _cameras(rec: Recording, scene: Scene | None, watch: Watch) -> list[CameraCheck]:
-    """Give the frames of a recording, checked against the cell that it states; none where it has no frames."""
+    """Check each camera's frames against the recording's scene, if known; return [] without frames."""
     if rec.frames is None:
         return []
     with watch("looking at the frames of", rec.path) as share:
@@ -230,9 +226,7 @@ def _of_pictures(cameras: Sequence[CameraCheck], excited: Sequence[Excitation]) 
 
 
 def _head(rec: Recording) -> Recording:
-    """Give the first rows of a recording, copied, so that the rest can go: as many as repeats need to show their
-    noise.
-    """
+    """Copy the first HEAD rows of a recording, enough to compare repeats, so that the rest can be freed."""
     arrays = ("time", "q", "q_cmd", "tau_cmd", "episode")
     cut = {name: value[:HEAD].copy() for name in arrays if (value := getattr(rec, name)) is not None}
     return replace(rec, tau=None, ft=None, frames=None, **cut)

@@ -1,4 +1,4 @@
-"""`vispeg motions NAME --out` from Python: write a motion as a file that a robot can replay."""
+"""Write a motion as a file that a robot can replay, as `vispeg motions NAME --out` does."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from vispeg.core.files import write_text_atomic
 from vispeg.recordings.cell import OPEN_CELL
 from vispeg.report.text.summary import Line, html
 
-COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "kp", "force_limit", "q_null")  # of a motion's table, beside `time`
+COLUMNS = ("q_cmd", "dq_cmd", "ee_cmd", "kp", "force_limit", "q_null")  # columns of a motion file besides `time`
 
 
 @dataclass(frozen=True)
 class MotionFile:
-    """A motion in a CSV: `time`, and `q_cmd.*`, `dq_cmd.*` of the joints, or `ee_cmd.*` of the flange with the
-    controller that it is made for.
+    """A motion in a CSV: `time` with `q_cmd.*` and `dq_cmd.*` of the joints, or `ee_cmd.*` of the flange and gains.
 
     Attributes:
-        motion: its name.
+        motion: name of the motion.
         model: the robot or cell that moves.
-        seconds: its duration, s.
+        seconds: duration, s.
         rate_hz: rate of commands, Hz.
         path: the file.
-        kp: 1/s^2, translation and rotation, of the controller in a cell; None for a motion of joints.
-        force_limit: N, of that controller.
+        kp: gains of the intended controller for translation and rotation, 1/s^2; None for a motion of joints.
+        force_limit: force limit of that controller, N.
     """
 
     motion: str
@@ -39,7 +38,7 @@ class MotionFile:
 
     @property
     def record(self) -> dict[str, object]:
-        """What `vispeg motions NAME --json` prints."""
+        """The output of `vispeg motions NAME --json`."""
         sizes: dict[str, object] = {"seconds": self.seconds, "rate_hz": self.rate_hz, "out": str(self.path)}
         if self.kp is not None:
             sizes |= {"kp": list(self.kp), "force_limit": self.force_limit}
@@ -71,20 +70,21 @@ def write_motion(
     Args:
         name: the motion to write.
         out: the CSV to write.
-        model: the robot; default: the default cell for motions in contact and looks, else iiwa14.
-        duration: length, s; default: 5 for a joint motion, 16 for a look. Motions in contact have a fixed length.
+        model: the robot; default: the default cell for motions in contact and for cameras, else iiwa14.
+        duration: length, s; default: 5 for a joint motion, 16 for a motion for cameras. Motions in contact have a fixed
+            length.
         rate_hz: rate of commands, Hz.
         seed: seed of the motion.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such motion or model, one that the arm cannot make, or `out` cannot be written.
+        UserError: no such motion or model, a motion that the arm cannot make, or `out` cannot be written.
     """
     choices = names(model=model)
     if name not in choices:
         raise UserError("unknown motion", key="name", got=name, choices=choices)
     if out is None or Path(out).expanduser().suffix != ".csv":
-        raise UserError("where to?", key="--out", expected="a .csv file", got=out)
+        raise UserError("no file to write to", key="--out", expected="a .csv file", got=out)
     path = Path(out).expanduser()
     if overwrite and path.exists():
         _refuse_other(path)
@@ -96,10 +96,10 @@ def write_motion(
 
 
 def _refuse_other(path: Path) -> None:
-    """Refuse to replace a file that is not one of commands, such as a log.
+    """Refuse to replace a file that is not a motion file, such as a log.
 
     Raises:
-        UserError: the first line has other columns than a motion's.
+        UserError: the first line has other columns than a motion file.
     """
     if not path.is_file():
         raise UserError("not a file", file=path)

@@ -1,4 +1,4 @@
-"""What recordings show of contact, for `vispeg check`."""
+"""Examine the contact in recordings, for `vispeg check`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from vispeg.task.belief import recorded_cell
 
 
 def check_contact(rec: Recording) -> tuple[ContactCheck, Touch] | None:
-    """Give what a recording with a wrench shows of contact, and the contact along it.
+    """Return findings on the contact in a recording with a wrench, and the contact over time.
 
-    None without a wrench, or where nothing says how to read it.
+    None without a wrench, or if nothing states how to read it.
 
     Raises:
-        UserError: a cell, robot or tool that cannot be built; in a task's cell, a wrench that no comparison would take.
+        UserError: a cell, robot or tool that cannot be built, or in a task's cell a wrench that no comparison accepts.
     """
     if rec.ft is None or (rec.wrench is None and rec.cell is None):
         return None

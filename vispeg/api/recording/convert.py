@@ -63,7 +63,7 @@ def convert(
             NAME=KIND if they differ.
         torque_sensor: where torque was measured: behind the gear (joint) or from the motor current (motor); default:
             torque is not used.
-        torque_constants: for a bag or with a guess, if the log has motor currents in place of torques: N m/A at the
+        torque_constants: for a bag or with --guess, if the log has motor currents in place of torques: N m/A at the
             joint (motor constant x gear ratio), as one number per joint, JOINT=NUMBER, or the name of an arm or servo
             (ur5e, XM430-W350).
         rate_hz: sample rate of a file without time stamps, Hz.
@@ -74,7 +74,7 @@ def convert(
         progress: called with the share of a table that is read.
 
     Raises:
-        UserError: naming the file and what is wrong in it; `out` exists.
+        UserError: something is wrong in a file, which the error names, or `out` exists.
     """
     source, robot = Path(source), placed(robot)
     if not source.exists():
@@ -130,14 +130,14 @@ def convert_object(
 
     Args:
         source: the archive, see `import_object`.
-        robot: the path of the object's model.
-        out: the folder.
+        robot: path of the object's model.
+        out: the recording folder to write.
         rate_hz: sample rate of an archive without `time`, Hz.
         first, last: range of tosses to convert, `last` excluded.
-        overwrite: replace `out`.
+        overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: not an archive of tosses; an impossible rate; `out` exists.
+        UserError: not an archive of tosses, an impossible rate, or `out` exists.
     """
     source, robot = Path(source), placed(robot)
     if source.suffix.lower() != ".npz":
@@ -150,7 +150,7 @@ def convert_object(
 
 
 def placed(robot: str) -> str:
-    """Return a robot's name, or the absolute path of its file, as a recording may be read from another folder."""
+    """Return a robot's name, or the absolute path of its file, which stays valid in other folders."""
     return str(Path(robot).expanduser().resolve()) if Path(robot).suffix else robot
 
 

@@ -1,4 +1,4 @@
-"""A map for a log whose columns have names of their own: what `vispeg convert --guess` proposes, from Python."""
+"""Propose a map for a log with unknown column names, as `vispeg convert --guess` does."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from vispeg.sim.units import needs_of
 
 @dataclass(frozen=True)
 class GuessedMap:
-    """A proposed map; `print` shows it as the file that `save` writes, then what more knowledge would buy.
+    """A proposed map; `print` shows the map file, and what more information would make possible.
 
     Attributes:
-        proposal: what each column becomes, with the reasons.
-        source: the table.
-        joints: the robot's.
+        proposal: the meaning of each column, with reasons.
+        source: the log.
+        joints: names of the robot's joints.
     """
 
     proposal: Proposal
@@ -39,7 +39,7 @@ class GuessedMap:
 
     @property
     def text(self) -> str:
-        """The map file."""
+        """Content of the map file."""
         return words.text(self.proposal)
 
     @property
@@ -49,7 +49,7 @@ class GuessedMap:
 
     @property
     def mapping(self) -> ColumnMap:
-        """The map as `convert` takes it."""
+        """The map in the form that `convert` accepts."""
         return map_from(self.record, self.source, self.joints)
 
     def __str__(self) -> str:
@@ -59,7 +59,7 @@ class GuessedMap:
         return f"<pre>{escape(str(self))}</pre>"
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the map file. Raises UserError: no .yaml name, or the file is there while `overwrite` is False."""
+        """Write the map file. Raises UserError: not a .yaml name, or the file exists and `overwrite` is False."""
         path = Path(path)
         if path.suffix.lower() not in (".yaml", ".yml"):
             raise UserError("not a name for a map", key="--save-map", expected="a .yaml file", got=str(path))
@@ -77,20 +77,20 @@ def propose(
     calibration: Path | None = None,
     torque_constants: Sequence[str] = (),
 ) -> GuessedMap:
-    """Give a map for a table of unknown names, with a reason for each column, tried against the robot's model.
+    """Propose a map for a log with unknown column names, with reasons, checked against the robot's model.
 
     Args:
         source: a table, a file of arrays, or a folder of them (a LeRobot data set, episodes, signals of one run).
-        robot: a name, or a path to an MJCF or URDF.
-        torque_sensor: what measured torque is, in place of what is guessed.
-        rate_hz: samples a second of a file that keeps no time.
-        columns: names of the columns of a file without a header.
+        robot: a robot's name, or a path to an MJCF or URDF.
+        torque_sensor: where torque was measured, in place of the guess.
+        rate_hz: sample rate of a file without time stamps, Hz.
+        columns: names of the columns of a file without a header line.
         calibration: LeRobot's calibration file.
-        torque_constants: of currents, N m/A at the joint: a number a joint, JOINT=NUMBER, or the name of an arm or
-            servo. Those published for the robot are used where none are stated.
+        torque_constants: torque constants for currents, N m/A at the joint: one number per joint, JOINT=NUMBER, or the
+            name of an arm or servo; by default those published for the robot.
 
     Raises:
-        UserError: no table, or one in which no column can be the time or the angles; no such robot.
+        UserError: not a table, no column can be the time or the angles, or no such robot.
     """
     source = Path(source)
     if not is_table(source):

@@ -1,4 +1,4 @@
-"""Recordings with pictures, of a simulated arm that looks at its cell."""
+"""Make recordings with pictures, of a simulated arm that moves its cameras around."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from vispeg.vision.photograph import photograph
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
-DURATION = 16.0  # s
-LATEST = 0.5  # s at either end without pictures: what a late camera shows lies within the motion
-MOST = 5000  # frames
+DURATION = 16.0  # s, default duration
+LATEST = 0.5  # s at either end without pictures, so that delayed pictures still show a moment of the motion
+MOST = 5000  # most pictures in all
 
 
 def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
-    """Return the scene of a model with these cameras for effects to act on: its cell, or the bench in its robot's file.
+    """Return the scene of a model, with these cameras as places of effects: its cell, or the bench in its robot's file.
 
     Raises:
-        UserError: an arm alone, which shows nothing.
+        UserError: the model is only an arm, so there is nothing to see.
     """
     scene = bench_of(world) if world.cell is None else model_cell(world).scene
     if world.cell is None and not shows(scene):
@@ -53,13 +53,13 @@ def scene_of(world: World, cameras: Sequence[Camera] = ()) -> Scene:
 
 
 def cameras_of(names: Sequence[str], scene: Scene, size: tuple[int, int]) -> tuple[Camera, ...]:
-    """Cameras by the names of the scene's own, at this width and height in px, or from camera files.
+    """Return cameras of the scene by name, with this width and height, px, or cameras from files.
 
-    A cell's cameras keep their horizontal field of view, those of the robot's file without a `resolution` their
-    vertical one; all others are as their file says.
+    A cell's cameras keep their horizontal field of view. Cameras of the robot's file without a `resolution` keep their
+    vertical one. Others keep the size in their file.
 
     Raises:
-        UserError: no such camera, or two of one name.
+        UserError: no such camera, no camera, or two cameras of one name.
     """
     standard = {c.name: c for c in standard_cameras(scene.tip, scene.target)} if scene.goal else {}
     own = {c.name: c for c in model_camera.cameras_of(scene.nominal, size) if c.name not in standard}
@@ -91,14 +91,14 @@ def _sized(camera: Camera, width: int, height: int) -> Camera:
 
 
 def look_of(text: str, scene: Scene) -> tuple[EffectInstance, ...]:
-    """Return the appearance of `WORLD/SEED`: what a world draws for the episode of that seed.
+    """Return the appearance effects of `WORLD/SEED`, which the world draws for the episode of that seed.
 
     Raises:
-        UserError: no such world, or no seed.
+        UserError: no such world, or not a seed.
     """
     name, slash, seed = text.rpartition("/")
     if not slash or not seed.isdigit():
-        raise UserError("no look", key="--look", expected="a world and a seed, such as S/3", got=text)
+        raise UserError("not a look", key="--look", expected="a world and a seed, such as S/3", got=text)
     drawn = load_world(name).world.sample(int(seed), scene)
     return tuple(e for e in drawn.effects if effect(e.effect).family == "appearance")
 
@@ -118,24 +118,24 @@ def record_look(
     name: str = "look",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Recording:
-    """Let an arm in its cell, or on its bench, look about; its joints are recorded, and what its cameras see.
+    """Record the joints of an arm in its cell or on its bench, and pictures of its cameras.
 
     Args:
-        world: of a cell, or of a robot whose own file shows what stands about. Effects of the arm act on the motion,
-            those of cameras, looks, fixture and grip on the pictures; the recording states none of them.
-        motion: one of `vispeg.identify.motions.look_motion.LOOKS`, or what is commanded, at `rate_hz`.
-        cameras: as their user believes them; `wrist_wide` of the cell at 320 x 240 px if none is given.
-        fps: pictures a second of each camera.
-        duration: s, of a motion by name.
-        rate_hz: samples a second.
-        noise: 1-sigma of the joint sensors.
-        seed: of the noise and of what the cameras' sensors draw.
-        backend, shadows: of the renderer.
-        name: what the recording is called.
-        progress: called with the share of the pictures that is taken.
+        world: a world with a cell, or with a robot whose file shows more than the arm. Effects of the arm act on the
+            motion, those of cameras, appearance, fixture and grip on the pictures; the recording states none of them.
+        motion: a name in `vispeg.identify.motions.look_motion.LOOKS`, or a commanded motion at `rate_hz`.
+        cameras: the nominal cameras; by default `wrist_wide` of the cell with 320 x 240 px.
+        fps: frame rate of each camera, Hz.
+        duration: duration of a motion given by name, s.
+        rate_hz: sample rate of the joints, Hz.
+        noise: standard deviations of the joint sensors' noise.
+        seed: seed of the noise and of the camera sensors.
+        backend, shadows: the renderer, and whether it draws shadows.
+        name: name of the recording.
+        progress: called with the share of pictures taken.
 
     Raises:
-        UserError: nothing to see, no such motion, or one that the arm cannot make; too many pictures.
+        UserError: nothing to see, no such motion, a motion that the arm cannot make, or too many pictures.
     """
     cameras = cameras or cameras_of(["wrist_wide"], scene_of(world), (320, 240))
     scene = scene_of(world, cameras)
@@ -154,10 +154,10 @@ def record_look(
 
 
 def refuse_rate(fps: float, rate_hz: float, duration: float, cameras: Sequence[Camera]) -> None:
-    """Raise UserError for pictures that nobody can take, or too many of them."""
+    """Raise UserError for an impossible frame rate, or too many pictures."""
     if not 0 < fps <= rate_hz or fps * duration * len(cameras) > MOST:
         expected = f"above 0, and at most {MOST} pictures in all"
-        raise UserError("no such rate of pictures", key="--fps", expected=expected, got=fps)
+        raise UserError("not a possible frame rate", key="--fps", expected=expected, got=fps)
 
 
 def taken(
@@ -174,14 +174,14 @@ def taken(
     shadows: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Frames:
-    """Pictures of a recorded motion, `fps` a second of each camera.
+    """Render pictures of a recorded motion.
 
     Args:
-        world, scene, cameras: what is photographed, with the board that the world's cell states.
-        rec: its samples.
-        truth: (n, nj) rad, where the joints were at its samples.
-        fps: pictures a second.
-        rng: of the stamps: a camera's clock is not the controller's, they lie anywhere between two samples.
+        world, scene, cameras: the scene to photograph, with the board that the world's cell states, and the cameras.
+        rec: the recorded motion.
+        truth: (n, nj) true joint angles at its samples, rad.
+        fps: frame rate of each camera, Hz.
+        rng: random stream of the time stamps, which do not coincide with samples, as a camera has its own clock.
         seed, backend, shadows, progress: as for `record_look`.
     """
     times = np.arange(LATEST, rec.time[-1] - LATEST, 1 / fps)

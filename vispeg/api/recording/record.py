@@ -1,4 +1,4 @@
-"""Simulated robots are recorded: what `vispeg record` does, from Python."""
+"""Record simulated robots, as `vispeg record` does."""
 
 from __future__ import annotations
 
@@ -65,38 +65,39 @@ def record(
     table: Literal["csv", "parquet"] = "csv",
     watch: Watch = lambda: nullcontext(lambda share: None),
 ) -> SimulatedRecording:
-    """Record a simulated robot: an arm alone, an arm whose tool touches, or one whose cameras look at a cell.
+    """Record a simulated robot: only an arm, an arm in contact, or an arm whose cameras see a cell.
 
     Args:
         model: a model file, a robot's name, or a path to an MJCF or URDF; for a cell a world.
         motion: name of a motion, or a CSV or Parquet file with `time` and `q_cmd.*` (rad), or `ee_cmd.*` (m) in a cell.
-        duration: seconds; default: 5 (osc: 9, look: 16). A CSV has its own.
+        duration: seconds; default: 5 (osc: 9, look: 16). A CSV has its own duration.
         rate_hz: control and sample rate, Hz.
-        control: the controller; default: position, or osc for the motion osc. servo: only goals are sent.
-        kp: stiffness: one a joint (N m/rad), or six for osc (1/s^2).
-        kd: damping: one a joint (N m s/rad), or six for osc (1/s).
+        control: the controller; default: position, or osc for the motion osc. With servo, only goals are sent.
+        kp: stiffness: one number per joint (N m/rad), or six for osc (1/s^2).
+        kd: damping: one number per joint (N m s/rad), or six for osc (1/s).
         effects: effects hidden in the robot, each EFFECT:WHERE[:param=number,...].
-        tool: a tool at the flange that the recording declares, such as none or meg50; default: the model file's.
-        noise: sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI); default: a
-            good arm's.
-        force_limit: in a cell: greatest force that the controller commands, N; default: the task's or the motion's.
-        torque_sensor: what `tau` measures: torque behind the gear, motor torque, nothing.
+        tool: a tool at the flange that the recording states, such as none or meg50; default: the model file's.
+        noise: sensor noise, such as q=2e-5 dq=1e-3 tau=0.2 ee=1e-4 ft=0.1 ft_torque=0.005 (1 sigma, SI units); default:
+            that of a good arm.
+        force_limit: in a cell: largest force that the controller commands, N; default: the task's or the motion's.
+        torque_sensor: what `tau` measures: torque behind the gear, motor torque, or nothing.
         wrench_sensor: in a cell: record the wrench at the flange, or none; contact is then estimated from `tau`.
-        repeat: runs of the same motion, each an episode of the recording.
+        repeat: number of runs of the motion, each an episode of the recording.
         cameras: cameras of the cell (wrist_wide, wrist_crop, external) or of the robot's own MJCF, or camera files;
             default for a look in a cell: wrist_wide.
-        size: pictures: width and height of the cell's cameras, px, as 320x240 or a pair of numbers.
-        fps: pictures: frame rate of each camera, Hz.
-        look: pictures: look of the cell, WORLD/SEED, such as S/3: drawn by that world for that seed; default: plain.
-        backend: pictures: the renderer.
+        size: for pictures: width and height of the cell's cameras, px, as 320x240 or a pair of numbers.
+        fps: for pictures: frame rate of each camera, Hz.
+        look: for pictures: appearance of the cell, WORLD/SEED, such as S/3, as that world draws it for that seed;
+            default: plain.
+        backend: for pictures: the renderer.
         seed: seed of the motion and of the noise.
-        name: of the recording.
+        name: name of the recording.
         table: format of the samples.
-        watch: opened when pictures are taken; it gives the callback that takes the share that is done.
+        watch: called when pictures are taken; returns a context manager that yields a function of the share done.
 
     Raises:
-        UserError: no such model, motion, effect or camera; an option that this kind of motion does not take; an arm
-            that does not follow.
+        UserError: no such model, motion, effect or camera; an option that this kind of motion does not support; or an
+            arm that does not follow.
     """
     asked = Asked(
         model,
@@ -138,7 +139,7 @@ def record(
 
 
 def _pixels(size: str | tuple[int, int]) -> tuple[int, int]:
-    """Width and height in px, given or as `320x240`; (0, 0) where it is none."""
+    """Return width and height, px, from a pair or a text such as `320x240`; (0, 0) if invalid."""
     if not isinstance(size, str):
         return size
     width, _, height = size.partition("x")
@@ -146,7 +147,7 @@ def _pixels(size: str | tuple[int, int]) -> tuple[int, int]:
 
 
 def _of_joints(asked: Asked) -> bool:
-    """Whether the motion moves an arm alone: by name, or a table without flange poses."""
+    """Return whether the motion is one of joints: a name, or a table without flange poses."""
     if not asked.is_file:
         return asked.motion in MOTIONS or asked.motion == "osc"
     path = Path(asked.motion)
@@ -191,13 +192,13 @@ def _of_contact(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     usual = {"control": (None, "osc"), "kp": none, "kd": none, "duration": none, "tool": none}
     asked.refuse("not for a motion that touches", OF_ARMS, **usual)
     if asked.torque_sensor == "none":
-        asked.refuse("touches, and nothing reads a force", "torques or a wrench", wrench_sensor=("flange",))
+        asked.refuse("a motion in contact needs a sensor of force", "torques or a wrench", wrench_sensor=("flange",))
     if asked.torque_sensor == "motor":
         raise UserError("not in a cell", key="--torque-sensor", got="motor", choices=("joint", "none"))
     scene = robot_of_world(world)
     names = asked.cameras or (("wrist_wide",) if asked.motion.startswith("look") else ())
     if not names:
-        asked.refuse("nothing takes pictures", "--cameras beside it", look=none)
+        asked.refuse("has no effect without pictures", "--cameras beside it", look=none)
     cameras: tuple[Camera, ...] = ()
     looks: tuple[EffectInstance, ...] = ()
     if isinstance(scene, Scene):
@@ -231,7 +232,7 @@ def _of_cameras(asked: Asked, world: World, watch: Watch) -> SimulatedRecording:
     usual = {"control": (None, "position"), "kp": (None,), "kd": (None,), "tool": (None,), "repeat": (1,)}
     asked.refuse("not for a motion that looks", wrench_sensor=("flange",), **usual)
     if asked.is_file:
-        asked.refuse("a table has its own", duration=(None,))
+        asked.refuse("a table has its own duration", duration=(None,))
     scene = scene_of(world)
     cameras = cameras_of(asked.cameras or (("wrist_wide",) if scene.goal else ()), scene, asked.pixels)
     scene = replace(scene, cameras=tuple(c.name for c in cameras))

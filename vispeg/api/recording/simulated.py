@@ -1,4 +1,4 @@
-"""What `record` gives: a recording of a simulated robot, before it is a folder."""
+"""The result of `record`: a recording of a simulated robot, before it is saved."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class SimulatedRecording(Result):
     """A recording of a simulated robot.
 
     Attributes:
-        recording: as `load_recording` reads it back from the folder that `save` writes.
-        robot: the robot and what is hidden in it.
-        repeat: runs of the motion.
-        look: the look of its pictures, WORLD/SEED; None for the plain cell.
-        scaled: joint -> the share of the motion that is left of a joint that would have passed its speed limit.
-        table: the format that `save` gives the samples.
-        sources: files that the recording was made from.
+        recording: the recording, as `load_recording` reads it from the folder that `save` writes.
+        robot: label of the robot with its hidden effects.
+        repeat: number of runs of the motion.
+        look: appearance of its pictures, WORLD/SEED; None for the plain cell.
+        scaled: joint -> factor by which its motion was scaled down, so as not to exceed its speed limit.
+        table: format of the samples that `save` writes.
+        sources: files from which the recording was made.
     """
 
     recording: Recording
@@ -38,7 +38,7 @@ class SimulatedRecording(Result):
 
     @property
     def record(self) -> Mapping[str, object]:
-        """What `vispeg record --json` prints beside the folder's name."""
+        """The output of `vispeg record --json`, without the folder's name."""
         rec = self.recording
         values: dict[str, object] = {"samples": len(rec.time), "rate_hz": rec.rate_hz, "control": rec.control.mode}
         values |= {"motion": rec.motion, "robot": self.robot, "repeat": self.repeat}
@@ -52,7 +52,7 @@ class SimulatedRecording(Result):
 
     @property
     def summary(self) -> list[Block]:
-        """How it was made, and how its trials ended."""
+        """Motion, rate, controller and robot, and how its episodes ended."""
         return [Line(text, path=True) for text in self._lines()]
 
     def _lines(self) -> Iterator[str]:

@@ -1,1 +1,1 @@
-"""Where policies fail though they do well on average: pushes, sweeps, the solver, a suite over versions."""
+"""Stress tests of policies: pushes, parameter sweeps, the contact solver, and a suite over versions."""

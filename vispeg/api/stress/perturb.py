@@ -1,4 +1,4 @@
-"""`vispeg perturb`: policies at hard positions, still and pushed."""
+"""`vispeg perturb`: play policies at hard positions, with and without pushes."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ HEADS = ("policy", "position", "still", "pushed", "change by the push, points", 
 
 
 class PerturbResult(Stressed):
-    """Success at every position, still and pushed on the same seeds, and what the push costs; see `Played`."""
+    """Success at every position without and with pushes on the same seeds, and the loss by pushes; see `Played`."""
 
     command = holds = "perturb"
 
     @property
     def summary(self) -> list[Block]:
-        """A row a policy and position."""
+        """One row per policy and position."""
         return [Sheet([Column(head) for head in HEADS], [_row(r) for r in self.record["rows"]])]
 
     def _render(self) -> str:
@@ -56,18 +56,18 @@ def perturb(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> PerturbResult:
-    """Plays policies at the hard positions of the world's task, or at those of a file.
+    """Play policies at the hard positions of the world's task, or at those of a file.
 
     Args:
         policies, task, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         world: a built-in world's name or a world file.
-        episodes: trials a position, and as many pushed ones.
+        episodes: number of episodes at each position, and as many with pushes.
         force: range of the pushes, N.
         duration: duration of a push, s.
         positions: a file of positions, `format: vispeg-positions/1`; default: the task's.
 
     Raises:
-        UserError: as `vispeg.evaluate`; a push or a list of positions that cannot be.
+        UserError: as for `vispeg.evaluate`, or an impossible push or list of positions.
     """
     check_numbers(episodes, workers)
     if not 0 <= force[0] <= force[1]:

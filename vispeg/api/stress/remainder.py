@@ -1,4 +1,4 @@
-"""Cost of the unexplained residual: success of a policy in the identified model, without and with the residual."""
+"""The cost of the unexplained residual: success of a policy in the identified model, without and with the residual."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Price:
-    """Who plays what, read and checked before a diagnosis begins.
+    """The policies and the cell to play, read and checked before a diagnosis begins.
 
     Attributes:
         who: the policies.
         world: the cell.
-        episodes: of each policy, with the identified model and with what is left.
+        episodes: number of episodes of each policy, without and with the residual each.
     """
 
     who: tuple[Entrant, ...]
@@ -37,16 +37,16 @@ class Price:
 
     @classmethod
     def of(cls, policies: Policies, world: str | Path, episodes: int, model: World) -> Price:
-        """Read policies and cell.
+        """Read the policies and the cell.
 
         Args:
-            policies: folders, NAME=FOLDER, names of shipped policies, or `expert`.
+            policies: folders, NAME=FOLDER, names of bundled policies, or `expert`.
             world: a built-in world's name or a world file.
-            episodes: of each policy in each of the two settings.
-            model: what is diagnosed.
+            episodes: number of episodes of each policy in each of the two settings.
+            model: the diagnosed model.
 
         Raises:
-            UserError: one that cannot be played, or the model is of another robot than the cell's.
+            UserError: a policy that cannot be played, or the model's robot is not the cell's.
         """
         check_numbers(episodes, 1)
         file = load_world(world)
@@ -65,14 +65,14 @@ class Price:
         part: Path | None,
         say: Callable[[str], None],
     ) -> RemainderCost:
-        """Plays; what `part` has is not played again, and it is gone at the end.
+        """Play the episodes, except for those kept in `part`, which is removed at the end; return the cost.
 
         Args:
             identified: the identified model.
-            missing_torque: a diagnosis' `remainder`.
-            seed: of the episodes.
-            part: a folder for the episodes; None keeps none.
-            say: called with the progress.
+            missing_torque: the `remainder` of a diagnosis.
+            seed: seed of the episodes.
+            part: folder that keeps played episodes; None keeps none.
+            say: called with a line of text on the progress.
 
         Raises:
             UserError: the cell has no place for an effect of the model.

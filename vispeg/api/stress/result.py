@@ -1,4 +1,4 @@
-"""What stress tests share: a result with a page of its own."""
+"""The base class of stress test results, which have their own page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vispeg.core.files import write_text_atomic
 
 
 class Stressed(Played):
-    """Episodes of a stress test and what they say; see `Played`."""
+    """A result of a stress test; see `Played`."""
 
     @property
     def page(self) -> str:
@@ -20,7 +20,7 @@ class Stressed(Played):
 
     @abstractmethod
     def _render(self) -> str:
-        """Give the page."""
+        """Return the page as HTML."""
 
     def _write(self, folder: Path) -> None:
         text = json.dumps(self.record, indent=1, allow_nan=False) + "\n"

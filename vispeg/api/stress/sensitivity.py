@@ -1,4 +1,4 @@
-"""`vispeg sensitivity`: success against one parameter of one effect."""
+"""`vispeg sensitivity`: success over one parameter of one effect."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from vispeg.task.world_file import load_world
 
 
 class SensitivityResult(Stressed):
-    """A curve for every sweep and policy, and the value from which success is lower; see `Played`."""
+    """A curve for every sweep and policy, and the value beyond which success is lower; see `Played`."""
 
     command = holds = "sensitivity"
 
     @property
     def summary(self) -> list[Block]:
-        """A line a curve."""
+        """One line per curve."""
         return [
             Line(f"{s['label']}, {curve['policy']}: {curve['words']}", path=True)
             for s in self.record["sweeps"]
@@ -51,18 +51,19 @@ def sensitivity(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> SensitivityResult:
-    """Plays policies in a world with one parameter of one effect at each of several values, on the same seeds.
+    """Play policies in a world with one parameter of one effect at each of several values, on the same seeds.
 
     Args:
         policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
-        sweeps: what to vary, a curve each: a name, EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,..., a model file (success
-            without and with each of its effects), or a measurement (success over the interval of each of its effects).
+        sweeps: what to vary, one curve each: a name, EFFECT[@WHERE].PARAM[,PARAM]=VALUE,VALUE,..., a model file
+            (success without and with each of its effects), or a measurement (success over the interval of each of its
+            effects).
         world: a built-in world's name or a world file.
-        episodes: episodes a value.
+        episodes: number of episodes per value.
 
     Raises:
-        UserError: as `vispeg.evaluate`; no sweep, one that cannot be, or one that only images show with a policy that
-            sees none.
+        UserError: as for `vispeg.evaluate`; no sweep, an impossible one, or one that only affects images with a policy
+            without cameras.
     """
     check_numbers(episodes, workers)
     sweeps = several(sweeps)

@@ -1,4 +1,4 @@
-"""`vispeg suite`: named configurations in the training world and in a target, over versions of a policy."""
+"""`vispeg suite`: play named configurations in the training world and in a target, to compare versions of a policy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vispeg.report.text.summary import Block, Line
 from vispeg.report.text.tables import Column, Sheet
 from vispeg.task.world_file import WorldFile, load_world
 
-ROBOT = "robot"  # the name of a measured target
+ROBOT = "robot"  # name of a measured target
 
 
 class SuiteResult(Stressed):
@@ -32,12 +32,12 @@ class SuiteResult(Stressed):
 
     @property
     def alarm(self) -> bool:
-        """Whether success fell beyond doubt, or the training world ranks configurations otherwise than the target."""
+        """Return whether success fell significantly, or the two worlds rank the configurations differently."""
         return self.record["health"]["status"] == "alarm"
 
     @property
     def summary(self) -> list[Block]:
-        """A row a configuration, the health, and notes on a robot's records."""
+        """One row per configuration, the health, and notes on a robot's records."""
         values = self.record
         heads = ("policy", "configuration", values["train"], values["target"])
         rows = [
@@ -67,25 +67,25 @@ def suite(
     overwrite: bool = False,
     playing: Playing = silent,
 ) -> SuiteResult:
-    """Plays one version of policies in every configuration, in the training world and in the target.
+    """Play one version of policies in every configuration, in the training world and in the target.
 
     Args:
         policies, seed, workers, engine, out, overwrite, playing: as in `vispeg.evaluate`.
         train: the training world.
         target: the target world.
         measured: a real robot's trials in place of a target: CSV with the suite's names under `configuration`.
-        configurations: a suite of your own, `format: vispeg-suite/1`.
-        version: name of this version; default: `out`'s name.
+        configurations: your own suite, `format: vispeg-suite/1`.
+        version: name of this version; default: the name of `out`.
         fine_tuned: allow policies that were trained or fine-tuned in the target.
-        episodes: episodes a configuration and world.
+        episodes: number of episodes per configuration and world.
 
     Raises:
-        UserError: as `vispeg.evaluate`; not exactly one target, the training world as target, a configuration that no
-            world can have, a policy that was trained in the target.
+        UserError: as for `vispeg.evaluate`; not exactly one target, the training world as target, an impossible
+            configuration, or a policy that was trained in the target.
     """
     check_numbers(episodes, workers)
     if (target is None) == (measured is None):
-        raise UserError("no target", expected="either --target WORLD or --measured CSV")
+        raise UserError("needs exactly one target", expected="either --target WORLD or --measured CSV")
     who = ready(policies)
     chosen = suites.configurations(None if configurations is None else Path(configurations))
     files = {str(w): load_world(w) for w in (train, target) if w is not None}
@@ -115,7 +115,7 @@ def _refuse(who: Sequence[Entrant], target: WorldFile, train: WorldFile) -> None
 
 
 def _measured(csv: str | Path | None, who: Sequence[Entrant], chosen: Sequence[Configuration]) -> Trials:
-    """Give a real robot's trials of these policies in these configurations; none without a file."""
+    """Read a real robot's trials of these policies in these configurations; empty without a file."""
     seeds: dict[str, set[int]] = {}
     for e in who:
         seeds.setdefault(e.name, set()).add(e.train_seed)

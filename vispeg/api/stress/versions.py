@@ -1,4 +1,4 @@
-"""`vispeg suite compare`: versions of a policy, oldest first."""
+"""`vispeg suite compare`: compare versions of a policy, oldest first."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ FORMAT = "vispeg-suite-compare/1"
 
 @dataclass(frozen=True, repr=False)
 class VersionsResult(Result):
-    """The health of every version, and what fell or rose from the last but one to the last.
+    """The health of every version, and changes from the last but one to the last version.
 
     Attributes:
-        record: what compare.json holds, see docs/formats.md.
-        sources: the versions' folders.
+        record: content of compare.json, see docs/formats.md.
+        sources: folders of the versions.
     """
 
     record: Mapping[str, Any]
@@ -39,13 +39,13 @@ class VersionsResult(Result):
 
     @property
     def alarm(self) -> bool:
-        """Whether the last version's health is an alarm, or something fell beyond doubt."""
+        """Return whether the last version's health is an alarm, or success fell significantly."""
         fell = any(c["verdict"] == "fell" for c in self.record["changes"])
         return fell or self.record["versions"][-1]["health"]["status"] == "alarm"
 
     @property
     def summary(self) -> list[Block]:
-        """A line a version, notes on their worlds, a line for what changed."""
+        """One line per version, notes on their worlds, and one line per change."""
         versions, changes = self.record["versions"], self.record["changes"]
         lines = [*(f"{v['version']}: {v['health']['words']}" for v in versions), *self.record["notes"]]
         lines += [_said(c) for c in changes if c["verdict"] in ("fell", "rose")]
@@ -74,7 +74,7 @@ def compare_versions(folders: str | Path | Sequence[str | Path]) -> VersionsResu
         folders: folders that `vispeg suite run` wrote.
 
     Raises:
-        UserError: a folder without a result, versions in different worlds or with nothing in common.
+        UserError: a folder without a result, or versions in different worlds or with nothing in common.
     """
     places = [Path(folder) for folder in several(folders)]
     versions = [read_result(folder) for folder in places]
