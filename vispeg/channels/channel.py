@@ -17,6 +17,7 @@ from vispeg.diagnosis.plain import compare_plain, diagnose_plain
 from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ProposalRecord
+from vispeg.diagnosis.selection.plain import PlainSearch
 from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import Fit
 from vispeg.recordings.progress import Reading, silent
@@ -135,4 +136,4 @@ class Channel(ABC):
         """
         evidence, judged = self.evidence(world, both, how)
         assert judged is not None  # a diagnosis has recordings to judge on
-        return diagnose_plain((evidence, judged), self.part(world), both, how.say, how.progress)
+        return diagnose_plain(PlainSearch(evidence, judged, how.say, how.progress), self.part(world), both)

@@ -397,10 +397,6 @@ class Proposed:
         "Times what good cameras differ by, from which a figure of depth or light asks for an effect.")
     figure_changed: float = _rule(0.2, "pictures", "fbb7d3b1",
         "The same by which a typical size of an effect must change a figure to be tried, or to be excited.")
-    tosses_fitted: int = _rule(2, "tosses", "1eb50084",
-        "Candidates that are fitted at a step.")
-    tosses_trace: float = _rule(2e-3, "tosses", "1eb50084",
-        "Share of the squared error that some size of an effect must move for the effect to be excited.")
     felt: float = _rule(5.0, "contact", "65a197ce",
         "Standard deviations by which some size must move the residual for an effect to be excited.")
     screen_flat: float = _rule(0.03, "contact", "4a08f3e6",
@@ -463,8 +459,8 @@ class Accepted:
         "The same of a sensor's figures of depth or light.")
     effects_few: int = _rule(6, "all", "65a197ce",
         "The same of contact, and of borders in pictures.")
-    effects_fewest: int = _rule(4, "all", "1eb50084",
-        "The same of tosses, and of a sensor's figures.")
+    effects_fewest: int = _rule(4, "pictures", "1eb50084",
+        "The same of a sensor's figures.")
     later: float = _rule(0.001, "all", "f15b2aa2",
         "Share of what the effects so far typically removed that a later one must remove.",
         reason="no model is exact",
@@ -489,9 +485,6 @@ class Accepted:
     held_out_large: float = _rule(1.0, "all", "e3f41922",
         "The same where `large` goes.",
         reason="a recording of 5 s has twenty blocks, and such a gain may lie in few")
-    tosses_level: float = _rule(0.01, "tosses", "1eb50084",
-        "Chance that an effect passes where there is none, over all that were tried.",
-        reason="1 %, Bonferroni")
     shift_px: float = _rule(0.2, "pictures", "6cd6d11d",
         "Shift of the borders (px) that an effect must make.",
         reason="looks, and what is not modelled of edges, do not make it")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from vispeg.diagnosis.compare import Comparison
-from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.verdict import decide
-from vispeg.diagnosis.progress import Progress
 from vispeg.diagnosis.record import (
     candidates,
     channels,
@@ -21,6 +21,7 @@ from vispeg.diagnosis.record import (
 from vispeg.diagnosis.run import Diagnosis
 from vispeg.diagnosis.schema import ComparisonRecord, DiagnosisRecord
 from vispeg.diagnosis.selection.plain import PlainSearch
+from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
 from vispeg.recordings.recording import Recording
@@ -56,34 +57,41 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
 
 
 def diagnose_plain(
-    both: tuple[Evidence, Evidence],
-    world: World,
-    recordings: tuple[Sequence[Recording], Sequence[Recording]],
-    say: Callable[[str], None] = lambda text: None,
-    progress: Progress | None = None,
+    search: PlainSearch, world: World, recordings: tuple[Sequence[Recording], Sequence[Recording]]
 ) -> Diagnosis:
-    """Find the effects that a world lacks by the plain search; every error in the record is on the held-out evidence.
+    """Find the effects that a world lacks in signals of joints; arguments as for `concluded`."""
+    got, state = concluded(search, world, recordings)
+    judged, record = search.judged, got.record
+    predicted = judged.simulated([world, state.world])
+    record["where_it_fails"], record["residual_peaks"] = [], []
+    record["channels"], record["correlations"] = channels(judged, predicted, None), correlations(state)
+    return replace(got, arrays=arrays(traces(judged.items, predicted), judged.items[0].robot.joints))
+
+
+def concluded(
+    search: PlainSearch, world: World, recordings: tuple[Sequence[Any], Sequence[Any]]
+) -> tuple[Diagnosis, State]:
+    """Find the effects that a world lacks; every error in the record is on the held-out evidence.
 
     Args:
-        both: fitted and held-out evidence.
+        search: over the fitted and the held-out evidence.
         world: the part of a model that the evidence shows.
         recordings: fitted and held-out recordings.
-        say: called with progress messages.
-        progress: stores results.
+
+    Returns:
+        the diagnosis with what is the same for every evidence, and the last state of the search.
     """
-    evidence, judged = both
-    search, n_fixed = PlainSearch(evidence, judged, say, progress), len(world.effects)
+    evidence, judged, n_fixed = search.evidence, search.judged, len(world.effects)
     state = search.run(world)
-    say("what else would do as well")
+    final = search.finish(state, n_fixed)
+    search.say("what else would do as well")
     rivals = search.rivals(state, n_fixed)
-    before, after = search.judge.mean(search.judge.losses([world])[0]), search.judge.mean(state.loss)
     errors = judged.errors([world, state.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
-    verdict = decide(before, after, len(state.world.effects) - n_fixed, rivals, [], errors=seen)
-    final = widened(state.world, n_fixed, before, after)
+    n_added = len(final.effects) - n_fixed
+    verdict = decide(state.first, search.judge.mean(state.loss), n_added, rivals, [], errors=seen)
     final = with_origin(final, n_fixed, *recordings, errors[0], errors[1], verdict.partial)
-    predicted = judged.simulated([world, state.world])
-    say("working out what could not have been seen")
+    search.say("working out what could not have been seen")
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
@@ -91,17 +99,13 @@ def diagnose_plain(
         "effects": effects(final, n_fixed, rivals, state.world),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": f"{judged.unit} RMS", "from": judged.floor_from},
-        "where_it_fails": [],
-        "residual_peaks": [],
         "unexplained": verdict.unexplained,
-        "channels": channels(judged, predicted, None),
         "next_experiment": None,
         "shows_from": search.shows_from(state),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in recordings[0]], "validate": [r.name for r in recordings[1]]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
-        "correlations": correlations(state),
         "parameters_moved": moved(state),
         "notes": list(dict.fromkeys([*evidence.notes, *judged.notes])),
     }
-    return Diagnosis(record, final, arrays(traces(judged.items, predicted), judged.items[0].robot.joints))
+    return Diagnosis(record, final, {}), state

@@ -71,7 +71,7 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
         placed = without_origin(e)
         params: dict[str, dict[str, object]] = {name: {**values} for name, values in placed["params"].items()}
         for name, v in next(f for f in fitted.effects if f.label == e.label).params.items():
-            if v.low is not None and v.high is not None:
+            if v.low is not None and v.high is not None and v != e.params[name]:
                 params[name]["statistical"] = [float(v.low), float(v.high)]
         equals = by_label[e.label].equals if e.label in by_label else ()
         others = [{"effect": t.score.key[0], "where": t.score.key[1]} for t in equals]

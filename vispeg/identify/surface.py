@@ -7,13 +7,15 @@ resampling whole blocks, Efron, Annals of Statistics 7(1), 1979.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.params import Value
+from vispeg.identify.fit import Fit
+from vispeg.identify.pool import Submit
 from vispeg.identify.restarts import Restarts
 from vispeg.identify.space import Space
 from vispeg.worlds.world import World
@@ -34,27 +36,39 @@ def cost(evidence: Restarts, worlds: Sequence[World]) -> np.ndarray:
     return np.stack([np.bincount(blocks, r * r) for r in evidence.residuals(worlds)])
 
 
-def coordinates(space: Space) -> np.ndarray:
-    """Return optimizer units per coordinate: a scale with null 1 moves by a share of itself on any axis."""
-    u = space.start
+def coordinates(space: Space, u: np.ndarray) -> np.ndarray:
+    """Return optimizer units per coordinate at `u`: a scale with null 1 moves by a share of itself on any axis."""
     return np.array(
         [1.0 if a.param.scale == "log" or a.param.null == 0 else abs(x) for a, x in zip(space.axes, u, strict=True)]
     )
 
 
-def line_searches(evidence: Restarts, world: World, free: Sequence[int], spans: Sequence[float] = SPANS) -> World:
-    """Return the world after line searches along one parameter at a time, the last effect's first."""
-    for span in spans:
-        for axis in reversed(range(len(Space(world, free).axes))):
-            space = Space(world, free)
-            u, unit = space.start, coordinates(space)[axis]
-            low, high = space.bounds
-            x = np.unique(np.clip(u[axis] + span * unit * LINE, low[axis], high[axis]))
-            points = np.repeat(u[None], len(x), axis=0)
-            points[:, axis] = x
-            u[axis] = lowest(x, cost(evidence, [space.at(p) for p in points]).sum(axis=1))
-            world = space.at(u)
-    return world
+def line_job(
+    world: World,
+    free: Sequence[int],
+    *,
+    spans: Sequence[float] = SPANS,
+    ended: tuple[Sequence[float], bool] | None = None,
+) -> Callable[[Submit], Fit]:
+    """Return a job like `fit_job`, of line searches along one parameter at a time, the last effect's first.
+
+    Its fit has no derivatives and no intervals, see `with_intervals`.
+    """
+
+    def job(submit: Submit) -> Fit:
+        space = Space(world, free)
+        u, (low, high) = space.start if ended is None else np.array(ended[0], float), space.bounds
+        for span in spans if ended is None else ():
+            for axis in reversed(range(len(u))):
+                reach = span * coordinates(space, u)[axis]
+                x = np.unique(np.clip(u[axis] + reach * LINE, low[axis], high[axis]))
+                points = np.repeat(u[None], len(x), axis=0)
+                points[:, axis] = x
+                u[axis] = lowest(x, np.array([r @ r for r in submit([space.at(p) for p in points])]))
+        (r,) = submit([space.at(u)])
+        return Fit(space.at(u), r, (np.zeros((len(r), 0)),), space, u, np.zeros(len(u)), np.eye(len(u)))
+
+    return job
 
 
 def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: np.random.Generator) -> World:
@@ -62,7 +76,8 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
 
     Each further surface is centred on the previous minimum and as wide as its intervals, until the minimum is inside.
     """
-    box = BOX * coordinates(Space(world, free))
+    first = Space(world, free)
+    box = BOX * coordinates(first, first.start)
     if not len(box):
         return world
     for last in (False, *(False,) * MOVES, True):
@@ -71,11 +86,11 @@ def with_intervals(evidence: Restarts, world: World, free: Sequence[int], rng: n
         best, ends = _surface(evidence, space, box, rng)
         at, ends = (np.clip(u + box * x, low, high) for x in (best, ends))
         inside = bool(np.all(np.abs(best) < 1.0))
-        if last or (inside and np.all(box < BOX * coordinates(space))):
+        if last or (inside and np.all(box < BOX * coordinates(space, u))):
             break
         world = space.at(at)
         if inside:
-            box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * coordinates(space))
+            box = np.clip(ends[1] - ends[0], NARROW * box, 0.99 * BOX * coordinates(space, u))
     effects: list[EffectInstance] = list(world.effects)
     for j, axis in enumerate(space.axes):
         value, *span = (space.backward(float(x), axis) for x in (at[j], ends[0, j], ends[1, j]))

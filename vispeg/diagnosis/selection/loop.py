@@ -8,32 +8,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
+from vispeg.diagnosis.findings import Trial
+from vispeg.diagnosis.selection.state import State
 from vispeg.worlds.world import World
 
 
-class Tried(Protocol):
-    """A candidate that was fitted."""
-
-    @property
-    def rejected(self) -> str:
-        """Reason of refusal; "" if accepted."""
-        ...
-
-
-class Standing(Protocol):
-    """State of a search: its world, and the candidates of a step that accepted none."""
-
-    world: World
-    last: Any
-
-
-S = TypeVar("S", bound=Standing)
-T = TypeVar("T", bound=Tried)
-
-
-class Loop(ABC, Generic[S, T]):
+class Loop(ABC):
     """Add effects to a state until none passes.
 
     Attributes:
@@ -43,28 +25,28 @@ class Loop(ABC, Generic[S, T]):
     evidence: Any
 
     @abstractmethod
-    def start(self, world: World, n_fixed: int | None = None) -> S:
+    def start(self, world: World, n_fixed: int | None = None) -> State:
         """Return the initial state of a search; effects of `world` after the first `n_fixed` may be refitted."""
 
     @abstractmethod
-    def offers(self, state: S, n_fixed: int) -> list[T]:
+    def offers(self, state: State, n_fixed: int) -> list[Trial]:
         """Return the candidates of a step, fitted and judged; those that pass come first, best first."""
 
     @abstractmethod
-    def take(self, state: S, trial: T, trials: list[T], n_fixed: int) -> None:
+    def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Add the effects of a trial, one of `trials`."""
 
-    def settle(self, state: S, trial: T, before: S, n_fixed: int) -> None:
+    def settle(self, state: State, trial: Trial, before: State, n_fixed: int) -> None:
         """Revise a state after an addition: refine the added effect, remove superfluous ones."""
 
-    def announce(self, state: S) -> None:
+    def announce(self, state: State) -> None:
         """Report the state of the search before a step."""
 
-    def ways(self) -> Sequence[Callable[[S, int], bool]]:
+    def ways(self) -> Sequence[Callable[[State, int], bool]]:
         """Return the moves from a state, each returning whether it changed it; the next is tried if one did not."""
         return (self.advance,)
 
-    def run(self, world: World, n_fixed: int | None = None) -> S:
+    def run(self, world: World, n_fixed: int | None = None) -> State:
         """Add effects until none passes the test on the held-out recordings; those after the first `n_fixed` are
         refitted.
 
@@ -75,13 +57,13 @@ class Loop(ABC, Generic[S, T]):
         self.go_on(state, n_fixed)
         return state
 
-    def go_on(self, state: S, n_fixed: int) -> None:
+    def go_on(self, state: State, n_fixed: int) -> None:
         """Apply moves to a state until none changes it."""
         ways = self.ways()
         while self.worth_it(state, n_fixed) and any(way(state, n_fixed) for way in ways):
             pass
 
-    def advance(self, state: S, n_fixed: int) -> bool:
+    def advance(self, state: State, n_fixed: int) -> bool:
         """Add the best candidate that passes; return False if none does, or if it was removed again."""
         before = copy(state)
         self.announce(state)
@@ -94,6 +76,6 @@ class Loop(ABC, Generic[S, T]):
         self.settle(state, best, before, n_fixed)
         return state.world.label != before.world.label  # the added effect may have been removed again
 
-    def worth_it(self, state: S, n_fixed: int) -> bool:
+    def worth_it(self, state: State, n_fixed: int) -> bool:
         """Return whether another step is allowed by the number of effects."""
         return len(state.world.effects) - n_fixed < self.evidence.most_effects

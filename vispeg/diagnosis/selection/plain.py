@@ -15,6 +15,7 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
+from vispeg.diagnosis.conclusion.intervals import widened
 from vispeg.diagnosis.conclusion.rivals import merely_richer
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
 from vispeg.diagnosis.evidence.screen import shortlist
@@ -27,12 +28,14 @@ from vispeg.diagnosis.selection.loop import Loop
 from vispeg.diagnosis.selection.shown import Shown
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.fit import Fit, fit_job
-from vispeg.identify.pool import run_together
+from vispeg.identify.pool import Submit, run_together
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
+ROUNDING = 1e-9  # share of the squared residual within which sums of one model differ
 
-class PlainSearch(Loop[State, Trial], Shown):
+
+class PlainSearch(Loop, Shown):
     """The loop over one evidence, fitted and held out.
 
     Args:
@@ -93,15 +96,13 @@ class PlainSearch(Loop[State, Trial], Shown):
         state.steps.append((trial, trials))
         state.take(trial.fit, trial.loss)
 
-    def scored(self, state: State) -> list[Score]:
-        """Score every place's effect when added to a state, by the residual that secants over typical sizes explain;
-        best first.
+    def scored(self, state: State, places: Sequence[tuple[str, str]] | None = None) -> list[Score]:
+        """Score the effects of places, by default all, when added to a state, by the residual that secants over typical
+        sizes explain; best first.
 
         Nothing is fitted, so a score is only a prediction, for the part that the state's effects cannot imitate.
         """
-        return self._scored(state, self.places(state.world))
-
-    def _scored(self, state: State, places: Sequence[tuple[str, str]]) -> list[Score]:
+        places = self.places(state.world) if places is None else places
         asked = [(where, [*self._secants(*where).values()]) for where in places]
         worlds = [state.world.add(e) for _, tries in asked for e in tries]
         rows = iter(self.evidence.each_residual(worlds))
@@ -146,10 +147,12 @@ class PlainSearch(Loop[State, Trial], Shown):
     def step(self, state: State, n_fixed: int, places: Sequence[tuple[str, str]] | None = None) -> list[Trial]:
         """Fit the best of the places' effects in addition to the accepted ones and judge them; those that pass come
         first.
+
+        Places where an effect cannot lower the fitted error, beyond rounding, do not share the level of the test.
         """
-        places = self.places(state.world) if places is None else list(places)
-        scores = [s for s in self._scored(state, places) if s.gain > 0]
-        return self.try_all(state, shortlist(scores, RULES.fitted), n_fixed, len(places))
+        least = ROUNDING * float(state.residual @ state.residual)
+        scores = [s for s in self.scored(state, places) if s.gain > least]
+        return self.try_all(state, shortlist(scores, RULES.fitted), n_fixed, len(scores))
 
     def try_all(self, state: State, scores: Sequence[Score], n_fixed: int, tested: int) -> list[Trial]:
         """Fit each score's effect in addition to the accepted ones and judge all; those that pass come first.
@@ -189,18 +192,26 @@ class PlainSearch(Loop[State, Trial], Shown):
         if not worlds:
             return []
 
-        def job(world: World, ended: tuple[Sequence[float], bool] | None = None):
-            return fit_job(chosen, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
-
         def work_out() -> list:
-            fresh.extend(run_together([job(w) for w in worlds], chosen.residuals, length=chosen.length))
+            jobs = [self.job(chosen, w, n_fixed) for w in worlds]
+            fresh.extend(run_together(jobs, chosen.residuals, length=chosen.length))
             return [[f.u.tolist(), f.converged] for f in fresh]
 
         which = hashlib.sha256(chosen.residuals(worlds[:1])[0].tobytes()).hexdigest()  # halves and kinds share it
         question = [self.asks, which, [model_text(w) for w in worlds], n_fixed, *map(list, sorted(chosen.held))]
         ends = self.progress.recall(question, work_out)
-        again = [job(w, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
+        again = [self.job(chosen, w, n_fixed, (u, bool(c))) for w, (u, c) in zip(worlds, ends, strict=True)]
         return fresh or run_together(again, chosen.residuals, length=chosen.length)
+
+    def job(
+        self, evidence: Any, world: World, n_fixed: int, ended: tuple[Sequence[float], bool] | None = None
+    ) -> Callable[[Submit], Fit]:
+        """Return the job of a fit of all but the first `n_fixed` effects; `ended` as in `fit_job`."""
+        return fit_job(evidence, world, range(n_fixed, len(world.effects)), iterations=12, ended=ended)
+
+    def finish(self, state: State, n_fixed: int) -> World:
+        """Return the world of a state after its last step, with intervals that include the error of its form."""
+        return widened(state.world, n_fixed, state.first, self.judge.mean(state.loss))
 
     def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
         """Return, for every accepted effect, those that the held-out recordings cannot distinguish from it, others

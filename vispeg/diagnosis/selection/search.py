@@ -32,7 +32,7 @@ from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
 
-class Search(Loop[State, Trial], Shown, Proposals):
+class Search(Loop, Shown, Proposals):
     """The discovery loop over fitted evidence and a held-out judge."""
 
     @property
