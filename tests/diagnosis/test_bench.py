@@ -103,7 +103,7 @@ def test_angles_and_pictures_alone_are_compared_and_checked(tmp_path):
     ("robot", "cell", "said"),
     [
         ("lab.xml", "nominal", "the robot has a part named 'floor'"),
-        ("lab.xml", "{robot: iiwa14}", "the cell is of another robot"),
+        ("lab.xml", "{robot: iiwa14}", "the cell belongs to another robot"),
         ("iiwa14", "{robot: {tool: none}}", "nothing holds the peg"),
         ("iiwa14", "{world: bench, task: {friction: 0.2}}", "is of a task's cell"),
     ],

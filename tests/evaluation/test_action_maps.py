@@ -221,7 +221,7 @@ def test_what_means_nothing_is_one_line(module, tmp_path, capsys):
     cases = {
         "acting_policy_of_test:Sink?action=knees": "no such kind of action",
         "acting_policy_of_test:still": "gives no actions; expected finite numbers of shape (2, 3)",
-        "acting_policy_of_test:still?action=tip_goal": "a turn that is no quaternion",
+        "acting_policy_of_test:still?action=tip_goal": "a quaternion of length 0",
         "acting_policy_of_test:degrees?action=joint_goal": "angles of more than two turns; expected rad",
         "acting_policy_of_test:Sink?action=joint_goal": "expected finite numbers of shape (2, 7)",
         f"{exported(tmp_path / 'a.onnx', 'knees')}": "unknown kind 'knees'",
@@ -253,5 +253,5 @@ def test_names_of_an_action_say_what_it_is():
     assert Actions(None, *arm, names=("tip_x", "tip_y", "tip_z"), width=3).kind == "tip_goal"
     assert Actions(None, *arm, names=("x", "y", "z"), width=3).kind == Actions(None, *arm, width=3).kind == "offset"
     for told in ({"width": 7}, {"names": ("a", "b", "c"), "width": 3}):
-        with pytest.raises(UserError, match="what do its actions mean"):
+        with pytest.raises(UserError, match="the meaning of its actions is not stated"):
             Actions(None, *arm, **told)

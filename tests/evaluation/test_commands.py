@@ -360,5 +360,5 @@ def test_versions_that_were_made_in_different_worlds_are_not_compared(vispeg, tm
 
 
 def test_a_list_where_one_is_meant_is_one_line():
-    with pytest.raises(UserError, match="measured: one is meant"):
+    with pytest.raises(UserError, match="measured: exactly one is needed"):
         gap("expert", "nominal", measured=["a.csv", "b.csv"])

@@ -155,7 +155,7 @@ def test_the_names_of_its_dataset_say_that_it_acts_in_joints(tmp_path, python, m
     argv = ["evaluate", f"lerobot:{named}", "--world", "nominal", "--episodes", "1", "--out", str(tmp_path / "out")]
     assert main([*argv, "--quiet"]) == 2 and not (tmp_path / "out" / "evaluate.json").exists()
     err = capsys.readouterr().err.strip()
-    assert "what do its actions mean" in err and "joint_goal" in err and "\n" not in err
+    assert "the meaning of its actions is not stated" in err and "joint_goal" in err and "\n" not in err
     assert entrant(f"lerobot:{named}?action=joint_goal").digest != entrant(f"lerobot:{named}").digest
     other = vispeg.evaluate(f"lerobot:{named}?action=joint_delta", world="nominal", episodes=1, task={"steps": 1})
     assert other.episodes[0].policy == "act"

@@ -140,7 +140,7 @@ def test_a_driver_that_is_missing_and_a_wrong_choice_of_one_are_said_in_words(mo
             "OpenGL.raw.EGL._errors.EGLError: EGLError(\n\terr = EGL_NOT_INITIALIZED,\n\tresult = 0\n)",
             "the driver says EGL_NOT_INITIALIZED",
         ),
-        ("KeyboardInterrupt", "it ends without a word"),
+        ("KeyboardInterrupt", "it ended without a message"),
         ("the picture is blank\n", "the picture is blank"),
         ("", ""),
     ],

@@ -98,7 +98,7 @@ def test_a_loggers_folder_gives_what_the_environment_tells(tmp_path):
     names = {"observation.state": [*(f"{j}.pos" for j in joints), *(f"{j}.vel" for j in joints), *wrench]}
     folder = write(tmp_path / "logged", episodes, names, version="v2.1")
     layout = Layout(len(told[0]), {}, 5)
-    with pytest.raises(UserError, match="what do its actions mean"):
+    with pytest.raises(UserError, match="the meaning of its actions is not stated"):
         shown(folder, layout, "proprio", world="nominal", dof=dof, stack=3)
     batch = shown(f"{folder}?action=tip_goal", layout, "proprio", world="nominal", dof=dof, stack=3)
     np.testing.assert_allclose(batch.obs["policy"].numpy(), told, atol=2e-5)

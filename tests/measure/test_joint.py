@@ -290,7 +290,7 @@ def wrong(change):
     [
         (lambda t, u, q: (t, u, 1e-5 * rng().standard_normal(len(q))), "the angle does not follow its command"),
         (lambda t, u, q: (t, u, 0.0 * q), "the angle does not follow its command"),
-        (lambda t, u, q: (t, u, -q), "is turned round against its command"),
+        (lambda t, u, q: (t, u, -q), "is opposite to its command"),
         (lambda t, u, q: (t, np.degrees(u), q), "likely degrees in q_cmd"),
         (lambda t, u, q: (t, u, np.degrees(q)), "likely degrees in q"),
         (lambda t, u, q: (t, q, u), "moves before its command.*swapped"),

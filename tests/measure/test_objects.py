@@ -157,7 +157,7 @@ def test_compliance_of_the_arm_is_subtracted_pose_by_pose():
         (stiffness, "force,depth,on\n5,0,0\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "no press on the fixture"),
         (stiffness, "force,depth,on\n5,0,3\n10,0,0\n20,0,0\n", ("force=0", "depth=0"), "row 2, column on"),
         (com, "x,y,angle\n0,0,1\n0,1,1.1\n", ("x=0", "y=0", "angle=0"), "do not cross well"),
-        (com, "fx,fy,fz,tx,ty,tz,gx,gy,gz\n" + 4 * "0,0,-9,0,0,0,0,0,-1\n", (), "do not tell the centre"),
+        (com, "fx,fy,fz,tx,ty,tz,gx,gy,gz\n" + 4 * "0,0,-9,0,0,0,0,0,-1\n", (), "do not determine the centre"),
     ],
 )
 def test_malformed_tables_are_refused_in_one_line(protocol, text, resolution, said, tmp_path):

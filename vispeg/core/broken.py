@@ -64,7 +64,7 @@ def meaning(message: str | BaseException) -> str:
     for pattern, words in MEANINGS:
         if match := re.fullmatch(pattern, said):
             return match.expand(words)[:LONGEST]
-    return said[:LONGEST] or "it ends without a word"
+    return said[:LONGEST] or "it ended without a message"
 
 
 def _last(text: str) -> str:

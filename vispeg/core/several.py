@@ -26,5 +26,5 @@ def single(given: T | Iterable[T], key: str) -> T:
     """
     listed = several(given)
     if len(listed) != 1:
-        raise UserError("one is meant", key=key, expected="one", got=f"{len(listed)}")
+        raise UserError("exactly one is needed", key=key, expected="one", got=f"{len(listed)}")
     return listed[0]

@@ -108,7 +108,9 @@ class Actions:
         told = self._told(names, width) if kind is None else checked(kind, source)
         if told is None:
             got = ", ".join(names) or f"{width} numbers"
-            raise UserError("what do its actions mean", file=source, key="action", got=got, choices=KINDS)
+            raise UserError(
+                "the meaning of its actions is not stated", file=source, key="action", got=got, choices=KINDS
+            )
         self.kind = told
         # if actions have further entries, such as a gripper's, use only those of the joints
         columns = columns_of(names, self.joints) if told in (JOINT_GOAL, JOINT_DELTA) else None
@@ -161,7 +163,7 @@ class Actions:
         elif self.kind == TIP_GOAL:
             length = np.linalg.norm(action[:, 3:], axis=1, keepdims=True)
             if action.shape[1] > 3 and not length.all():
-                raise UserError("a turn that is no quaternion", key="action", got=[0.0] * 4)
+                raise UserError("a quaternion of length 0", key="action", got=[0.0] * 4)
             motion = here.offset_to(action[:, :3], action[:, 3:] / length if action.shape[1] > 3 else None)
         else:
             goal = action[:, self._columns]

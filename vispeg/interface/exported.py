@@ -72,7 +72,7 @@ class Exported:
         got = {x.name: tuple(x.shape[1:]) for x in self._session.get_inputs() if x.name not in MEMORY}
         if got != expected:
             raise UserError(
-                "the network reads something else than it states", file=self.path, expected=expected, got=got
+                "the network's inputs are not those that the file states", file=self.path, expected=expected, got=got
             )
 
     @cached_property

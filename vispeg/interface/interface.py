@@ -279,7 +279,7 @@ def read(text: str, file: Any) -> Interface:
     arm = out.arm
     for key in ("low_rad", "high_rad", "velocity_limit", "torque_limit", "home_rad"):
         if len(getattr(arm, key)) != len(arm.joints):
-            raise UserError("not one a joint", file=file, key=f"arm.{key}", expected=len(arm.joints))
+            raise UserError("not one per joint", file=file, key=f"arm.{key}", expected=len(arm.joints))
     try:
         if sorted(out.chain.order.tolist()) != list(range(len(arm.joints))):
             raise UserError("not each joint once", key="arm.chain.order", expected=f"0 to {len(arm.joints) - 1}")

@@ -64,7 +64,7 @@ for _term in (
         3,
         "m",
         NEAR,
-        "measured tip less where the goal is believed to be, base axes",
+        "measured tip minus believed goal, base axes",
     ),
     Sensed("velocity", lambda o: o.twist[:, :3], 3, "m/s", 0.1, "of the flange, base axes"),
     Sensed("force", lambda o: o.wrench[:, :3], 3, "N", 20.0, "at the wrist, base axes, tool's weight off"),
@@ -76,7 +76,7 @@ for _term in (
         3,
         "rad",
         0.1,
-        "rotation vector of the flange from straight down; of policies that turn it",
+        "rotation vector of the flange from straight down; only for policies that rotate it",
         turning=True,
     ),
     Sensed(
@@ -85,7 +85,7 @@ for _term in (
         3,
         "rad/s",
         0.5,
-        "angular velocity of the flange; of policies that turn it",
+        "angular velocity of the flange; only for policies that rotate it",
         turning=True,
     ),
 ):

@@ -68,7 +68,9 @@ def attitudes(readings: Readings, rng: np.random.Generator) -> Outcome:
     if len(down) < ATTITUDES or apart < APART or spread[1] < 0.1 * np.sqrt(len(down)):
         got = f"{len(down)} of them, {np.degrees(apart):.0f} degrees apart at most"
         expected = f"{ATTITUDES} or more that tilt about two axes, {np.degrees(APART):.0f} degrees or more apart"
-        raise UserError("attitudes that do not tell the centre of mass", file=readings.file, expected=expected, got=got)
+        raise UserError(
+            "attitudes that do not determine the centre of mass", file=readings.file, expected=expected, got=got
+        )
     fits = [_fit(design(GRAVITY * down), y) for design, y in ((_weight, wrench[:, :3]), (_moment, wrench[:, 3:]))]
     _refuse_flipped(wrench[:, :3], down, readings)
     for fit, names in zip(fits, (WRENCH[:3], WRENCH[3:]), strict=True):

@@ -96,7 +96,7 @@ def friction(
         if len(strokes) >= 2:
             inputs = [repeated("loops", height)]
             results.append(propagate("friction", "N m", lambda x: x, inputs, rng, repeats=len(strokes)))
-            notes.append("one speed: Coulomb and viscous friction are not told apart")
+            notes.append("one speed: Coulomb and viscous friction cannot be separated")
         return
     curve = line(strokes, height)
     corrections = curve.values[:2] - line(strokes, height, inertia=False).values
@@ -104,8 +104,8 @@ def friction(
     if bent is not None:
         curve, excess, velocity = bent
         notes.append(
-            f"{excess:.2g} N m more at rest, which has fallen to 37 % of it at {velocity:.2g} rad/s: "
-            "Stribeck friction; coulomb_friction is what remains at speed"
+            f"friction is {excess:.2g} N m higher at rest, and this excess falls to 37 % at {velocity:.2g} rad/s "
+            "(Stribeck friction); coulomb_friction is the value without it"
         )
     if len(strokes) >= WITH_INERTIA:
         details["loop_inertia_kgm2"] = float(curve.values[2])
@@ -115,8 +115,8 @@ def friction(
         inputs += _between_rows(strokes, traces) if name == "viscous_friction" else []
         if inputs[-1].name == BETWEEN and inputs[-1].u > inputs[0].u:
             notes.append(
-                f"viscous friction to {inputs[-1].u:.2g} N m s/rad only: the servo's torque changes between the rows; "
-                "log it faster than the commands, or its mean"
+                f"viscous friction is uncertain by {inputs[-1].u:.2g} N m s/rad, as the servo's torque changes between "
+                "the rows: log the torque faster than the commands, or its mean"
             )
         results.append(propagate(name, unit, lambda *x: sum(x), inputs, rng, repeats=len(strokes)))
 

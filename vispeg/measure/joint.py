@@ -104,7 +104,7 @@ def measure(
     _bode(points, results, notes, details, rng)
     results += friction
     if not results:
-        why = "; ".join(("gives no number of a joint", *notes))
+        why = "; ".join(("no quantity of the joint can be determined", *notes))
         raise UserError(why, file=names, expected="steps, sines up to its bandwidth, or ramps out and back")
     if responses:
         details["steps"] = [
@@ -172,13 +172,13 @@ def _limited(
     given = [t for t in traces if not t.asked]
     table = saturation.by_speed(given)
     if not table:
-        notes.append("no torque limit shows: the log has no torque, with a sign, that the motor gave")
+        notes.append("no torque limit shows: the log has no signed torque of the motor")
         return responses
     details["greatest_torque"] = table
     found = saturation.limit(given, responses)
     if found is None:
         most = max(row["greatest_torque_nm"] for row in table)
-        notes.append(f"no torque limit shows: the motor gave {most:.3g} N m at most, and what its loop asked for")
+        notes.append(f"no torque limit shows: the motor gave {most:.3g} N m at most, always as its loop asked")
         return responses
     name, count = "stall_torque" if len(found.slope) else "torque_limit", len(found.reached)
 
@@ -191,7 +191,7 @@ def _limited(
         notes.append("the torque limit falls with the speed")
     rest = [s for s in responses if s not in found.reached]
     listed = ", ".join(f"{size:.3g}" for size in steps.sizes(found.reached))
-    what = "are left out" if len(rest) >= 2 else "are all there are, and the servo of them is a slower one"
+    what = "are left out" if len(rest) >= 2 else "are kept, as too few others are left, and make the servo seem slower"
     notes.append(f"steps of {listed} rad reach the torque limit: they {what}")
     return rest if len(rest) >= 2 else responses
 
@@ -219,7 +219,7 @@ def _of_steps(
         results.append(propagate("rest_band", "rad", lambda *x: sum(x), inputs, rng, repeats=count))
     sizes = steps.sizes(responses)
     if len(sizes) < 3:
-        notes.append(f"{len(sizes)} sizes of step; with three, one is held out to judge on")
+        notes.append(f"{len(sizes)} sizes of step; with three or more, one would be held out as a check")
     worst = float(np.max(through.left))
     if worst > 0.1:
         notes.append(
@@ -233,7 +233,9 @@ def _early(results: Sequence[Quantity], notes: list[str]) -> None:
     delay = by_name.get("servo_delay", by_name["delay"])
     if delay.high < 0.0:
         late = f"{-1e3 * delay.value:.2g} ms"
-        notes.append(f"the joint answers {late} before its steps: the commands are logged late, by that and its delay")
+        notes.append(
+            f"the joint answers {late} before its steps: the commands are logged late, by this and the joint's delay"
+        )
 
 
 def _half(traces: Sequence[Trace]) -> float:
@@ -290,7 +292,7 @@ def _loop_of_steps(
         noise = _noise(traces) / np.array([abs(s.size) for s in responses])
         left = float(np.sqrt(max(np.mean(rest**2 - noise**2), 0.0) + LINEAR**2))
     inputs = [repeated(f"{word} over sizes and directions", x) for word, x in zip(WORDS, _five(each), strict=True)]
-    misfit = rectangular("what the arm leaves of the steps", left)
+    misfit = rectangular("residual of the steps", left)
     _of_loop(inputs, misfit, arm, viscous, traces, results, rng, len(responses))
     # not if the control law is known: then slow strokes give friction better, as the torque is known too
     own = any(t.servo for t in traces) and "coulomb_friction" not in {q.quantity for q in friction}
@@ -299,7 +301,7 @@ def _loop_of_steps(
         dry = [
             repeated("rest band", bands),
             rectangular("noise at rest", _noise(traces)),
-            rectangular("what the arm leaves of the least step", least),
+            rectangular("residual of the least step", least),
             inputs[1],
         ]
         friction.append(
@@ -438,7 +440,7 @@ def _of_frequencies(
     if u[1] > servo.natural_frequency or u[2] > servo.damping_ratio:
         notes.append("no steps, and the frequency response does not determine natural frequency and damping ratio")
         return None
-    notes.append("no steps: the servo is fitted to the frequency response, with the dry friction in it")
+    notes.append("no steps: the servo is fitted to the frequency response, which includes dry friction")
     for (name, unit), spread in zip(steps.NAMES.items(), u, strict=True):
         inputs = [Input("fit to the frequency response", getattr(servo, name), float(spread), "A", float(dof), "t")]
         results.append(propagate(name, unit, lambda x: x, inputs, rng, repeats=len(points)))

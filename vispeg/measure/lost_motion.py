@@ -54,7 +54,7 @@ def summarise(
     if not torque:
         silent = [t.why for t in traces if t.tau is None]
         why = silent[0] if len(silent) == len(traces) else "the load has no sign"
-        notes.append(f"{why}: friction and backlash are not told apart; the lost motion is the sum of what they do")
+        notes.append(f"{why}: friction and backlash cannot be separated; the lost motion is the sum of their effects")
         return
     friction(torque, traces, results, notes, details, rng)
     _backlash([s for s in torque if s.speed <= SLOW], results, notes, traces, rng)

@@ -147,7 +147,9 @@ def poses_of(
     lengths = [unit for unit in lengths if float(np.abs(values).max()) * LENGTHS[unit] < REACHED]
     if not lengths:
         got = float(np.abs(values).max())
-        raise UserError("a position no arm reaches", file=file, key=columns.position[0], expected="m or mm", got=got)
+        raise UserError(
+            "a position out of any arm's reach", file=file, key=columns.position[0], expected="m or mm", got=got
+        )
     turns = [(None, "")] if not columns.turn else _turns(table, columns, form, file)
     return [
         (values * LENGTHS[unit], turn, ", ".join(text for text in (_open(lengths, unit), said) if text))
@@ -301,7 +303,7 @@ def _as_radians(values: np.ndarray, unit: str, stated: bool, file: Path) -> list
         raise UserError("not angles of joints", file=file, expected="rad or deg")
     units = [unit] if unit else [u for u in ANGLES if np.abs(values).max() * ANGLES[u] < BEYOND]
     if not units:
-        raise UserError("angles no joint has", file=file, expected="rad or deg", got=float(np.abs(values).max()))
+        raise UserError("impossible joint angles", file=file, expected="rad or deg", got=float(np.abs(values).max()))
     return [(values * ANGLES[u], f"joint angles in {u}" if not unit else "") for u in units]
 
 
@@ -319,11 +321,11 @@ def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> 
     forms = MEANS[columns.form]
     if form is not None:
         if form not in TURNS:
-            raise UserError("not of three angles", file=file, key="--orientation", got=form, choices=TURNS)
+            raise UserError("not a meaning of three angles", file=file, key="--orientation", got=form, choices=TURNS)
         forms = (form,)
     units = [u for u in _units(columns.turn, ANGLES, file) if np.abs(values).max() * ANGLES[u] < BEYOND]
     if not units:
-        raise UserError("turns no pose has", file=file, key=columns.turn[0], expected="rad or deg")
+        raise UserError("impossible orientation angles", file=file, key=columns.turn[0], expected="rad or deg")
     return [
         (TURNS[name](values * ANGLES[unit]).as_matrix(), f"orientation as {name} in {unit}")
         for name, unit in product(forms, units)

@@ -51,7 +51,7 @@ def measure(readings: Readings, rng: np.random.Generator) -> Outcome:
     soft = propagate("compliance", "m/N", lambda c, *e: c * (1 + sum(e)), inputs, rng, repeats=len(slopes))
     if soft.low <= 0:
         got = f"{soft.value:.3g} m/N more, 95 % interval {soft.low:.3g} to {soft.high:.3g}"
-        raise UserError("the fixture is no softer than the stop, as far as this can tell", file=readings.file, got=got)
+        raise UserError("the fixture is not significantly softer than the stop", file=readings.file, got=got)
     stiff = propagate("stiffness", "N/m", lambda c, *e: 1.0 / (c * (1 + sum(e))), inputs, rng, repeats=len(slopes))
     notes = short(len(poses), POSES, "arm pose", "" if "pose" in readings.columns else "pose")
     rows = [
@@ -68,7 +68,9 @@ def _slopes(r: Readings) -> dict[tuple[float, int, float], float]:
     odd = np.flatnonzero((on != 0) & (on != 1))
     if len(odd):
         key = f"row {odd[0] + 2}, column on"
-        raise UserError("is neither", file=r.file, key=key, expected="0 (stop) or 1 (fixture)", got=float(on[odd[0]]))
+        raise UserError(
+            "is neither 0 nor 1", file=r.file, key=key, expected="0 (stop) or 1 (fixture)", got=float(on[odd[0]])
+        )
     out = {}
     for p, o, n in sorted(set(zip(pose.tolist(), on.tolist(), ramp.tolist(), strict=True))):
         rows = (pose == p) & (on == o) & (ramp == n) & (r["force"] >= LEAST)
@@ -99,7 +101,7 @@ def _mean(means: np.ndarray, spreads: list[np.ndarray]) -> Input:
         return between
     s, dof = spreads[0]
     if dof <= 0:
-        raise UserError("one ramp a side has no spread", expected="two ramps or more, or two poses")
+        raise UserError("one ramp per side has no spread", expected="two ramps or more, or two poses")
     return Input("repeats of the ramps", float(means[0]), float(np.sqrt(s)), "A", float(dof), "t")
 
 

@@ -188,8 +188,8 @@ def refuse_no_servo(traces: Sequence[Trace], file: str) -> None:
             inverse = 1.0 / gain if gain else np.inf
             degrees = {"q_cmd": gain, "q": inverse}
             likely = [f", likely degrees in {n}" for n, g in degrees.items() if abs(g * 180 / np.pi - 1) < 0.2]
-            how = "is turned round against" if gain < -1.0 / FOLLOWS else "does not follow"
-            expected = "q of about q_cmd, both in rad and of one sense" + "".join(likely)
+            how = "is opposite to" if gain < -1.0 / FOLLOWS else "does not follow"
+            expected = "q of about q_cmd, both in rad and with the same sign" + "".join(likely)
             raise UserError(
                 f"the angle {how} its command", file=file, key="q", expected=expected, got=f"{gain:.3g} of it"
             )

@@ -212,7 +212,7 @@ def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
         seen = length > NULL * length.max()
         unseen = places[~seen]
         if (unseen < 12).any():
-            raise UserError("the poses do not tell the frames", expected="poses in which several joints turn")
+            raise UserError("the poses do not determine the frames", expected="poses in which several joints turn")
         for place in unseen:  # a joint that does not move the tip
             out.append(Confounded(int(place) - 12, False, False))
         if len(unseen):
@@ -225,7 +225,7 @@ def _fix(fit: _Fit, scale: tuple[float, float]) -> tuple[Confounded, ...]:
         part = np.linalg.norm(null, axis=0)
         held = [i for i, place in enumerate(places) if place >= 12 and part[i] > OPEN]
         if not held:
-            raise UserError("the poses do not tell the frames", expected="poses in which several joints turn")
+            raise UserError("the poses do not determine the frames", expected="poses in which several joints turn")
         first = max(held, key=lambda i: part[i] + 1e-9 * (len(places) - i))  # the one with the largest component
         coefficient = null.T @ null[:, first] / part[first]
         mixed = places[np.abs(coefficient) > OPEN]

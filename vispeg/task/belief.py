@@ -81,7 +81,7 @@ def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str
         raise UserError(str(error), key="cell") from error
     if robot is not None and not _same(robot, config.robot.model):
         got, expected = config.robot.model, f"{robot}, or no robot in `cell`"
-        raise UserError("the cell is of another robot", file=at, key="cell.robot", expected=expected, got=got)
+        raise UserError("the cell belongs to another robot", file=at, key="cell.robot", expected=expected, got=got)
     effects = [*fixed(world.world), *_effects(cell.effects, scene, at)]
     return Believed(scene, config, World(config.robot.model, None).add(*effects))
 

@@ -89,7 +89,7 @@ def with_tolerance(settings: Mapping[str, Any], value: float | None) -> Mapping[
         return {}
     tolerance = kind_of(settings).tolerance
     if tolerance is None:
-        raise UserError("this task has none to set", key="tolerance", expected="a world of another task", got=value)
+        raise UserError("this task has no tolerance", key="tolerance", expected="a world of another task", got=value)
     return {tolerance.setting: value}
 
 

@@ -23,7 +23,7 @@ from vispeg.core.errors import UserError
 SUCCESS, ABORT = "success", "abort"
 EVENTS = {
     SUCCESS: "1 at the end of an episode that succeeds",
-    ABORT: "1 at the end of one that fails before its time is out",
+    ABORT: "1 at the end of an episode that fails before its time is over",
 }
 
 

@@ -38,6 +38,6 @@ DISTANCE = RewardTerm("distance", _distance, "from the tip to its goal over the 
 AXIS = RewardTerm("axis", _axis, "1 - exp(-(l / 2 mm)^2 / 2), l the tip's distance from the goal's axis")
 FORCE = RewardTerm("force", _force, "(F / 40 N)^2, F the step's largest contact force up to 120 N")
 EUCLIDEAN = RewardTerm("euclidean", _euclidean, "distance from the tip to its goal, m")
-MANHATTAN = RewardTerm("manhattan", _manhattan, "its parts along the goal's axes summed, m")
+MANHATTAN = RewardTerm("manhattan", _manhattan, "sum of the distances along the goal's axes, m")
 ACTION = RewardTerm("action", _action, "sum of squares of the action's entries, each within +-1")
 STANDARD = (DISTANCE, AXIS, FORCE, EUCLIDEAN, MANHATTAN, ACTION)

@@ -41,10 +41,16 @@ TOLD = ("tip", "velocity", "force", "torque", "action", "turn", "spin")
 MEASURED = tuple(Term.sensed(SENSED[name]) for name in TOLD)
 TIP_IN_GOAL = Term("tip_in_goal", lambda sim: sim.tip_in_goal(), 3, "m", NEAR, "critic", "true tip in the goal's frame")
 GOAL_AWAY = Term(
-    "goal_away", lambda sim: _goal(sim) - sim.nominal_goal, 3, "m", NEAR, "critic", "true less nominal goal, base axes"
+    "goal_away", lambda sim: _goal(sim) - sim.nominal_goal, 3, "m", NEAR, "critic", "true minus nominal goal, base axes"
 )
 MISTAKE = Term(
-    "mistake", lambda sim: sim.seen.believed - _goal(sim), 3, "m", 0.003, "critic", "believed less true goal, base axes"
+    "mistake",
+    lambda sim: sim.seen.believed - _goal(sim),
+    3,
+    "m",
+    0.003,
+    "critic",
+    "believed minus true goal, base axes",
 )
 TRUE_VELOCITY = Term(
     "true_velocity", lambda sim: sim.seen.twist[:, :3], 3, "m/s", 0.1, "critic", "of the flange, base axes"
@@ -56,8 +62,26 @@ TILT = Term(
     "tilt", lambda sim: sim.tilt()[:, None], 1, "rad", 0.05, "teacher", "angle between the tip's axis and the goal's"
 )
 AGE = Term(
-    "age", lambda sim: (sim.count / sim.config.steps)[:, None], 1, "1", 1.0, "critic", "share of the time that is gone"
+    "age",
+    lambda sim: (sim.count / sim.config.steps)[:, None],
+    1,
+    "1",
+    1.0,
+    "critic",
+    "elapsed share of the episode's time",
 )
-FRICTION = Term("friction", drawn("contact_friction", "scale"), 1, "1", 1.0, "teacher", "scale drawn, 0 if none is")
-MASS = Term("mass", drawn("object_mass", "scale"), 1, "1", 1.0, "teacher", "scale of the held part's, 0 if none is")
-LATENCY = Term("latency", drawn("command_delay", "delay"), 1, "s", 0.02, "teacher", "of commands, 0 if none is drawn")
+FRICTION = Term(
+    "friction", drawn("contact_friction", "scale"), 1, "1", 1.0, "teacher", "drawn scale, 0 if none is drawn"
+)
+MASS = Term(
+    "mass",
+    drawn("object_mass", "scale"),
+    1,
+    "1",
+    1.0,
+    "teacher",
+    "drawn scale of the held part's mass, 0 if none is drawn",
+)
+LATENCY = Term(
+    "latency", drawn("command_delay", "delay"), 1, "s", 0.02, "teacher", "drawn delay of commands, 0 if none is drawn"
+)

@@ -132,4 +132,4 @@ def written(value: float | Distribution) -> Any:
 
 def _ordered(low: float, high: float) -> None:
     if not low <= high:
-        raise UserError("a range that inverts", expected="low <= high", got=f"[{low}, {high}]")
+        raise UserError("an inverted range", expected="low <= high", got=f"[{low}, {high}]")

@@ -162,7 +162,7 @@ class TaskSimulation:
             param = kind.params[axis]
             if not param.low <= value <= param.high:
                 expected = f"within {param.high:g} m of {self.nominal_goal.round(4).tolist()}"
-                raise UserError("a goal that this cell cannot have", key="goal", expected=expected, got=start.goal)
+                raise UserError("a goal out of this cell's range", key="goal", expected=expected, got=start.goal)
         return world.add(EffectInstance.of(kind.name, where, **dict(zip("xyz", map(float, shift), strict=True))))
 
     def _stand(
@@ -185,7 +185,7 @@ class TaskSimulation:
                 low, high = self.scene.range.T
                 if stated.shape != q[i].shape or not ((stated >= low) & (stated <= high)).all():
                     expected = f"{len(q[i])} angles within the joints' limits, rad"
-                    raise UserError("no posture of this arm", key="q", expected=expected, got=stated)
+                    raise UserError("not a posture of this arm", key="q", expected=expected, got=stated)
                 q[i], weight[i] = stated, self.solo.gravity(stated[None])[0]
                 pos[row] = self.seen.chain.pose(stated[None], np.zeros((1, len(stated))))[0][0]
 
@@ -199,7 +199,9 @@ class TaskSimulation:
         if new:
             if len(rows) < self.nsim:
                 expected = "a world with these effects, or all rows at once"
-                raise UserError("effects that this environment's world has not", expected=expected, got=sorted(new))
+                raise UserError(
+                    "effects that this environment's world does not have", expected=expected, got=sorted(new)
+                )
             self.cell = self._cell({*self.cell.names, *new})
 
     def _start(self, rows: np.ndarray, pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -42,7 +42,7 @@ def check_places(scene: Scene, offset: RandomizedEffect | None, file: Path, key:
     far = out_of_reach(scene, holes)
     if far.any():
         raise UserError(
-            "the hole may stand where the arm cannot go",
+            "the arm cannot reach the hole at some of its places",
             file=file,
             key=key,
             expected="places over and in which it can hold the peg upright within its joint limits",

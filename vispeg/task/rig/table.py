@@ -96,7 +96,7 @@ def _constant(table: Table, names: Sequence[str], expected: str) -> np.ndarray |
         return None
     values = np.stack([table.number(name) for name in names], axis=1)
     if not np.all(values == values[0]):
-        raise UserError("changes", file=table.file, key=kind, expected=f"{expected}, the same on all rows")
+        raise UserError("is not constant", file=table.file, key=kind, expected=f"{expected}, the same on all rows")
     return values[0]
 
 
