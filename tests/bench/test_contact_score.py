@@ -1,9 +1,10 @@
 """The score of contact diagnoses: twins count as the class, inventions and silence do not."""
 
 import json
-from types import SimpleNamespace
 
 import pytest
+from contact_cases import Case
+from contact_plant import Truth
 from contact_runner import finished, run
 from contact_score import judge, plain_fall, references, report, values
 
@@ -76,7 +77,7 @@ def test_what_is_finished_is_neither_made_nor_run_again(tmp_path):
     results.write_text("\n".join([*lines, lines[0][: len(lines[0]) // 2]]))
     assert finished(results, 2) == {"x": whole} and finished(tmp_path / "none", 2) == {}
     assert set(finished(results, 1)) == {"x", "z"}
-    case = SimpleNamespace(name="x", key="k", seed=2)
+    case = Case("x", "none", [], Truth(), 2)
     assert run(tmp_path / "no recordings", [case], results) == [whole]
 
 

@@ -1,9 +1,9 @@
 """The scorer on hand-made diagnoses whose marks are known."""
 
 import json
-from types import SimpleNamespace
 
 import pytest
+from cases import Case, Hide
 from runner import _read, refer
 from score import coverage, judge, report, wilson
 
@@ -106,14 +106,18 @@ def test_what_is_tentative_is_no_name_and_a_class_is_right_where_it_holds_the_tr
     assert (right["sure"], right["classes"], right["sure_hits"], right["false_names"]) == (1, 1, 1, 0)
 
 
-def test_errors_of_the_truth_are_kept_and_only_of_what_the_library_has(tmp_path, monkeypatch):
-    asked = []
+def test_errors_of_the_truth_are_kept_and_only_of_what_the_library_has(tmp_path):
+    """One is known, one has no recordings and fails, and of one the truth is no effect of the library."""
+    hidden, file = Hide("coulomb_friction", "joint4", {"torque": 1.0}), tmp_path / "r.jsonl"
+    chosen = [Case(kind, (hidden,), kind, "position", 1) for kind in ("single", "many", "unknown")]
     answer = {"oracle": {"heldout_error": 3e-5, "floor": 2e-5, "params": {}}}
-    monkeypatch.setattr("runner.references", lambda root, case: asked.append(case.name) or answer)
-    chosen = [SimpleNamespace(name=k, kind=k, seed=1) for k in ("single", "many", "unknown")]
-    for _ in range(2):
-        text = refer(tmp_path, chosen, tmp_path / "references.jsonl", 1)
-    assert asked == ["single", "many"] and "| many | 1.5 |" in text and "unknown" not in text
+    file.write_text(json.dumps({"case": "single", "seed": 1} | answer) + "\n")
+    first = refer(tmp_path, chosen, file, 1)
+    known = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [k["case"] for k in known] == ["single", "many"] and "recording" in known[1]["reference_failed"]
+    assert "| single | 1.5 |" in first and "| many | failed |" in first and "unknown" not in first
+    assert refer(tmp_path, chosen, file, 1) == first
+    assert len(file.read_text().splitlines()) == 2, "what failed is not run again"
 
 
 def test_records_of_another_seed_are_not_these(tmp_path):

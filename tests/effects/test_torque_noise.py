@@ -1,11 +1,10 @@
 """Torque noise has the size and the memory that it states, whatever the step."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from vispeg.core.effect import effect
+from vispeg.sim.state import DriveState
 
 RMS, TIME = 0.7, 0.08
 
@@ -14,7 +13,8 @@ def played(h: float, seconds: float, seeds: list[float]) -> np.ndarray:
     """(n, nsim, 1) N m."""
     kind, n = effect("torque_noise"), len(seeds)
     p = {"rms": np.full((n, 1), RMS), "time": np.full((n, 1), TIME), "seed": np.array(seeds)[:, None]}
-    x = SimpleNamespace(q=np.zeros((n, 1)), h=h)
+    still = np.zeros((n, 1))
+    x = DriveState(h, h, still, still, still, still, np.ones((n, 1)))
     state = kind.start(x, p)
     return np.array([kind.torque(state, x, p) for _ in range(round(seconds / h))])
 

@@ -2,53 +2,50 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from fits import SETTLES, still
+from loops import pendulum
 
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.identify.checkpoint import Trace
+from vispeg.identify.evidence import Evidence
 from vispeg.identify.fit import fit_job
 from vispeg.identify.pool import run_together
-from vispeg.identify.space import Freedom, Space
+from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
 CHATTER = 6.0  # of the squared residual, up and down
 
 
-class Rough(Freedom):
+class Rough(Evidence):
     """Evidence whose residual is a straight line of three coordinates, beside a number that any change throws anew."""
 
-    correlated, length = 1.0, 301
+    rough = 0.0
 
     def __init__(self, rough: float, chatter: float = CHATTER):
+        super().__init__([still(pendulum(), 3.01 - SETTLES)])
+        assert self.length == 301
         rng = stream(3, "rough")
         self.rough, self.chatter, self.rows = rough, chatter, 0
         self.jacobian, noise = rng.standard_normal((300, 3)) * [9.0, 5.0, 20.0], rng.standard_normal(300)
         self.noise = noise - self.jacobian @ np.linalg.lstsq(self.jacobian, noise, rcond=None)[0]
-        self.items = [SimpleNamespace(measured=np.zeros(301))]
         self.truth = Space(at(1e-3, -2e-3, 1e-3), [0], self).start
 
     def nudge(self, kind, name):
         return 3e-4
 
-    def blocks(self):
-        return np.arange(301)
-
     def off(self, world):
         """(3,) optimizer coordinates from the truth."""
         return Space(world, [0], self).start - self.truth
 
-    def residuals(self, worlds):
+    def each_residual(self, worlds):
         self.rows += len(worlds)
-        out = []
         for w in worlds:
             off = self.off(w)
             thrown = stream(int.from_bytes(off.tobytes()[:7], "big"), "chatter").uniform()
-            out.append(np.append(self.noise + self.jacobian @ off, np.sqrt(self.chatter * thrown)))
-        return out
+            yield np.append(self.noise + self.jacobian @ off, np.sqrt(self.chatter * thrown))
 
 
 def at(x, y, z):

@@ -2,7 +2,6 @@
 
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,9 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 from vispeg.measure import com, friction, from_recordings, mass, restitution, stiffness
 from vispeg.measure.readings import Readings, read, refuse_drift
+from vispeg.recordings.recording import Control, Recording
+from vispeg.recordings.write import write
+from vispeg.robots.model import load as robot
 
 G = 9.81
 
@@ -175,7 +177,7 @@ def test_units_in_a_column_s_name(tmp_path):
     assert (deg.value, deg.u) == pytest.approx((rad.value, rad.u))
 
 
-def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeypatch):
+def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(tmp_path):
     """Down with a rising force, then there and back: on the way down nothing slides, and each turn sticks a moment."""
     rate, mu = 500.0, 0.3
     time = np.arange(int(6 * rate)) / rate
@@ -187,9 +189,9 @@ def test_friction_is_read_where_the_tool_slides_and_not_where_it_presses(monkeyp
     ft[:, 2], ft[:, 0] = -load, mu * load * slip
     ft[:, :3] += stream(3, "slide").normal(scale=0.05, size=(len(time), 3))
     pose = np.column_stack([x, 0 * x, way, np.tile([0.0, 1.0, 0.0, 0.0], (len(time), 1))])
-    rec = SimpleNamespace(time=time, rate_hz=rate, ft=ft)
-    monkeypatch.setattr(from_recordings, "_opened", lambda path: (rec, ft, pose))
-    read = from_recordings.slides([Path("slide")]).columns
+    joints, still = robot("iiwa14").joints, np.zeros((len(time), 7))
+    rec = Recording(Path("slide"), "iiwa14", joints, rate, Control("unknown", rate), time, still, ee=pose, ft=ft)
+    read = from_recordings.slides([write(rec, tmp_path / "slide")]).columns
     assert len(read["normal"]) == 2, "a stroke there and one back"
     assert read["tangential"] / read["normal"] == pytest.approx(mu, rel=0.02)
 

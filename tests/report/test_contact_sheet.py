@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from vispeg.api.demo import drawn
-from vispeg.core.errors import UserError
 from vispeg.datasets.codec import decode
+from vispeg.render.backends import classic
 from vispeg.report.build import write_report
-from vispeg.report.drawings import contact_sheet, robot_picture
 from vispeg.report.record import ROBOT, SHEET
 
 WITHOUT_TORCH = """
@@ -56,15 +55,12 @@ def test_report_takes_in_the_sheet_beside_it(run, diagnosis):
 
 
 def test_diagnosis_stands_where_no_picture_can_be_drawn(monkeypatch):
-    def fails(**_):
-        raise UserError("no OpenGL here")
-
-    monkeypatch.setattr(contact_sheet, "draw", fails)
-    monkeypatch.setattr(robot_picture, "draw", fails)
-    assert drawn(0) == ({}, {}, "no OpenGL here")
-    flat = np.full((4, 6, 3), 7, np.uint8)
-    monkeypatch.setattr(contact_sheet, "draw", lambda **_: flat)
-    monkeypatch.setattr(robot_picture, "draw", lambda: (flat, {"joint4": [0.5, 0.5]}))
-    pictures, places, problem = drawn(0)
-    assert places == {"joint4": [0.5, 0.5]} and not problem and set(pictures) == {ROBOT, SHEET}
-    assert np.array_equal(decode(pictures[SHEET]), flat)
+    with monkeypatch.context() as blind:
+        blind.setenv("MUJOCO_GL", "disabled")
+        blind.setattr(classic, "_OPEN", {})
+        pictures, places, problem = drawn(0, backend="classic")
+    assert not pictures and not places and "no OpenGL here" in problem
+    pictures, places, problem = drawn(3, frames=1)
+    assert {"joint1", "joint4"} <= set(places) and not problem and set(pictures) == {ROBOT, SHEET}
+    sheet = decode(pictures[SHEET])
+    assert sheet.shape[2] == 3 and sheet.std() > 30 and decode(pictures[ROBOT]).std() > 10

@@ -17,6 +17,7 @@ from vispeg.core.assets import assets
 from vispeg.core.errors import UserError
 from vispeg.datasets.codec import encode
 from vispeg.diagnosis.schema import DiagnosisRecord
+from vispeg.render.backends.backend import BackendName
 from vispeg.report.drawings import contact_sheet, robot_picture
 from vispeg.report.record import ROBOT, SHEET
 from vispeg.report.text import words
@@ -101,8 +102,15 @@ def demo(*, seed: int = 0, threads: int = 2, say: Callable[[str], None] = lambda
     return Demonstration(before, after, truth["hidden"], pictures, problem)
 
 
-def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
+def drawn(
+    seed: int, frames: int = contact_sheet.FRAMES, backend: BackendName = "auto"
+) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
     """Draw the robot and the contact sheet.
+
+    Args:
+        seed: of the looks on the contact sheet.
+        frames: number of frames on it.
+        backend: the renderer.
 
     Returns:
         File name -> PNG; place of an effect -> [x, y] in the robot's picture; and the reason if a picture is missing.
@@ -110,9 +118,9 @@ def drawn(seed: int) -> tuple[dict[str, bytes], dict[str, list[float]], str]:
     pictures: dict[str, bytes] = {}
     places: dict[str, list[float]] = {}
     try:
-        image, places = robot_picture.draw()
+        image, places = robot_picture.draw(backend)
         pictures[ROBOT] = encode(np.ascontiguousarray(image))
-        pictures[SHEET] = encode(contact_sheet.draw(seed=seed))
+        pictures[SHEET] = encode(contact_sheet.draw(frames=frames, seed=seed, backend=backend))
     except UserError as error:  # the diagnosis is complete without pictures
         return pictures, places, str(error)
     return pictures, places, ""
