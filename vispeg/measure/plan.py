@@ -70,7 +70,11 @@ def plan(
     parts += [_triangle(min(0.05, size), rate_hz), _ladder(fast, reach, rate_hz, rng)]
     first = parts.pop(len(SIZES) - 1)
     order = [parts[k] for k in rng.permutation(len(parts))]
-    return [first, *order, Part(f"{first.name}-again", f"a drift, beside {first.name}", first.time, first.offset)]
+    return [
+        first,
+        *order,
+        Part(f"{first.name}-again", f"drift, by comparison with {first.name}", first.time, first.offset),
+    ]
 
 
 def _steps(size: float, rate: float) -> Part:

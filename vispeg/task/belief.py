@@ -48,7 +48,9 @@ class Believed:
 
 
 def believed(cell: CellBelief | None, file: str | Path | None = None, robot: str | None = None) -> Believed:
-    """Build a belief; None and OPEN_CELL stand for the default cell. The same belief gives the same scene.
+    """Build the scene, settings and effects of a belief; None and OPEN_CELL stand for the default cell.
+
+    Equal beliefs give the same scene.
 
     Args:
         cell: what is believed.

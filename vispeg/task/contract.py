@@ -88,15 +88,18 @@ class Task(ABC):
         return np.array([*aside, rng.uniform(*config.start_height)])
 
     def command(self, sim: Simulation, action: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the controller's target for a policy step, in the base: held point (n, 3) m, orientation (n, 4) wxyz.
+        """Return the controller's target for a policy step.
 
-        The held point is the tool's tip if the policy turns the flange, else the flange; the orientation is the
-        flange's. By default an action is an offset from the arm's measured pose along the directions that the policy
-        moves, and the other directions are held.
+        By default an action is an offset from the arm's measured pose along the directions that the policy moves, and
+        the other directions are held.
 
         Args:
             sim: the simulation in its present state.
             action: (n, 6) within +-1; 0 in directions that the policy does not move.
+
+        Returns:
+            Position (n, 3) m in the base of the point that actions move: the tool's tip if the policy turns the flange,
+            else the flange itself. Orientation (n, 4) wxyz of the flange in the base.
         """
         return sim.seen.offset_by(action)
 

@@ -201,7 +201,9 @@ def _collect(path: Path, parts: _Parts, above: tuple[Path, ...]) -> str:
         _collect(_path(base, path), parts, (*above, path))
     task = _typed(_given(data, "task", {}), Mapping, path, "task")
     if "robot" in task:
-        raise UserError("not a key of the task", file=path, key="task.robot", expected="`robot` beside `task`")
+        raise UserError(
+            "not a key of the task", file=path, key="task.robot", expected="`robot` at the top level, next to `task`"
+        )
     if data.get("robot") is not None:
         task = {**task, "robot": declared(data["robot"], path, parts.task.get("robot", {}))}
     kind = kind_of({**parts.task, **task}, str(path))
