@@ -149,7 +149,9 @@ def test_a_robots_trials_are_compared_with_the_network_that_was_tried():
     assert row["verdict"] == CANNOT_TELL and any("training seed 0" in n for n in found["notes"])
     assert found["categories"][0]["n"] == [100, 20]
     none = gap([*simulated, *trials("a", 19, 20, train_seed=7)])
-    assert not none["gaps"] and any("none was played in S" in n for n in none["notes"])
+    assert not none["gaps"] and any(
+        "none of training seeds 7, played in robot, was played in S" in n for n in none["notes"]
+    )
 
 
 def test_trials_numbered_on_over_networks_all_count():
