@@ -18,7 +18,7 @@ from vispeg.learn import modalities, play
 from vispeg.learn.layout import OFFSET_M, Layout
 from vispeg.learn.modalities import Modality, enrol, modality
 from vispeg.learn.networks.actor import Actor
-from vispeg.learn.policy import save
+from vispeg.learn.policy import load, save
 from vispeg.task.peg.task import PegInHoleVec
 
 TASK = {"stack": 3, "cameras": ["wrist_crop"], "image_size": 16}
@@ -53,14 +53,17 @@ def test_a_modality_and_an_image_of_ones_own_are_evaluated(mine):
     assert env.config.stack == 3 and env.config.steps == 2
 
 
-def test_the_film_shows_where_the_policy_thinks_the_peg_and_where_it_is(mine, monkeypatch):
-    job, said = replace(mine[0], rows=2), []
-    with monkeypatch.context() as patch:
-        patch.setattr(play, "write", lambda picture, text, at, colour: said.append(text))
-        clip = film(job, 1)
-    assert [text.split()[0] for text in said] == ["thinks", "is"] * len(clip.frames)
-    env = arena.environment(replace(job, rows=1))
+def test_the_film_shows_where_the_policy_thinks_the_peg_and_where_it_is(mine):
+    job = replace(mine[0], rows=1)
+    env, policy = arena.environment(job), load(job.entrant.path)
     obs, _ = env.reset(seed=[1])
-    true = [float(v) for v in said[1].split()[1:4]]
-    np.testing.assert_allclose(true, 1e3 * OFFSET_M * obs["privileged"][0, :3], atol=0.051)
-    assert np.any(film(job, 1).frames[0] != clip.frames[0])
+    policy.reset(1)
+    policy.act(obs)
+    thinks, is_ = (line.split() for line in play.positions(obs, policy))
+    assert (thinks[0], is_[0]) == ("thinks", "is") and thinks[-1] == is_[-1] == "mm"
+    np.testing.assert_allclose(np.array(is_[1:4], float), 1e3 * OFFSET_M * obs["privileged"][0, :3], atol=0.051)
+    np.testing.assert_allclose(np.array(thinks[1:4], float), 1e3 * policy.estimate[0], atol=0.051)
+    for frame in film(replace(job, rows=2), 1).frames:
+        foot = frame[::-1, :200].astype(int)  # rows from the foot, where the cell is light
+        drawn = (foot.max(axis=2) < 30).any(axis=1)  # the rim of a letter
+        assert drawn[8:17].all() and drawn[22:31].all() and not drawn[:4].any() and not drawn[36:40].any(), "two lines"

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from vispeg.api.films import played_in
 from vispeg.cli.main import main
 from vispeg.cli.tolerance import at_tolerance
 from vispeg.core.assets import assets
@@ -23,16 +24,12 @@ def test_another_clearance_is_told_and_the_folder_has_a_name(capsys, tmp_path, m
     assert episode.success
 
 
-def test_a_policy_is_played_at_its_own_clearance_in_its_own_world(capsys, tmp_path, monkeypatch):
+def test_a_policy_is_played_at_its_own_clearance_in_its_own_world():
     pytest.importorskip("torch")
-    from vispeg.api import films as api
-
-    asked = {}
-    monkeypatch.setattr(api, "films", lambda folder, world, settings, *rest: asked.update(settings, world=world) or ())
-    policy = str(assets() / "policies" / "state-0.5mm")
-    assert main(["play", policy]) == 0 and asked == {"clearance_mm": 0.5, "world": "randomized"}
-    asked.clear()
-    assert main(["play", policy, "--world", "nominal"]) == 0 and asked == {"world": "nominal"}
+    policy = assets() / "policies" / "state-0.5mm"
+    assert played_in(policy) == ("randomized", {"clearance_mm": 0.5})
+    assert played_in(policy, "nominal") == ("nominal", {})
+    assert played_in(policy, tolerance=2.0) == ("randomized", {"clearance_mm": 2.0})
 
 
 def test_a_policy_that_does_not_say_what_it_was_made_for_is_taken_as_it_is(capsys, tmp_path):

@@ -1,6 +1,7 @@
 """A policy that comes with the package goes by its name in every command that takes one, wherever the user stands."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -25,20 +26,21 @@ def test_export_and_combine_write_them(tmp_path):
     assert [one["modality"] for one in own] == ["depth", "state"]
 
 
-def test_play_finetune_and_teachers_take_them(monkeypatch, tmp_path):
-    asked = []
-    monkeypatch.setattr("vispeg.api.films.films", lambda folder, world, *_: [asked.append((str(folder), world))] * 0)
-
-    def tuned(source, *_, **__):
-        asked.append(source.name)
-        (tmp_path / "finetune.json").write_text("{}")
-        return tmp_path
-
-    monkeypatch.setattr("vispeg.learn.methods.finetune.finetune", tuned)
-    assert main(["play", "depth-S", "--episodes", "1"]) == 0
-    assert main(["finetune", "depth-S", "--world", "dev", "--out", "tuned"]) == 0
-    assert asked == [("depth-S", "S"), "depth-S"]
+def test_play_and_teachers_take_them(capsys, tmp_path):
+    assert main(["play", "depth-S", "--episodes", "1", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["policy"], said["world"]) == ("depth-S", "S") and len(said["films"]) == 1
+    assert (tmp_path / said["films"][0]["file"]).stat().st_size > 1000
     assert teacher_of("state-3mm-randomized", PegConfig()).policy.meta["world_file"] == "randomized"
+
+
+@pytest.mark.slow
+def test_finetune_takes_them_and_does_what_its_options_say():
+    few = {"demos": 1, "updates": 2, "known": 0.0, "episodes": 3}
+    options = [text for name, value in few.items() for text in (f"--{name}", str(value))]
+    assert main(["finetune", "depth-S", "--world", "dev", *options, "--out", "tuned"]) == 0
+    settings = json.loads(Path("tuned", "finetune.json").read_text())["settings"]
+    assert {name: settings[name] for name in few} == few and load("tuned").modality == "depth"
 
 
 def test_a_folder_of_ones_own_comes_before_a_shipped_policy_of_its_name(tmp_path):

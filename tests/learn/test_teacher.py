@@ -1,5 +1,6 @@
 """A teacher is shown exactly what a state policy would see; fine-tuning moves what it says it moves."""
 
+import inspect
 import json
 
 import numpy as np
@@ -249,17 +250,10 @@ def test_finetuning_is_at_a_tenth_of_trainings_rate_and_thawed_encoders_at_a_hun
     assert lr <= 1.001 * moved(("mean.", "body.")) <= 1.6 * lr
 
 
-def test_the_commands_defaults_are_the_settings(monkeypatch, tmp_path):
+def test_the_commands_defaults_are_the_settings():
     """Those of the command once were a seventh of what its help and the settings said."""
-    from vispeg.cli.main import main
+    from vispeg.api.learning.finetune import finetune
 
-    found = []
-
-    def tuned(*args, **_):
-        found.append(args[5])
-        (tmp_path / "finetune.json").write_text("{}")
-        return tmp_path
-
-    monkeypatch.setattr("vispeg.learn.methods.finetune.finetune_in_worlds", tuned)
-    assert main(["finetune", "depth-S", "--world", "dev", "--out", str(tmp_path / "x")]) == 0
-    assert found == [FinetuneSettings()]
+    names = ("demos", "updates", "lr", "known", "episodes")  # tests/cli/test_declarations.py: the command's are these
+    stated = inspect.signature(finetune).parameters
+    assert FinetuneSettings(**{name: stated[name].default for name in names}) == FinetuneSettings()

@@ -88,6 +88,27 @@ class Films:
         return html(self.summary)
 
 
+def played_in(
+    policy: str | Path, world: str | Path | None = None, tolerance: float | None = None
+) -> tuple[str, dict[str, object]]:
+    """Return the world that a policy is played in, and the settings of its task; arguments as for `play`.
+
+    Raises:
+        UserError: no such policy or world.
+    """
+    from vispeg.learn.coarse_to_fine import open_policy
+    from vispeg.learn.envs import home
+    from vispeg.learn.meta import made_for
+    from vispeg.task.registry import with_tolerance
+    from vispeg.task.world_file import load_world
+
+    opened = open_policy(policy)
+    place = home(opened) if world is None else str(world)
+    if tolerance is not None:
+        return place, dict(with_tolerance(load_world(place).task, tolerance))
+    return place, dict(made_for(opened.meta)) if world is None else {}
+
+
 def play(
     policy: str | Path,
     *,
@@ -115,21 +136,9 @@ def play(
     Raises:
         UserError: no such policy or world, fewer than one episode, or `out` exists.
     """
-    from vispeg.learn.coarse_to_fine import open_policy
-    from vispeg.learn.envs import home
-    from vispeg.learn.meta import made_for
-    from vispeg.task.registry import with_tolerance
-    from vispeg.task.world_file import load_world
-
     if episodes < 1:
         raise UserError("must be at least 1", key="episodes", got=episodes)
-    opened = open_policy(policy)
-    place = home(opened) if world is None else str(world)
-    settings: dict[str, object] = {}
-    if tolerance is not None:
-        settings |= with_tolerance(load_world(place).task, tolerance)
-    elif world is None:
-        settings = dict(made_for(opened.meta))
+    place, settings = played_in(policy, world, tolerance)
     usual = Path("films") / f"{Path(policy).resolve().name}-{Path(place).stem}"
     folder = usual if out is None else Path(out).expanduser()
     seeds, made = [seed + k for k in range(episodes)], list[Film]()

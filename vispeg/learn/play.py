@@ -74,21 +74,23 @@ def compose(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) 
 
 
 def thoughts(outside: np.ndarray, obs: Mapping[str, np.ndarray], policy: Policy) -> np.ndarray:
-    """Return a copy of the outside view with the tip's estimated and true position in the goal's frame written on it.
-
-    Nothing is written where the policy has no estimate, or where the observation lacks the truth.
-
-    Args:
-        outside: the outside view, (H, W, 3) uint8.
-        obs: observation of one row, arrays (1, ...).
-        policy: the policy, after it acted on `obs`.
-    """
-    picture, height = outside.copy(), outside.shape[0]
-    if policy.estimate is not None and PRIVILEGED in obs:
-        estimate, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, ESTIMATE]
-        write(picture, "thinks " + " ".join(f"{v:+6.1f}" for v in estimate) + " mm", (8, height - 22), WHITE)
-        write(picture, "is     " + " ".join(f"{v:+6.1f}" for v in true) + " mm", (8, height - 8), WHITE)
+    """Return a copy of the outside view with `positions` written on it; arguments as for `compose`."""
+    picture = outside.copy()
+    for k, line in enumerate(positions(obs, policy)[::-1]):
+        write(picture, line, (8, outside.shape[0] - 8 - 14 * k), WHITE)
     return picture
+
+
+def positions(obs: Mapping[str, np.ndarray], policy: Policy) -> list[str]:
+    """Return two lines, the tip's estimated and true position in the goal's frame, in mm.
+
+    They are empty if the policy has no estimate, or if the observation lacks the truth.
+    """
+    if policy.estimate is None or PRIVILEGED not in obs:
+        return []
+    estimate, true = 1e3 * policy.estimate[0], 1e3 * OFFSET_M * obs[PRIVILEGED][0, ESTIMATE]
+    both = {"thinks ": estimate, "is     ": true}
+    return [head + " ".join(f"{v:+6.1f}" for v in place) + " mm" for head, place in both.items()]
 
 
 def enlarged(image: np.ndarray, size: int) -> np.ndarray:
