@@ -30,10 +30,14 @@ def observation(rng, n=N):
     }
 
 
-def live(ring, steps, seed=0, spoil=None):
-    """Plays random episodes into the ring; returns every transition that must be in it, oldest first, by row."""
+def live(ring, steps, seed=0, spoil=None, begun=None):
+    """Plays random episodes into the ring; returns every transition that must be in it, oldest first, by row.
+
+    Their first observations go into the list `begun`.
+    """
     rng, lived = stream(seed, "live"), [[] for _ in range(N)]
-    obs = observation(rng)
+    obs, begun = observation(rng), [] if begun is None else begun
+    begun += obs["policy"].tolist()
     for k in range(steps):
         after, action = observation(rng), rng.uniform(-1, 1, (N, 1)).astype(np.float32)
         reward, done = rng.standard_normal(N).astype(np.float32), rng.uniform(size=N) < 0.2
@@ -48,6 +52,7 @@ def live(ring, steps, seed=0, spoil=None):
                     (obs["policy"][i], action[i], reward[i], float(done[i] and not cut), after["policy"][i], k)
                 )
         fresh = observation(rng)
+        begun += fresh["policy"][done].tolist()
         obs = {key: np.where(done.reshape(N, *[1] * (v.ndim - 1)), fresh[key], v) for key, v in after.items()}
     return lived
 
@@ -147,11 +152,19 @@ def test_sequences_are_episodes_from_their_beginning_and_weigh_nothing_after_the
     assert weight.shape == (12, 32) and (weight[0] == 1).all()
     assert (np.diff(weight, axis=0) <= 0).all()
     on = (weight[1:] > 0)[..., None]
-    begins = ring.starts & ~np.roll(ring.starts, 1, axis=0)
-    first = {tuple(row) for row in ring.obs["policy"][begins].tolist()}
+    first = {tuple(row) for row in ring.obs["policy"][ring.starts & ring.first].tolist()}
     assert {tuple(row) for row in batch.obs["policy"][0].numpy().tolist()} <= first
     assert len(first) < len(ring) / 2
     assert np.array_equal(batch.obs["policy"].numpy()[1:] * on, batch.next_obs["policy"].numpy()[:-1] * on)
+
+
+@pytest.mark.parametrize(("steps", "spoil"), [(300, {}), (35, {10: 1, 20: 2, 21: 0})])
+def test_sequences_begin_where_episodes_do_in_a_full_ring_and_around_refused_steps(steps, spoil):
+    ring = Replay(40 * N, SPACE, ACTION, n_envs=N)
+    begun: list[list[float]] = []
+    live(ring, steps, spoil=spoil, begun=begun)
+    firsts = ring.sequences(200, 5, stream(0, "s")).obs["policy"][0].numpy().tolist()
+    assert all(first in begun for first in firsts)
 
 
 def test_saving_keeps_everything(tmp_path):
@@ -202,7 +215,7 @@ def test_the_memory_of_a_ring_is_known_before_it_is_taken(monkeypatch, tmp_path)
     )
     action = spaces.Box(-1, 1, (3,), np.float32)
     ring = Replay(40, space, action, n_envs=4)
-    held = [*ring.obs.values(), ring.action, ring.reward, ring.done, ring.starts]
+    held = [*ring.obs.values(), ring.action, ring.reward, ring.done, ring.starts, ring.first]
     need = Replay.size(40, space, action)
     assert need == sum(a.nbytes for a in held)
     (tmp_path / "proc/self").mkdir(parents=True)

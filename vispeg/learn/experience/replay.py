@@ -22,6 +22,7 @@ from vispeg.core.seeds import stream
 from vispeg.render.image_kinds import kind_of
 
 SHARE = 0.9  # largest share of free memory for a ring; networks and environments need the rest
+BETWEEN, REFUSED = -1, -2
 Images = Literal["before", "after", "both", "none"]
 
 
@@ -81,8 +82,10 @@ class Replay:
         self.reward = np.zeros(rows, np.float32)
         self.done = np.zeros(rows, np.float32)
         self.starts = np.zeros(rows, bool)  # whether a complete transition starts at this entry
+        self.first = np.zeros(rows, bool)  # whether an episode begins at this entry
         self.head = np.zeros(n_envs, np.int64)  # index of the next entry to write
-        self.open = np.full(n_envs, -1, np.int64)  # index of the entry whose next observation is awaited, -1 for none
+        # index of the entry whose next observation is awaited, BETWEEN episodes or after one that was REFUSED
+        self.open = np.full(n_envs, BETWEEN, np.int64)
         self.began = np.zeros(n_envs, np.int64)  # index of the present episode's first entry
         self.full, self.refused = False, 0
 
@@ -93,7 +96,7 @@ class Replay:
             int(np.prod(space.shape)) * np.dtype(_stored(key, space.dtype)).itemsize
             for key, space in observation_space.spaces.items()
         )
-        return entries * (each + 4 * int(np.prod(action_space.shape)) + 9)  # reward, end, start
+        return entries * (each + 4 * int(np.prod(action_space.shape)) + 10)  # reward, end, start, first
 
     def add(
         self,
@@ -128,10 +131,11 @@ class Replay:
         here = self._write(obs, envs)
         went_on = self.open >= 0
         self.starts[self.open[went_on], envs[went_on]] = True
+        self.first[here, envs] = self.open == BETWEEN
         self.action[here, envs], self.reward[here, envs] = np.nan_to_num(action), np.nan_to_num(reward)
         cut = np.array([bool(info.get("TimeLimit.truncated", False)) for info in infos])
         self.done[here, envs] = done & ~cut
-        self.open = np.where(fine & ~done, here, -1)
+        self.open = np.where(done, BETWEEN, np.where(fine, here, REFUSED))
         if done.any():
             over = np.flatnonzero(done)
             self._write({key: value[over] for key, value in next_obs.items()}, over)
@@ -143,7 +147,7 @@ class Replay:
 
     def cut(self) -> None:
         """End the episodes in progress, without their last transition; the next entries begin new episodes."""
-        self.open[:] = -1
+        self.open[:] = BETWEEN
         self.began[:] = self.head
 
     def _span(self, row: int) -> np.ndarray:
@@ -156,7 +160,7 @@ class Replay:
         at = self.head[envs]
         for key, stored in self.obs.items():
             stored[at, envs] = _pack(key, obs[key])
-        self.starts[at, envs] = False
+        self.starts[at, envs] = self.first[at, envs] = False
         self.head[envs] = (at + 1) % self.length
         self.full |= bool((self.head[envs] == 0).any())
         return at
@@ -187,18 +191,20 @@ class Replay:
     def sequences(self, n: int, steps: int, rng: np.random.Generator | None = None) -> Batch:
         """Draw the first `steps` transitions of n episodes, (steps, n, ...); those past an episode's end have weight 0.
 
+        Episodes whose beginning was refused or overwritten are not drawn; a refused transition ends one.
+
         Raises:
-            UserError: the ring holds no transition.
+            UserError: the ring holds no beginning of an episode.
         """
-        first = self.starts & ~np.roll(self.starts, 1, axis=0)
-        at, env = self._draw(n, first, rng or self.rng)
+        at, env = self._draw(n, self.starts & self.first, rng or self.rng)
         at = (at + np.arange(steps)[:, None]) % self.length  # (steps, n)
         weight = np.logical_and.accumulate(self.starts[at, env], axis=0)
         return self._batch(at, np.broadcast_to(env, at.shape), weight)
 
     def _draw(self, n: int, allowed: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         if not allowed.any():
-            raise UserError("nothing to learn from: the replay holds no transition")
+            what = "transition" if allowed is self.starts else "beginning of an episode"
+            raise UserError(f"nothing to learn from: the replay holds no {what}")
         indices = np.empty(0, np.int64)
         # draw more than n, then drop those not allowed: few of all transitions, most of the episodes' starts
         while len(indices) < n:
@@ -250,7 +256,10 @@ class Replay:
         self.full = len(np.load(folder / "reward.npy", mmap_mode="r", allow_pickle=False)) == self.length
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        arrays = {name: getattr(self, name) for name in ("action", "reward", "done", "starts", "head", "open", "began")}
+        arrays = {
+            name: getattr(self, name)
+            for name in ("action", "reward", "done", "starts", "first", "head", "open", "began")
+        }
         return arrays | {f"obs.{key}": stored for key, stored in self.obs.items()}
 
 
