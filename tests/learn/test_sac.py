@@ -1,5 +1,8 @@
 """Learning learns, by the equations that it states, and sees only what it may."""
 
+from copy import deepcopy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -115,6 +118,27 @@ def test_symmetric_critics_take_pixels_through_encoders_of_their_own_and_no_grou
     assert not torch.allclose(model.critic(blank, batch.action), q)
     own = {id(p) for p in model.critic.encoders.parameters()}
     assert own and not own & {id(p) for p in model.actor.parameters()}
+
+
+def test_a_recurrent_actor_learns_nothing_from_steps_past_an_episodes_end():
+    """Other actions and another truth in those steps, which belong to other episodes, leave the loss as it is."""
+    model = learner("depth", recurrent=8)
+    model.learn(320, log_interval=None)
+    model.measure()
+    batch = model.replay.sequences(8, 20)
+    beyond = (batch.weight == 0)[..., None]
+    assert beyond.any()
+    truth = batch.obs["privileged"] + beyond
+    other = replace(
+        batch, action=-batch.action * beyond + batch.action * ~beyond, obs=batch.obs | {"privileged": truth}
+    )
+    state, model.ent_coef_optimizer = deepcopy(model.actor.state_dict()), None  # the temperature stays
+    losses = []
+    for steps in (batch, other):
+        model.actor.load_state_dict(state)
+        torch.manual_seed(0)
+        losses.append(float(model._update_actor(steps, 4)["actor_loss"]))
+    assert losses[0] == pytest.approx(losses[1], abs=1e-6)
 
 
 def test_updates_per_step_are_what_was_asked():

@@ -178,7 +178,7 @@ class AsymmetricSAC(SAC):
     def _update_actor(self, batch: Batch, demos: int) -> dict[str, Tensor]:
         """Take one step on alpha log pi(a|s) - min Q(s, a), then one on the temperature towards the target entropy."""
         s = self.settings
-        latent = latents(self.actor, batch, False, s.shift)
+        latent, there = latents(self.actor, batch, False, s.shift), batch.weight > 0
         action, log_prob = self.actor.sample(latent)
         self.critic.requires_grad_(False)
         q = self.critic(batch.obs, action, s.shift).amin(-1)
@@ -187,11 +187,11 @@ class AsymmetricSAC(SAC):
         if demos:
             done = min(1.0, (self._n_updates - s.actor_frozen) / s.critic_per_actor / s.clone_updates)
             weight = s.clone_start + done * (s.clone_end - s.clone_start)
-            loss = loss + weight * huber(
-                torch.tanh(self.actor.mean(latent[..., -demos:, :])), batch.action[..., -demos:, :]
-            )
+            shown = there.clone()
+            shown[..., :-demos] = False
+            loss = loss + weight * huber(torch.tanh(self.actor.mean(latent[shown])), batch.action[shown])
         if self.actor.offset is not None and PRIVILEGED in batch.obs:
-            loss = loss + huber(self.actor.offset(latent), batch.obs[PRIVILEGED][..., ESTIMATE])
+            loss = loss + huber(self.actor.offset(latent[there]), batch.obs[PRIVILEGED][..., ESTIMATE][there])
         _step(self.actor, loss)
         entropy = _mean(-log_prob.detach(), batch.weight)
         if self.log_ent_coef is not None and self.ent_coef_optimizer is not None:
