@@ -256,11 +256,9 @@ def test_so_many_seeds_of_every_policy_are_filmed_and_those_that_are_lost_first(
         shots.append((job.entrant.name, job.world_name, seed - 1_000_000))
         return Clip(np.zeros((2, 16, 16, 3), np.uint8), None, "success", 1.0)
 
-    monkeypatch.setattr("vispeg.evaluation.films.media.film", shoot)
-    monkeypatch.setattr("vispeg.evaluation.films.media.write_video", lambda path, frames: path.with_suffix(".mp4"))
+    monkeypatch.setattr("vispeg.evaluation.films.media.film", shoot)  # which takes seconds for each
     played(lambda job, seed: job.world_name == "nominal" or seed - 1_000_000 not in lost)
     args = ("gap", "expert", "twin=expert", "--worlds", "nominal", "randomized", "--controls", "--episodes", "4")
-    monkeypatch.setattr("vispeg.report.gap.pairs.data_uri", lambda folder, name: "data:")
     code, _, err = vispeg(*args, "--videos", "2", "--out", "g")
     assert code == 0, err
     both = [(p, w, s) for p in ("expert", "twin") for s in filmed for w in ("nominal", "randomized")]
