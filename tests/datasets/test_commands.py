@@ -65,7 +65,7 @@ def test_colour_alone_is_the_same_colour_and_every_command_reads_it(tmp_path, mo
     assert main(["dataset", "check", "plain"]) == 0
     capsys.readouterr()
     for args, said in (
-        (["dataset", "export", "rgb", "--format", "bop", "--out", "bop"], "has no depth, which BOP has"),
+        (["dataset", "export", "rgb", "--format", "bop", "--out", "bop"], "has no such depth, which BOP requires"),
         ([*small, "--modality", "rgb", "--format", "bop", "--out", "bop"], "BOP requires depth"),
     ):
         assert main(args) == 2

@@ -54,7 +54,7 @@ def test_what_is_no_dataset_is_told_so(tmp_path, folder):
     with pytest.raises(UserError, match="is not a dataset"):
         Dataset(tmp_path)
     (tmp_path / "d.unfinished").mkdir()
-    with pytest.raises(UserError, match="not finished"):
+    with pytest.raises(UserError, match="is an unfinished rendering"):
         Dataset(tmp_path / "d")
     (tmp_path / "x/meta").mkdir(parents=True)
     (tmp_path / "x/meta/info.json").write_text('{"codebase_version": "v2.1"}')

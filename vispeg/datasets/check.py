@@ -1,4 +1,4 @@
-"""Finds what is wrong with a dataset: files that are cut short or changed, records that repeat or contradict."""
+"""Find faults in a dataset: truncated or changed files, and repeated or contradictory records."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from vispeg.datasets.read import Dataset
 from vispeg.formats.format import enrol
 from vispeg.formats.guard import is_file
 
-MOST = 20  # problems of one kind that are listed
-UNIT = 1e-3  # by which a quaternion's length may differ from 1
+MOST = 20  # most problems of one kind that are listed
+UNIT = 1e-3  # largest difference of a quaternion's length from 1
 Watch = Callable[[int], None]
 
 
@@ -38,11 +38,11 @@ def check(folder: str | Path, watch: Watch = lambda frames: None) -> list[str]:
     """Return the faults of a dataset, one line each; [] if there are none.
 
     Args:
-        folder: of the dataset.
-        watch: called with frames as they are checked.
+        folder: folder of the dataset.
+        watch: called with the number of frames just checked.
 
     Raises:
-        UserError: no dataset at all, or one whose `meta/info.json` cannot be read.
+        UserError: no dataset, or its `meta/info.json` cannot be read.
     """
     data = open_dataset(folder)
     if isinstance(data, Stored):
@@ -60,7 +60,7 @@ def _cameras(folder: Path) -> object:
 
 
 def collected(findings: Iterator[str]) -> list[str]:
-    """Give the findings up to what ends the search for more, which is the last one."""
+    """Collect findings; a UserError that ends the search becomes the last one."""
     lines = []
     try:
         for finding in findings:
@@ -82,7 +82,7 @@ def _files(data: Dataset) -> Iterator[str]:
 
 
 def _meta(data: Dataset) -> Iterator[str]:
-    """Find where what describes the whole disagrees with itself and with the size of the files."""
+    """Yield contradictions between the files in `meta/`, and between them and the sizes of the data files."""
     episodes, info = data.episodes, data.info
     if info.get("total_episodes") != len(episodes):
         yield f"meta/info.json: total_episodes is {info.get('total_episodes')}; the episodes have {len(episodes)}"
@@ -108,7 +108,7 @@ def _meta(data: Dataset) -> Iterator[str]:
 
 
 def _numbers(data: Dataset) -> Iterator[str]:
-    """Check that counted columns count, numbers are finite, and statistics are those of the numbers."""
+    """Yield faults of numeric columns: wrong counters, values that are not finite, and wrong statistics."""
     lengths = [e["length"] for e in data.episodes]
     frame = np.concatenate([np.arange(n) for n in lengths])
     expected = {
@@ -149,7 +149,7 @@ def _numbers(data: Dataset) -> Iterator[str]:
 
 
 def _statistics(name: str, stats: Mapping[str, object], real: np.ndarray) -> Iterator[str]:
-    """Whether statistics are those of numbers (N, d)."""
+    """Yield a fault if the stated statistics are not those of the numbers (N, d)."""
     for key, value in (("min", real.min(axis=0)), ("max", real.max(axis=0)), ("mean", real.mean(axis=0))):
         try:
             stated = np.asarray(stats.get(key), dtype=float).reshape(-1)
@@ -161,12 +161,12 @@ def _statistics(name: str, stats: Mapping[str, object], real: np.ndarray) -> Ite
 
 
 def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
-    """Pictures are what they should be, and no frame is there twice."""
+    """Return faults of episodes: unreadable pictures, pictures that do not fit their labels, repeated frames."""
     faults: list[str] = []
     digests: dict[bytes, str] = {}
     content = [name for name in data.features if name not in COUNTED]
     repeated = 0
-    # a camera that is late or drops frames delivers a picture twice; a frame that holds pictures alone is then the same
+    # a camera that is late or drops frames repeats a picture; in a dataset of pictures only, whole frames then repeat
     pictures_alone = all(is_picture(data.features[name]) for name in content)
     for number, about in enumerate(data.episodes):
         try:
@@ -198,7 +198,7 @@ def _records(data: Dataset | Stored, watch: Watch) -> list[str]:
 
 
 def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
-    """Yield the parts of known surface and pose that an episode's cameras see."""
+    """Yield the parts with known surface and pose in each camera's pictures of an episode."""
     if isinstance(data, Stored):
         yield from data.seen(number, frames)
         return
@@ -209,7 +209,7 @@ def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray])
             pose = pose_of(site, name, frames)
             if part not in data.models or not {eye, deep, pose} <= set(frames):
                 continue
-            with np.errstate(all="ignore"):  # a pose that is none has been found by then
+            with np.errstate(all="ignore"):  # invalid poses are reported elsewhere
                 eyes, stands = ([matrix(row) for row in frames[key]] for key in (eye, pose))
                 at = np.stack([np.linalg.inv(a) @ b for a, b in zip(eyes, stands, strict=True)])
             mask = labels == 1 + data.parts.index(part) if labels is not None and part in data.parts else None
@@ -217,7 +217,7 @@ def _seen(data: Dataset | Stored, number: int, frames: Mapping[str, np.ndarray])
 
 
 def pictures(data: Any, frames: dict[str, np.ndarray]) -> Iterator[str]:
-    """Yield what is wrong with an episode's depth and part numbers, and with what it says of its end."""
+    """Yield faults of an episode's depths and part numbers."""
     for name, feature in data.features.items():
         if is_depth(feature) and not (np.isfinite(frames[name]).all() and (frames[name] >= 0).all()):
             yield f"{name} has depths that are negative or not finite"

@@ -1,4 +1,4 @@
-"""Pictures as bytes and back, without loss: PNG for colour and labels, floating-point TIFF for depth."""
+"""Encode and decode pictures without loss: PNG for colour and labels, floating-point TIFF for depth."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ DEPTH_STEP = 1e-4  # m, step of 16-bit depth pictures (0.1 mm; they reach 6.5535
 
 
 def encode(image: np.ndarray) -> bytes:
-    """Give a picture as PNG or, if its numbers are floating-point, as TIFF.
+    """Encode a picture as PNG or, if its numbers are floating-point, as TIFF.
 
     Args:
         image: (H, W, 3) uint8 RGB, (H, W) uint8 labels, (H, W) uint16, or (H, W) float32 depth in m.
@@ -29,10 +29,10 @@ def encode(image: np.ndarray) -> bytes:
 
 
 def decode(data: bytes, where: str = "") -> np.ndarray:
-    """Give the picture that `encode` was given, bit for bit.
+    """Decode a picture; the result is bit for bit what `encode` was given.
 
     Raises:
-        UserError: bytes that are no picture; `where` says whose.
+        UserError: the bytes are not a picture; the error names `where`.
     """
     import cv2
 
@@ -40,14 +40,14 @@ def decode(data: bytes, where: str = "") -> np.ndarray:
     if data:
         try:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-        except cv2.error:  # a header that promises more pixels than OpenCV allows
+        except cv2.error:  # a header with more pixels than OpenCV allows
             image = None
     if image is None:
-        raise UserError("is not a picture, or cut short", key=where or None, got=f"{len(data)} bytes")
+        raise UserError("is not a picture, or is cut short", key=where or None, got=f"{len(data)} bytes")
     return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
 
 
 def to_steps(depth: np.ndarray) -> np.ndarray:
-    """Depth in m as uint16 steps of 0.1 mm; 0 = no reading, and what is farther than 6.5535 m is none."""
+    """Convert depth in m to uint16 steps of 0.1 mm; missing readings and those beyond 6.5535 m become 0."""
     steps = np.round(np.nan_to_num(depth) / DEPTH_STEP)
     return np.where((steps > 0) & (steps <= 65535), steps, 0).astype(np.uint16)

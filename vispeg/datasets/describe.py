@@ -1,4 +1,4 @@
-"""What a dataset's folder says of itself in `meta/`, checked: features, totals, cameras, how it was made."""
+"""Read and check a dataset's description in `meta/`: features, totals, cameras, and how it was made."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ CAMERAS, RENDER = "meta/cameras.json", "meta/render.json"
 CAMERA_FILE = Format("vispeg-cameras/1", "a dataset's cameras", ("cameras", "parts"), ("cameras",), "json")
 RENDER_FILE = Format("vispeg-dataset/1", "how a dataset was made", ("plan", "files", "provenance"), (), "json")
 PLACES = ("chunk_index", "file_index")  # numbers in `data_path`
-EACH = ("episode_chunk", "episode_index")  # in versions with a file an episode
+EACH = ("episode_chunk", "episode_index")  # the same in versions with one file per episode
 BEFORE: Mapping[str, tuple[str, str]] = {"v2.0": EACH, "v2.1": EACH}
-PLACE = re.compile(r"(0?[1-9])?d?")  # how a number may be written in the name of a file
-ENTRIES = 10**9  # numbers of a feature in one frame
+PLACE = re.compile(r"(0?[1-9])?d?")  # allowed formats of these numbers in a file name
+ENTRIES = 10**9  # most numbers of a feature in one frame
 MOST_FRAMES = 10**9
 
 
 class Made(TypedDict, total=False):
-    """How a dataset was rendered; empty where it was not rendered by this program."""
+    """How a dataset was rendered; empty if this program did not render it."""
 
     plan: Mapping[str, Any]
     files: Mapping[str, str]
@@ -39,18 +39,16 @@ class Made(TypedDict, total=False):
 
 
 def read_info(folder: Path, versions: Sequence[str] = (VERSION,)) -> Info:
-    """Give the content of `meta/info.json` of one of these versions.
+    """Read `meta/info.json`, which must be of one of these versions.
 
     Raises:
-        UserError: no dataset, an unfinished one, another version, or what cannot be; names the key.
+        UserError: no dataset, an unfinished one, another version, or an impossible value; the error names the key.
     """
     path = folder / INFO
     if not is_file(path):
         unfinished = folder.with_name(folder.name + ".unfinished") if folder.name else folder
         begun = folder.name.endswith(".unfinished") or (unfinished.is_dir() and not folder.exists())
-        hint = (
-            "its rendering is not finished: repeat the `vispeg render` that began it" if begun else "is not a dataset"
-        )
+        hint = "is an unfinished rendering: repeat the `vispeg render` that began it" if begun else "is not a dataset"
         raise UserError(hint, file=folder, expected=f"a folder with {INFO}")
     info = read_json(path)
     version = info.get("codebase_version") if isinstance(info, dict) else info
@@ -85,7 +83,7 @@ def check_features(features: Any, path: Path) -> None:
         shape: Any = feature.get("shape")
         if dtype not in (*NUMBERS, "image", "video", "string"):
             choices = (*NUMBERS, "image", "string")
-            raise UserError("a kind that is not read here", file=path, key=f"{key}.dtype", got=dtype, choices=choices)
+            raise UserError("not a supported type", file=path, key=f"{key}.dtype", got=dtype, choices=choices)
         right = isinstance(shape, list) and shape and all(is_integer(n) and n >= 1 for n in shape)
         if not right or math.prod(shape) > ENTRIES or (name in COUNTED and shape != [1]):
             raise UserError("not a shape", file=path, key=f"{key}.shape", expected="a list of counts", got=shape)
@@ -105,7 +103,7 @@ def check_features(features: Any, path: Path) -> None:
 
 
 def _check_path(pattern: Any, path: Path, places: Sequence[str]) -> None:
-    """Raise UserError for a `data_path` that is no file below the folder, with these numbers of a chunk and a file."""
+    """Raise UserError if `data_path` is not a path below the folder with these numbers of chunk and file."""
     chunk, file = places
     expected = f"a file below the folder, such as data/chunk-{{{chunk}:03d}}/file-{{{file}:03d}}.parquet"
     try:
@@ -119,16 +117,16 @@ def _check_path(pattern: Any, path: Path, places: Sequence[str]) -> None:
 
 
 def inside(name: Any) -> bool:
-    """Whether a name is of a file below a folder."""
+    """Return whether a name is a relative path that stays below its folder."""
     right = isinstance(name, str) and bool(name) and "\0" not in name and len(name) < 1000
     return right and not Path(name).is_absolute() and ".." not in Path(name).parts
 
 
 def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[str, Camera], tuple[str, ...]]:
-    """Give the cameras as their user believes them, by name, and the parts' names; none where the dataset does not say.
+    """Read the nominal cameras by name, and the names of the parts; empty if the dataset does not state them.
 
     Raises:
-        UserError: a camera that cannot be, or one whose pictures are missing or have another size.
+        UserError: an impossible camera, or one whose pictures are missing or have another size.
     """
     path = folder / CAMERAS
     if not os.path.lexists(path):
@@ -141,7 +139,7 @@ def read_cameras(folder: Path, features: Mapping[str, Feature]) -> tuple[dict[st
 
 
 def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: str = "cameras") -> dict[str, Camera]:
-    """Cameras by name, each with pictures of its size among the features. Raises UserError otherwise."""
+    """Return cameras by name. Raises UserError: an impossible one, or its pictures are missing or of another size."""
     if not isinstance(records, list):
         raise UserError("not a list of cameras", file=path, key=key, got=records)
     cameras = [from_record(record, path) for record in records]
@@ -150,7 +148,7 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
             raise UserError("two cameras of one name", file=path, key=key, got=camera.name)
         colour, deep = colour_of(camera.name), depth_of(camera.name, features)
         if colour not in features:
-            raise UserError("a camera without its pictures", file=path, key=key, expected=colour, got=camera.name)
+            raise UserError("a camera without pictures", file=path, key=key, expected=colour, got=camera.name)
         for name in (colour, deep) if deep in features else (colour,):
             size = pixel_shape(features[name])[:2]
             if size != (camera.height, camera.width):
@@ -161,7 +159,7 @@ def cameras_of(records: Any, features: Mapping[str, Feature], path: Path, key: s
 
 
 def read_made(folder: Path) -> Made:
-    """How a dataset was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
+    """Read how a dataset was rendered: plan, digests of files, provenance; {} if this program did not render it."""
     path = folder / RENDER
     if not os.path.lexists(path):
         return {}
@@ -180,7 +178,7 @@ def read_made(folder: Path) -> Made:
 
 
 def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
-    """Give the content of `meta/stats.json`; {} where there is none."""
+    """Read `meta/stats.json`; return {} if there is none."""
     path = folder / STATS
     stats = read_json(path) if os.path.lexists(path) else {}
     if not isinstance(stats, dict) or not all(isinstance(entry, dict) for entry in stats.values()):
@@ -189,10 +187,10 @@ def read_stats(folder: Path) -> Mapping[str, Mapping[str, object]]:
 
 
 def is_integer(value: Any) -> TypeGuard[int]:
-    """Whether a value is a whole number."""
+    """Return whether a value is a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
 def number(value: Any) -> TypeGuard[float]:
-    """Whether a value is a finite number."""
+    """Return whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,4 +1,4 @@
-"""One episode in one look, on its way into a file: numbers, encoded pictures, and what is known about it."""
+"""An episode in one look before it is written to a file: numbers, encoded pictures, and facts about it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from vispeg.datasets.stats import PictureStats, Stats, of_numbers
 
 @dataclass(frozen=True)
 class Episode:
-    """T frames.
+    """T frames of an episode.
 
     Attributes:
-        values: by feature, (T, ...) numbers or T encoded pictures; without what is only counted.
-        stats: by feature.
-        about: JSON values: seeds, drawn parameters, what came of it.
+        values: feature -> (T, ...) numbers or T encoded pictures, without counters.
+        stats: feature -> statistics.
+        about: facts as JSON values: seeds, drawn parameters, outcome.
     """
 
     values: Mapping[str, Any]
@@ -32,10 +32,10 @@ class Episode:
 
 
 class Recorder:
-    """Takes an episode's frames one by one; pictures are encoded at once, so that few are held.
+    """Collect an episode's frames one by one; pictures are encoded at once to save memory.
 
     Args:
-        layout: what each frame has to hold.
+        layout: the features that each frame must have.
     """
 
     def __init__(self, layout: Layout):
@@ -44,10 +44,11 @@ class Recorder:
         self.pictures = {name: PictureStats(f) for name, f in layout.features.items() if is_picture(f)}
 
     def add(self, frame: Mapping[str, Any]) -> None:
-        """One more frame: every feature's number, vector or picture.
+        """Add a frame: a number, vector or picture for every feature.
 
         Raises:
-            ValueError: a feature is missing or has another shape or type than the layout says.
+            KeyError: a feature is missing.
+            ValueError: a picture has another shape or type than in the layout.
         """
         for name, feature in self.layout.features.items():
             value = np.asarray(frame[name])
@@ -60,7 +61,7 @@ class Recorder:
                 self.values[name].append(value.astype(feature["dtype"]).reshape(feature["shape"]))
 
     def finish(self, about: Mapping[str, Any]) -> Episode:
-        """Give the episode."""
+        """Return the episode, with these facts about it."""
         values, stats = {}, {}
         for name, entries in self.values.items():
             values[name] = entries if is_image(self.layout.features[name]) else np.stack(entries)

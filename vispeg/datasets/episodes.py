@@ -1,4 +1,4 @@
-"""The episodes of a dataset as `meta/episodes` says: where each lies, what was drawn for it and what came of it."""
+"""Read a dataset's list of episodes: the frames of each, the values drawn for it, and its outcome."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vispeg.formats.guard import read_bytes
 from vispeg.formats.json_data import parse_json
 
 FOLDER, LINES = "meta/episodes", "meta/episodes.jsonl"
-LARGEST = 1_000_000_000  # bytes of the lines
-OWN = "vispeg/"  # before the names of columns that LeRobot does not have
+LARGEST = 1_000_000_000  # most bytes of `LINES`
+OWN = "vispeg/"  # prefix of columns that LeRobot does not have
 PLACES = ("episode_index", "length", "dataset_from_index", "dataset_to_index", "data/chunk_index", "data/file_index")
 
 
@@ -39,7 +39,7 @@ KINDS: Mapping[str, Callable[[Any], bool]] = {
 
 
 class Stretch(TypedDict):
-    """Where an episode lies among the frames of its dataset; other keys stand beside it."""
+    """The position of an episode among the frames of its dataset; other keys may be present."""
 
     length: int
     dataset_from_index: int
@@ -70,14 +70,14 @@ EpisodeRow = TypedDict(
 
 
 def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
-    """Give a mapping an episode, without statistics; drawn worlds and the like are decoded.
+    """Read one mapping per episode, without statistics; JSON values such as drawn worlds are decoded.
 
     Args:
-        folder: of the dataset.
-        total: frames that it should have.
+        folder: folder of the dataset.
+        total: total number of frames that the episodes must have.
 
     Raises:
-        UserError: no episodes, damaged files, entries of another kind, episodes that do not follow one another.
+        UserError: no episodes, damaged files, entries of a wrong type, or episodes that do not follow one another.
     """
     files = sorted((folder / FOLDER).glob("*/*.parquet"))
     if not files:
@@ -102,22 +102,21 @@ def read_episodes(folder: Path, total: int) -> list[EpisodeRow]:
 
 
 def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRow]:
-    """Read the episodes of a LeRobot version 2 dataset: one file per episode and one line each in
-    `meta/episodes.jsonl`.
+    """Read the episodes of a LeRobot version 2 dataset, which has a line in `meta/episodes.jsonl` and a file for each.
 
     Args:
         folder, total: as in `read_episodes`.
-        chunk: episodes of a folder.
+        chunk: number of episodes in a folder.
 
     Raises:
-        UserError: no such file, or lines that are not the episodes one after the other.
+        UserError: no such file, or lines that are not the episodes in order.
     """
     path, rows, at = folder / LINES, list[EpisodeRow](), 0
     for i, text in enumerate(read_bytes(path, LARGEST).splitlines()):
         line = parse_json(text, path, f"line {i + 1}")
         length: Any = line.get("length") if isinstance(line, dict) else None
         if not is_integer(length) or line.get("episode_index") != i:
-            raise UserError("not the episodes one after the other", file=path, key=f"line {i + 1}")
+            raise UserError("not the next episode", file=path, key=f"line {i + 1}")
         rows.append(
             {
                 "length": length,
@@ -134,7 +133,7 @@ def read_episodes_before(folder: Path, total: int, chunk: int) -> list[EpisodeRo
 
 
 def _follow(rows: Sequence[EpisodeRow], folder: Path, total: int) -> None:
-    """Raise UserError unless episodes follow one another without a gap and the total is theirs."""
+    """Raise UserError unless episodes follow one another without a gap and have `total` frames."""
     at, path = 0, folder / FOLDER
     for i, e in enumerate(rows):
         if e["episode_index"] != i:

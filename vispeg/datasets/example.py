@@ -35,7 +35,7 @@ LAYOUT = Layout(FEATURES, (EYE,), ("arm", "tool"), 6.25, "Do it.", "nobody")
 
 
 def write_dataset(folder: Path) -> Path:
-    """Write a dataset of six frames in two files below `folder`; return its own folder."""
+    """Write a dataset of six frames in two files below `folder`; return the dataset's folder."""
     return render(PLAN, LAYOUT, invented, folder / "dataset", engine=_here)
 
 
@@ -46,7 +46,7 @@ def _here(
 
 
 def invented(plan: Plan, layout: Layout, shard: Shard) -> Iterator[Episode]:
-    """One episode a shard."""
+    """Yield the single episode of a shard, with random content."""
     rng, recorder = stream(plan.seed, "example", shard.number), Recorder(layout)
     pose = np.array([0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
     for step in range(shard.frames):

@@ -1,8 +1,8 @@
-"""What a dataset holds: its features as LeRobotDataset v3.0 names them, its cameras, its rate.
+"""The content of a dataset: its features, named as in LeRobotDataset v3.0, its cameras, and its rate.
 
-The format is LeRobot's own, see docs/datasets.md. A feature is a mapping with `dtype`, `shape` and `names`. Only
-colour is `dtype: image`: LeRobot's policies take every feature of that kind for a camera of three channels. Depth and
-part numbers are arrays (H, W). Datasets written before have them as pictures, under other names; they are read as well.
+The format is LeRobot's, see docs/datasets.md. A feature is a mapping with `dtype`, `shape` and `names`. Only colour is
+`dtype: image`, because LeRobot's policies take every such feature for a camera of three channels. Depth and part
+numbers are arrays (H, W). Older datasets have them as pictures under other names, and can be read too.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 VERSION = "v3.0"
-COLOUR = "observation.images."  # before a camera's name
+COLOUR = "observation.images."  # prefix of a camera's name
 
 
 class Feature(TypedDict):
-    """One feature as `meta/info.json` describes it."""
+    """The description of a feature in `meta/info.json`."""
 
     dtype: str
     shape: list[int]
@@ -52,7 +52,7 @@ class Info(TypedDict):
 
 NUMBERS = ("bool", *(f"{k}int{n}" for k in ("", "u") for n in (8, 16, 32, 64)), "float16", "float32", "float64")
 TRUTH = "observation.environment_state"
-COUNTED: dict[str, Feature] = {  # what every LeRobotDataset has beside its own
+COUNTED: dict[str, Feature] = {  # counters, which every LeRobotDataset has
     "timestamp": {"dtype": "float32", "shape": [1], "names": None},
     "frame_index": {"dtype": "int64", "shape": [1], "names": None},
     "episode_index": {"dtype": "int64", "shape": [1], "names": None},
@@ -63,16 +63,16 @@ COUNTED: dict[str, Feature] = {  # what every LeRobotDataset has beside its own
 
 @dataclass(frozen=True)
 class Layout:
-    """What every frame of a dataset holds.
+    """The content of every frame of a dataset.
 
     Attributes:
-        features: by name, without those that are only counted.
-        cameras: as their user believes them.
-        parts: names of the parts that label pictures count from 1.
-        fps: frames a second of simulated time.
-        task: in words.
-        robot: its name.
-        models: surfaces of parts whose poses are labelled: vertices (v, 3) in m in the label's frame, triangles (f, 3).
+        features: name -> feature, without counters.
+        cameras: the nominal cameras.
+        parts: names of the parts, which label pictures number from 1.
+        fps: frames per second of simulated time.
+        task: the task in words.
+        robot: name of the robot.
+        models: part with labelled poses -> its mesh: vertices (v, 3), m, in the label's frame, and triangles (f, 3).
     """
 
     features: Mapping[str, Feature]
@@ -85,27 +85,27 @@ class Layout:
 
     @property
     def all(self) -> dict[str, Feature]:
-        """Every feature, those that are only counted too."""
+        """All features, including counters."""
         return {**self.features, **COUNTED}
 
 
 def numbers(names: Sequence[str]) -> Feature:
-    """Give a float32 vector with a name for each entry."""
+    """Return the feature of a float32 vector with named entries."""
     return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
 
 
 def number() -> Feature:
-    """One float32."""
+    """Return the feature of a single float32."""
     return {"dtype": "float32", "shape": [1], "names": None}
 
 
 def flag() -> Feature:
-    """One bool."""
+    """Return the feature of a single bool."""
     return {"dtype": "bool", "shape": [1], "names": None}
 
 
 def picture(camera: Camera) -> Feature:
-    """Give a camera's colour."""
+    """Return the feature of a camera's colour."""
     return {
         "dtype": "image",
         "shape": [camera.height, camera.width, 3],
@@ -114,12 +114,12 @@ def picture(camera: Camera) -> Feature:
 
 
 def depth(camera: Camera) -> Feature:
-    """Give a camera's planar depth: float32 in m, 0 where there is no reading."""
+    """Return the feature of a camera's planar depth: float32 in m, 0 for no reading."""
     return {**_grid(camera, "float32"), "info": {"depth_unit": "m"}}
 
 
 def parts(camera: Camera) -> Feature:
-    """Return the segmentation of a camera: the number of the visible part in each pixel."""
+    """Return the feature of a camera's segmentation: the number of the visible part in each pixel."""
     return _grid(camera, "uint8")
 
 
@@ -128,36 +128,36 @@ def _grid(camera: Camera, dtype: str) -> Feature:
 
 
 def colour_of(camera: str) -> str:
-    """Give the feature that holds a camera's colour."""
+    """Return the name of the feature with a camera's colour."""
     return COLOUR + camera
 
 
 def depth_of(camera: str, features: Container[str]) -> str:
-    """Give the feature that holds a camera's depth, by the older of its two names where the features have that one."""
+    """Return the name of the feature with a camera's depth: the older of its two names if `features` has it."""
     old = f"observation.images.{camera}_depth"
     return old if old in features else f"observation.depth.{camera}"
 
 
 def pose_of(part: str, camera: str, features: Container[str]) -> str:
-    """Give the feature that holds a part's pose at the moment that a camera's picture shows.
+    """Return the name of the feature with a part's pose at the moment shown by a camera's picture.
 
-    The part's own where the features have one for all cameras: of what does not move, or as older datasets have it.
+    Parts that do not move, and parts in older datasets, have one feature for all cameras.
     """
     of_camera = f"label.{part}.{camera}"
     return of_camera if of_camera in features else f"label.{part}"
 
 
 def truth_of(features: Container[str]) -> str:
-    """Give the feature that holds what only a simulation knows.
+    """Return the name of the feature with the simulation's ground truth.
 
-    A label, so that LeRobot's policies do not learn from it; `observation.environment_state`, LeRobot's own name for
-    an input of that kind, where the features have that one.
+    It is a label, so that LeRobot's policies do not learn from it. Older datasets use LeRobot's name for such an input,
+    `observation.environment_state`.
     """
     return TRUTH if TRUTH in features else "label.environment_state"
 
 
 def entries_of(feature: Feature) -> list[str]:
-    """Give a name for each number of a feature: its own, or their places; one without a name is ''."""
+    """Return names for the numbers of a feature: its `names`, or counts from 0, or '' for a single number."""
     names, width = feature.get("names"), int(np.prod(feature["shape"]))
     if isinstance(names, list) and len(names) == width and len({*map(str, names)}) == width:
         return [str(name) for name in names]
@@ -165,43 +165,41 @@ def entries_of(feature: Feature) -> list[str]:
 
 
 def short_of(name: str) -> str:
-    """Give a picture feature's name in files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
+    """Return the short name of a picture feature, for files and messages: CAMERA, CAMERA_depth, parts.CAMERA."""
     if name.startswith("observation.depth."):
         return name.removeprefix("observation.depth.") + "_depth"
     return name.removeprefix(COLOUR).removeprefix("label.")
 
 
 def is_image(feature: Feature) -> bool:
-    """Whether a feature's values are encoded pictures."""
+    """Return whether a feature's values are encoded pictures."""
     return feature.get("dtype") == "image"
 
 
 def is_picture(feature: Feature) -> bool:
-    """Whether a feature has a value for every pixel, encoded or not."""
+    """Return whether a feature has a value for every pixel, encoded or not."""
     return is_image(feature) or (feature.get("names") == ["height", "width"] and len(feature["shape"]) == 2)
 
 
 def is_depth(feature: Feature) -> bool:
-    """Whether a feature is a depth picture."""
+    """Return whether a feature is a depth picture."""
     info = feature.get("info") or {}
     return bool(info.get("depth_unit") or info.get("is_depth_map"))
 
 
 def pixel_type(feature: Feature) -> np.dtype:
-    """Give the type of a picture's pixels."""
+    """Return the type of a picture's pixels."""
     return np.dtype(np.float32 if is_depth(feature) else np.uint8)
 
 
 def pixel_shape(feature: Feature) -> tuple[int, ...]:
-    """Give the shape of a picture as NumPy holds it: (H, W, 3), or (H, W) for one channel."""
+    """Return the shape of a picture as an array: (H, W, 3), or (H, W) for one channel."""
     height, width, channels = (*feature["shape"], 1)[:3]
     return (height, width) if channels == 1 else (height, width, channels)
 
 
 def schema(features: Mapping[str, Feature]) -> pa.Schema:
-    """Give the Arrow schema of a data file, with the note by which Hugging Face's `datasets` knows pictures and
-    arrays.
-    """
+    """Return the Arrow schema of a data file, with metadata for Hugging Face's `datasets` on pictures and arrays."""
     import pyarrow as pa
 
     fields, types = [], {}
@@ -223,7 +221,7 @@ def schema(features: Mapping[str, Feature]) -> pa.Schema:
 
 
 def column(feature: Feature, values: Any) -> pa.Array:
-    """T values of a feature as a column: (T, ...) numbers, or T encoded pictures."""
+    """Convert T values of a feature, (T, ...) numbers or T encoded pictures, to an Arrow column."""
     import pyarrow as pa
 
     if is_image(feature):
@@ -252,7 +250,7 @@ class Packing(TypedDict):
 
 
 def packing(features: Mapping[str, Feature]) -> Packing:
-    """Options of a Parquet file of these features; bytes of depth are sorted by place, which halves what zstd needs."""
+    """Return the options of a Parquet file of these features; splitting the bytes of depth halves its zstd size."""
     depths = [name for name, f in features.items() if is_depth(f) and not is_image(f)]
     split = [f"{name}.list.element.list.element" for name in depths]
     return {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": split}

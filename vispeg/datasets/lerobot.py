@@ -1,11 +1,11 @@
-"""Puts finished shards in their places in a folder laid out as LeRobotDataset v3.0.
+"""Place finished shards in a folder in the layout of LeRobotDataset v3.0.
 
     meta/info.json, stats.json, tasks.parquet, cameras.json, render.json
-    meta/episodes/chunk-000/file-000.parquet    one a shard: where its episodes lie, their statistics and drawn worlds
-    data/chunk-000/file-000.parquet             one a shard, a row group an episode
+    meta/episodes/chunk-000/file-000.parquet    one per shard: position, statistics and drawn worlds of its episodes
+    data/chunk-000/file-000.parquet             one per shard, with one row group per episode
 
-A shard's files depend on it and on how many episodes lie before it, so that a rendering which was stopped ends with
-the same bytes as one that was not.
+A shard's files depend only on the shard and on the number of episodes before it, so a rendering that was stopped and
+continued ends with the same bytes as one that was not.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ from vispeg.datasets.shards.shard import ABOUT
 from vispeg.datasets.stats import Stats, of_numbers, together
 from vispeg.render.cameras.camera_files import to_record
 
-CHUNK = 1000  # files a folder
+CHUNK = 1000  # number of files per folder
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = f"{FOLDER}/chunk-{{chunk_index:03d}}/file-{{file_index:03d}}.parquet"
 
 
 def path_of(pattern: str, shard: int) -> str:
-    """Where a shard's file lies in its dataset."""
+    """Return the path of a shard's file in its dataset."""
     return pattern.format(chunk_index=shard // CHUNK, file_index=shard % CHUNK)
 
 
 def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: int, first_frame: int) -> int:
-    """Write a finished shard's two files from its bytes in `part`. Returns how many episodes it has.
+    """Write a finished shard's two files from its bytes in `part`; return its number of episodes.
 
-    The data come last: a shard whose data are there is done.
+    The data file is written last: if it exists, the shard is complete.
 
     Args:
-        folder: of the dataset.
-        part: a file that holds what `shard_bytes` gave.
-        layout: of the dataset.
-        shard: its number.
-        first_episode, first_frame: how many lie before it.
+        folder: folder of the dataset.
+        part: a file with the result of `shard_bytes`.
+        layout: layout of the dataset.
+        shard: number of the shard.
+        first_episode, first_frame: numbers of episodes and frames before it.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -78,7 +78,7 @@ def place(folder: Path, part: Path, layout: Layout, shard: int, first_episode: i
 
 
 def _row(record: Mapping[str, Any], shard: int, number: int, first_frame: int) -> dict[str, object]:
-    """Give a line of `meta/episodes`."""
+    """Return a row of `meta/episodes`."""
     chunk, file = divmod(shard, CHUNK)
     row: dict[str, object] = {
         "episode_index": number,
@@ -100,7 +100,7 @@ def _row(record: Mapping[str, Any], shard: int, number: int, first_frame: int) -
 
 
 def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, Any]) -> None:
-    """Write what describes the whole, once every shard is placed; `info.json` comes last."""
+    """Write the description in `meta/` after every shard is placed; `info.json` comes last."""
     import pyarrow.parquet as pq
 
     episodes, stats = 0, {}
@@ -130,7 +130,7 @@ def finish(folder: Path, plan: Plan, layout: Layout, provenance: Mapping[str, An
 
 
 def info(layout: Layout, frames: int, episodes: int) -> Info:
-    """Give the content of `meta/info.json`."""
+    """Return the content of `meta/info.json`."""
     rate = int(layout.fps) if layout.fps == int(layout.fps) else layout.fps
     return {
         "codebase_version": VERSION,
@@ -150,7 +150,7 @@ def info(layout: Layout, frames: int, episodes: int) -> Info:
 
 
 def _tasks(task: str) -> bytes:
-    """Give the table of tasks; its note makes the words the index when pandas reads it, as LeRobot does."""
+    """Return the Parquet table of tasks; its metadata make pandas use the task's text as index, as LeRobot expects."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""Tells whether pictures show the moment that their labels state: depth is laid on the surfaces that are labelled."""
+"""Test whether pictures show the moment of their labels, by the distance of depth points to labelled surfaces."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from vispeg.core.seeds import stream
 from vispeg.datasets.formats.models import Mesh
 from vispeg.render.cameras.camera import Camera
 
-POINTS = 4000  # of a surface: on a part of 0.1 m they lie about 2 mm apart, and the distance is taken along the normal
-PIXELS = 400  # of a picture, drawn at random: the median of so many is known to a twentieth of their scatter
-FEWEST = 20  # pixels of a part, below which a picture tells nothing
-NEAR = 0.02  # m: a point further from the surface is of something else
-LEAST = 1e-3  # m by which labels must be off: errors of usual depth sensors change by less from one picture to the next
-SPREADS = 4.0  # of the distances' own spread (its normal sd) that a picture must be off by
+POINTS = 4000  # sampled points of a surface, about 2 mm apart on a part of 0.1 m; distances are along the normal
+PIXELS = 400  # pixels drawn at random from a picture; their median is known to a twentieth of their scatter
+FEWEST = 20  # fewest pixels of a part that are evaluated
+NEAR = 0.02  # m; a point farther from the surface belongs to something else
+LEAST = 1e-3  # m, least error of a late picture; errors of usual depth sensors change less between pictures
+SPREADS = 4.0  # least error of a late picture, in standard deviations of the distances
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A part in the pictures of one camera in one episode, as labels state it.
+    """A part in the pictures of one camera in one episode, according to the labels.
 
     Attributes:
-        camera: as drawn.
-        part: its name.
+        camera: the camera as drawn for the episode.
+        part: name of the part.
         depth: (T, H, W) m, 0 = no reading.
-        mask: (T, H, W) bool, which pixels show the part; None where no label says so: those whose points lie near it.
-        at: (T, 4, 4) the part's pose in camera axes, m.
-        mesh: its surface in the frame of that pose, m.
+        mask: (T, H, W) bool, pixels that show the part; None without labels: then points near the surface are used.
+        at: (T, 4, 4) pose of the part in camera axes, m.
+        mesh: surface of the part in the frame of that pose, m.
     """
 
     camera: Camera
@@ -41,25 +41,24 @@ class Seen:
 
 
 def disagreements(things: Iterable[Seen]) -> Iterator[str]:
-    """Yield a line for each camera and part of which pictures show another moment than their labels state."""
+    """Yield a line for each camera and part whose pictures fit the labels of the previous picture."""
     for seen in things:
         pictures, own, before = late(seen)
         if len(pictures):
             yield (
-                f"{seen.camera.name} shows the {seen.part} where the labels of the frame before put it, not its own, "
+                f"{seen.camera.name} shows the {seen.part} where the labels of the previous frame put it, not its own, "
                 f"in {len(pictures)} of {len(seen.depth)} frames from {pictures[0]} on (depth is {1e3 * own:.1f} mm "
-                f"off; {1e3 * before:.1f} mm with the labels before)"
+                f"off; {1e3 * before:.1f} mm with the previous labels)"
             )
 
 
 def late(seen: Seen) -> tuple[np.ndarray, float, float]:
-    """Pictures of an episode whose depth fits the labels of the picture before, not their own.
+    """Find pictures of an episode whose depth fits the labels of the previous picture, not their own.
 
-    A sensor's own error changes slowly: what counts is how far a picture is from the median over the episode.
+    A sensor's error changes slowly, so a picture's distance is compared with the median over the episode.
 
     Returns:
-        Indices of those pictures, and the median distance in m to the surface of their points by their own labels and
-        by those of the picture before.
+        Indices of those pictures, and the medians of their errors, m, with their own labels and with the previous ones.
     """
     from scipy.spatial import cKDTree
 
@@ -68,7 +67,7 @@ def late(seen: Seen) -> tuple[np.ndarray, float, float]:
     rng = stream(0, "moments")
 
     def distance(t: int, label: int) -> float:
-        """Take the median signed distance, m, of picture t's points to the part by the labels of picture `label`."""
+        """Return the median signed distance, m, of picture t's points from the part as labelled in picture `label`."""
         read = np.isfinite(depth[t]) & (depth[t] > 0)
         rows = np.flatnonzero(read if seen.mask is None else read & seen.mask[label])
         if len(rows) > PIXELS:
@@ -102,9 +101,9 @@ def _spread(values: np.ndarray) -> tuple[float, float]:
 
 
 def sampled(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) spread over a surface and its normals (n, 3) there."""
+    """Return points (n, 3) sampled from a surface, and the normals (n, 3) there."""
     import trimesh
 
     solid = trimesh.Trimesh(*mesh, process=False)
-    drawn = trimesh.sample.sample_surface(solid, POINTS, seed=0)  # points, their faces, and colours only if asked for
+    drawn = trimesh.sample.sample_surface(solid, POINTS, seed=0)  # points and their faces
     return np.asarray(drawn[0]), np.asarray(solid.face_normals)[drawn[1]]

@@ -1,4 +1,4 @@
-"""A dataset's folder by what lies in it: LeRobot's layout, BOP's, or plain files."""
+"""Open a dataset in any layout, recognized by its content: LeRobot's, BOP's, or plain files."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vispeg.formats.guard import is_file
 
 
 def holds_dataset(folder: Path) -> bool:
-    """Whether a folder looks like a dataset in one of the layouts that `open_dataset` reads."""
+    """Return whether a folder looks like a dataset in a layout that `open_dataset` reads."""
     return is_file(folder / INFO) or is_file(folder / WHOLE) or any(folder.glob(f"*/*/{CAMERA}"))
 
 
 def open_dataset(folder: str | Path) -> Dataset | Stored:
-    """Give the dataset in a folder. Raises UserError where there is none, or one that cannot be read."""
+    """Open the dataset in a folder. Raises UserError: there is none, or it cannot be read."""
     path = Path(folder).expanduser()
     if not is_file(path / INFO) and is_file(path / WHOLE):
         return Plain(path)

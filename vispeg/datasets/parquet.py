@@ -1,4 +1,4 @@
-"""Parquet files of unknown origin: a table, a column as an array, or one clear error."""
+"""Read Parquet files of unknown origin, with clear errors for damaged or wrong ones."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 T = TypeVar("T")
-LARGEST = 4 * 10**9  # bytes of a table in memory
+LARGEST = 4 * 10**9  # most bytes of a table in memory
 
 
 def opened(path: Path) -> Any:
-    """Give an open `pyarrow.parquet.ParquetFile`.
+    """Open a file as `pyarrow.parquet.ParquetFile`.
 
     Raises:
-        UserError: no such file, cut short, or no Parquet file.
+        UserError: no such file, a truncated file, or not a Parquet file.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -35,7 +35,7 @@ def opened(path: Path) -> Any:
     except OSError as error:
         raise UserError(f"cannot be read: {error.strerror or _short(error)}", file=path) from None
     except (pa.ArrowException, ValueError, TypeError, MemoryError):
-        raise UserError("is cut short, or no Parquet file", file=path) from None
+        raise UserError("is cut short, or is not a Parquet file", file=path) from None
 
 
 def read(action: Callable[[], T], path: Path) -> T:
@@ -49,15 +49,15 @@ def read(action: Callable[[], T], path: Path) -> T:
 
 
 def table(file: Any, path: Path, columns: list[str] | None, group: int | None = None) -> pa.Table:
-    """Columns of a file or of one of its row groups.
+    """Read columns of a file or of one of its row groups.
 
     Raises:
-        UserError: a column is not there, damaged content, or a table that no memory can be meant for.
+        UserError: a missing column, damaged content, or a stated size above LARGEST.
     """
     groups = range(file.num_row_groups) if group is None else [group]
     size = sum(read(lambda i=i: file.metadata.row_group(i).total_byte_size, path) for i in groups)
     if size > LARGEST:
-        raise UserError("says that it is too large", file=path, expected=f"at most {LARGEST} bytes", got=size)
+        raise UserError("states that it is too large", file=path, expected=f"at most {LARGEST} bytes", got=size)
     there = file.schema_arrow.names
     for name in columns or ():
         if name not in there:
@@ -68,12 +68,15 @@ def table(file: Any, path: Path, columns: list[str] | None, group: int | None = 
 
 
 def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
-    """Give a column's values: (T, ...) numbers, or T encoded pictures as a list of bytes.
+    """Return a column's values: (T, ...) numbers, or T encoded pictures as a list of bytes.
 
     Args:
-        feature: what they should be.
-        column: pyarrow's, chunked.
-        path, name: of the file and the column, for the error.
+        feature: the expected feature.
+        column: a chunked column of pyarrow.
+        path, name: file and column, for error messages.
+
+    Raises:
+        UserError: values that are missing or of another type or number.
     """
     import pyarrow as pa
 
@@ -96,13 +99,13 @@ def values(feature: Feature, column: Any, path: Path, name: str) -> Any:
     suits = right.get(np.dtype(feature["dtype"]).kind, lambda t: pa.types.is_floating(t) or pa.types.is_integer(t))
     if not suits(flat.type) or flat.null_count or len(flat) != rows * each:
         expected = f"{each} numbers of type {feature['dtype']} a frame"
-        raise UserError("holds something else", file=path, key=name, expected=expected, got=str(column.type))
+        raise UserError("holds other values", file=path, key=name, expected=expected, got=str(column.type))
     array = flat.to_numpy(zero_copy_only=False).astype(feature["dtype"], copy=False)
     return array.reshape(rows, *(() if shape == (1,) else shape))
 
 
 def checked(rows: Sequence[Mapping[str, object]], kinds: Mapping[str, Callable[[Any], bool]], path: Path) -> None:
-    """Raise UserError where an entry of a table's lines is not of its kind; None and entries without a kind pass."""
+    """Raise UserError if an entry of a row fails the test of its key; None and keys without a test pass."""
     for i, row in enumerate(rows):
         for key, right in kinds.items():
             if row.get(key) is not None and not right(row[key]):

@@ -1,4 +1,4 @@
-"""Reads a dataset with NumPy: frames and episodes as arrays, pictures decoded."""
+"""Read a dataset as NumPy arrays: frames and episodes, with decoded pictures."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ from vispeg.datasets.parquet import opened, table, values
 from vispeg.recordings.importers.lerobot_video import decoded, where
 from vispeg.render.cameras.camera import Camera
 
-KEPT = 4  # episodes that stay in memory, pictures encoded
-OPEN = 32  # files
-SUCCESS, REACHED = f"{OWN}success", "next.success"  # of an episode, as we write it, and of a step, as LeRobot's own do
-CHUNK = 1000  # episodes of a folder, where version 2 does not say
+KEPT = 4  # number of episodes kept in memory, with encoded pictures
+OPEN = 32  # most files kept open
+SUCCESS, REACHED = f"{OWN}success", "next.success"  # this program's flag of an episode, LeRobot's flag of a step
+CHUNK = 1000  # default number of episodes in a folder of version 2
 
 
 class Dataset:
-    """A LeRobotDataset v3.0 folder whose pictures lie in its Parquet files, such as `vispeg render` writes.
+    """A LeRobotDataset v3.0 with its pictures in Parquet files, such as `vispeg render` writes.
 
-    `dataset[i]` is frame i: a mapping from feature names to arrays; `for frame in dataset` walks them all. Files are
-    read when they are needed; damage in them raises UserError then.
+    `dataset[i]` is frame i, a mapping from feature names to arrays; `for frame in dataset` iterates over all frames.
+    Files are read when they are needed, and raise UserError then if they are damaged.
 
     Args:
-        folder: of the dataset.
-        features: the features that are read; default: all.
-        theirs: read what LeRobot writes and this program does not: version 2, and pictures in videos. Of these there
-            are whole episodes alone.
+        folder: folder of the dataset.
+        features: names of the features to read; default: all.
+        theirs: also read what only LeRobot writes: version 2, and pictures in videos. Of these only whole episodes can
+            be read.
 
     Attributes:
-        info: the content of `meta/info.json`.
-        features: those that are read.
+        info: content of `meta/info.json`.
+        features: name -> feature, of those that are read.
 
     Raises:
-        UserError: no dataset, an unfinished one, a version or kind that is not read here, an unknown feature.
+        UserError: no dataset, an unfinished one, an unsupported version or type, or an unknown feature.
     """
 
     def __init__(self, folder: str | Path, features: Iterable[str] | None = None, theirs: bool = False):
@@ -68,7 +68,7 @@ class Dataset:
         self.features = {k: f for k, f in available.items() if features is None or k in set(features)}
         self._videos = [k for k, f in self.features.items() if f["dtype"] == "video"]
         if self._videos and not theirs:
-            raise UserError("pictures in video files are not read here", file=folder, key=self._videos[0])
+            raise UserError("pictures in video files are not supported", file=folder, key=self._videos[0])
         self._kept: OrderedDict[int, Any] = OrderedDict()
         self._files: OrderedDict[Path, Any] = OrderedDict()
 
@@ -87,7 +87,7 @@ class Dataset:
         return (self[i] for i in range(len(self)))
 
     def episode(self, number: int) -> dict[str, np.ndarray]:
-        """All frames of an episode: (T, ...) arrays by feature."""
+        """Read all frames of an episode: feature -> (T, ...) array."""
         if not 0 <= number < len(self.episodes):
             raise IndexError(f"episode {number} of {len(self.episodes)}")
         columns = {**self._columns(number), **{name: self._video(number, name) for name in self._videos}}
@@ -99,19 +99,19 @@ class Dataset:
 
     @cached_property
     def episodes(self) -> list[EpisodeRow]:
-        """What `meta/episodes` says of each episode, without statistics; drawn worlds and the like are decoded."""
+        """One mapping per episode from `meta/episodes`, without statistics; JSON values are decoded."""
         if self._before:
             return read_episodes_before(self.folder, len(self), self._chunk)
         return read_episodes(self.folder, len(self))
 
     @property
     def cameras(self) -> dict[str, Camera]:
-        """The cameras as their user believes them, by name; none where the dataset does not say."""
+        """The nominal cameras by name; empty if the dataset does not state them."""
         return self._cameras[0]
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of the parts that label pictures count from 1."""
+        """Names of the parts, which label pictures number from 1."""
         return self._cameras[1]
 
     @cached_property
@@ -119,9 +119,7 @@ class Dataset:
         return read_cameras(self.folder, self.info["features"])
 
     def drawn_cameras(self, number: int) -> dict[str, Camera]:
-        """Give the cameras as they were drawn for an episode, by name; as their user believes them where it does not
-        say.
-        """
+        """Return the cameras as drawn for an episode, by name; the nominal ones if the episode does not state them."""
         records = self.episodes[number].get(f"{OWN}cameras")
         if records is None:
             return self.cameras
@@ -130,22 +128,22 @@ class Dataset:
 
     @cached_property
     def made(self) -> Made:
-        """How it was rendered: plan, digests of files, provenance; {} where it was not rendered by this program."""
+        """How it was rendered: plan, digests of files, provenance; {} if this program did not render it."""
         return read_made(self.folder)
 
     @cached_property
     def models(self) -> dict[str, Mesh]:
-        """Surfaces of the parts whose poses are labelled, m, in the labels' frames; none where it has none."""
+        """Meshes of the parts with labelled poses by name, m, in the frames of the labels; empty if there are none."""
         return read_models(self.folder)
 
     @cached_property
     def stats(self) -> Mapping[str, Mapping[str, object]]:
-        """The content of `meta/stats.json`."""
+        """Content of `meta/stats.json`."""
         return read_stats(self.folder)
 
     @property
     def successes(self) -> list[bool] | None:
-        """Whether each episode succeeded, by `meta/episodes` or by `next.success`; None where neither is there."""
+        """Whether each episode succeeded, from `meta/episodes` or `next.success`; None without either."""
         if all(SUCCESS in row for row in self.episodes):
             return [bool(row.get(SUCCESS)) for row in self.episodes]
         if REACHED not in self.info["features"]:
@@ -154,7 +152,7 @@ class Dataset:
         return [bool(reached[e["dataset_from_index"] : e["dataset_to_index"]].any()) for e in self.episodes]
 
     def numbers(self, name: str) -> np.ndarray:
-        """Give a feature of all frames at once, (N, ...); pictures are refused."""
+        """Read a feature of all frames, (N, ...). Raises UserError: no such feature, or pictures."""
         available = self.info["features"]
         if name not in available or is_picture(available[name]):
             choices = [k for k, f in available.items() if not is_picture(f)]
@@ -163,17 +161,17 @@ class Dataset:
         return np.concatenate(arrays)
 
     def bytes(self, number: int, name: str) -> list[bytes]:
-        """Give the encoded pictures of an episode."""
+        """Return a feature's encoded pictures of an episode."""
         return self._columns(number)[name]
 
     # Files ----------------------------------------------------------------------------------------------------
     @cached_property
     def data_files(self) -> list[Path]:
-        """The files that the episodes lie in, in their order."""
+        """The data files of the episodes, in order."""
         return list(dict.fromkeys(self._data_file(e) for e in self.episodes))
 
     def open(self, path: Path) -> Any:
-        """Give a file of the dataset as `pyarrow.parquet.ParquetFile`; a few stay open."""
+        """Open a file of the dataset as `pyarrow.parquet.ParquetFile`; at most OPEN files stay open."""
         if path not in self._files:
             self._files[path] = opened(path)
             while len(self._files) > OPEN:
@@ -186,7 +184,7 @@ class Dataset:
 
     @cached_property
     def _groups(self) -> tuple[dict[int, int], Counter[Path]]:
-        """Which of a file's episodes each one is, and how many a file has."""
+        """Each episode's position among those in its file, and the number of episodes of each file."""
         counts: Counter[Path] = Counter()
         out = {}
         for e in self.episodes:
@@ -197,7 +195,7 @@ class Dataset:
 
     @property
     def _chunk(self) -> int:
-        """Episodes of a folder."""
+        """Number of episodes in a folder."""
         size = self.info.get("chunks_size", CHUNK)
         if not is_integer(size) or size < 1:
             raise UserError("not a count", file=self.folder / INFO, key="chunks_size", got=size)
@@ -213,17 +211,19 @@ class Dataset:
         return self.folder / self.info["data_path"].format(**places)
 
     def _video(self, number: int, name: str) -> np.ndarray:
-        """Give an episode's pictures from its video, (T, H, W, 3) uint8."""
+        """Read an episode's pictures from its video, (T, H, W, 3) uint8."""
         file, start = where(self.folder, str(self.info.get("video_path") or ""), name, number, self._chunk)
         times = np.arange(self.episodes[number]["length"]) / self.info["fps"]
         frames = [image for _, image in decoded(file, times, start)]
         if len(frames) != len(times):
             got = f"{len(frames)} frames"
-            raise UserError(f"shows no whole episode {number}", file=file, expected=f"{len(times)} frames", got=got)
+            raise UserError(
+                f"does not show all of episode {number}", file=file, expected=f"{len(times)} frames", got=got
+            )
         return np.stack(frames)
 
     def _columns(self, number: int) -> Mapping[str, Any]:
-        """Give an episode's features: arrays, or encoded pictures."""
+        """Read an episode's features: arrays, or encoded pictures."""
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
@@ -235,7 +235,7 @@ class Dataset:
         file, (groups, counts) = self.open(path), self._groups
         if file.num_row_groups == counts[path]:
             rows = table(file, path, columns, groups[number])
-        else:  # another writer's groups
+        else:  # another program's file, whose row groups are not episodes
             full_table = table(file, path, [*dict.fromkeys([*columns, "episode_index"])])
             episode = full_table["episode_index"]
             if not pa.types.is_integer(episode.type):

@@ -1,8 +1,8 @@
-"""Least, greatest, mean, spread and quantiles of features: of an episode, and of episodes together.
+"""Statistics of features: minimum, maximum, mean, standard deviation and quantiles of an episode or of several.
 
-Pictures count a channel at a time, with values from 0 to 1 (depth: in m; part numbers as they are). Episodes are put
-together as in Chan, Golub and LeVeque, "Algorithms for computing the sample variance" (1983); quantiles of a whole are
-means of the episodes'.
+Pictures have statistics for each channel, with values from 0 to 1 (depth: in m; part numbers unchanged). Statistics of
+episodes are combined as in Chan, Golub and LeVeque, "Algorithms for computing the sample variance" (1983); combined
+quantiles are means of the episodes' quantiles.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def of_numbers(values: np.ndarray) -> Stats:
 
 
 class PictureStats:
-    """Adds up pictures of one feature one by one; histograms give the quantiles (depth: of 1 mm, to 4 m)."""
+    """Accumulate statistics of a feature's pictures; quantiles come from histograms (depth: 1 mm bins up to 4 m)."""
 
     def __init__(self, feature: Feature):
         self.depth, self.channels = is_depth(feature), (*feature["shape"], 1)[2]
@@ -39,7 +39,7 @@ class PictureStats:
         self.sum, self.squares, self.pixels, self.frames = np.zeros(self.channels), np.zeros(self.channels), 0, 0
 
     def add(self, image: np.ndarray) -> None:
-        """One more picture, (H, W, 3) or (H, W)."""
+        """Add a picture, (H, W, 3) or (H, W)."""
         values = image.reshape(-1, self.channels)
         if self.depth:
             real = values.astype(float)
@@ -62,7 +62,7 @@ class PictureStats:
         self.sum, self.squares = self.histogram @ level, self.histogram @ level**2
 
     def result(self) -> Stats:
-        """Entries of shape (channels, 1, 1), of arrays (1, 1); `count` is the number of pictures."""
+        """Return entries of shape (channels, 1, 1), for array features (1, 1); `count` is the number of pictures."""
         if not self.depth:
             self._moments()
         mean = self.sum / self.pixels
@@ -75,7 +75,7 @@ class PictureStats:
 
 
 def together(parts: Iterable[Mapping[str, Any]]) -> Stats:
-    """Combine the statistics of single episodes."""
+    """Combine the statistics of several episodes."""
     entries = list(parts)
     n = np.array([p["count"][0] for p in entries], float)
     weights = n / n.sum()

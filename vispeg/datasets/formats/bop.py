@@ -1,9 +1,9 @@
-"""Writes a dataset as BOP does (bop.felk.cvut.cz, "BOP data format"): what pose estimators read.
+"""Write a dataset in BOP's format (bop.felk.cvut.cz, "BOP data format"), which pose estimators read.
 
-A scene is one episode through one camera, since a scene's pictures are of one size. Objects are what the dataset has
-poses of, counted from 1: what the gripper holds, whose frame is at its tip, and the fixture, whose frame is the goal's;
-millimetres. `cam_K` are the intrinsics that a picture was drawn with, not those that a user of the camera believes. BOP
-knows no lens; where a world bends one, the coefficients stand beside as `cam_distortion`.
+A scene is one episode seen by one camera, since a scene's pictures have one size. Objects are the parts with poses,
+counted from 1: the held part, whose frame is at its tip, and the fixture, whose frame is the goal's. Units are
+millimetres. `cam_K` holds the true intrinsics of a picture, not the nominal ones. BOP has no lens distortion; if a
+world draws one, its coefficients are added as `cam_distortion`.
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ from vispeg.datasets.layout import colour_of, depth_of, pose_of
 from vispeg.datasets.read import Dataset
 from vispeg.render.cameras.camera import Camera, rotation
 
-FIXTURE = "fixture"  # the part that the goal belongs to
+FIXTURE = "fixture"  # the part with the goal
 MM = 1000.0
 Things = Mapping[int, tuple[str, str]]  # number -> part, name of its pose
 
 
 def objects(data: Dataset) -> Things:
-    """Map object numbers to (part, name of its pose) for all parts with poses; a pose not named like a part is the
-    goal's.
+    """Return object number -> (part, name of its pose) for all parts with poses; other poses are those of the goal.
 
     Raises:
-        UserError: no such pose.
+        UserError: the dataset has no pose.
     """
     poses = [key for key in data.features if key.startswith("label.") and not key.startswith("label.camera.")]
     names = [key.split(".")[1] for key in poses if data.features[key].get("shape") == [7]]
     if not names:
-        raise UserError("has no pose of an object, which BOP is about", file=data.folder, key="label.NAME")
+        raise UserError("has no pose of an object, which BOP requires", file=data.folder, key="label.NAME")
     things = [(name if name in data.parts else FIXTURE, name) for name in dict.fromkeys(names)]
     return dict(enumerate(things, start=1))
 
@@ -48,11 +47,11 @@ def write_bop(source: Path, out: Path) -> None:
     things = objects(data)
     poses = [f"label.camera.{name}" for name in data.cameras]
     if missing := [name for name in poses if data.features.get(name, {}).get("shape") != [7]]:
-        raise UserError("has no such pose, which BOP is about", file=source, key=missing[0])
+        raise UserError("has no such pose, which BOP requires", file=source, key=missing[0])
     if missing := [name for name in (depth_of(c, data.features) for c in data.cameras) if name not in data.features]:
-        raise UserError("has no depth, which BOP has", file=source, key=missing[0])
+        raise UserError("has no such depth, which BOP requires", file=source, key=missing[0])
     if not data.cameras:
-        raise UserError("does not say what its cameras are", file=source)
+        raise UserError("does not describe its cameras", file=source)
     scene = 0
     for number in range(len(data.episodes)):
         frames = data.episode(number)
@@ -75,7 +74,7 @@ def write_bop(source: Path, out: Path) -> None:
 
 
 def _models(out: Path, data: Dataset, things: Things) -> None:
-    """`models/obj_NNNNNN.ply` in mm and `models_info.json`; none of a dataset that was written before it had meshes."""
+    """Write `models/obj_NNNNNN.ply`, in mm, and `models_info.json`; nothing for older datasets without meshes."""
     models = {}
     for number, (part, _) in things.items():
         if part in data.models:
@@ -129,7 +128,7 @@ def box(mask: np.ndarray) -> list[int]:
 
 
 def matrix(pose: np.ndarray) -> np.ndarray:
-    """(4, 4) of a pose (7,): x y z in m, quaternion w x y z."""
+    """Convert a pose (7,), x y z in m and quaternion w x y z, to a matrix (4, 4)."""
     out = np.eye(4)
     quat = pose[3:].astype(float)
     out[:3, :3], out[:3, 3] = rotation(quat / np.linalg.norm(quat)), pose[:3]

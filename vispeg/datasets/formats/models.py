@@ -1,4 +1,4 @@
-"""Surfaces of the parts whose poses a dataset holds: PLY files in `meta/models`, metres, each in its label's frame."""
+"""Meshes of the parts with labelled poses: PLY files in `meta/models`, in metres and in the frame of the label."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from vispeg.formats.guard import MB, read_bytes
 
 FOLDER = "meta/models"
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3) and triangles (f, 3)
-TURNS = 32  # a part that looks the same turned by this share of a turn is taken for round
-SAME = 1e-3  # of a part's extent, by which a turned vertex may miss
+TURNS = 32  # a part counts as round if it is unchanged by this fraction of a turn
+SAME = 1e-3  # tolerance of a turned vertex, as a share of the part's extent
 
 
 def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
-    """Give a PLY file of a mesh, its vertices multiplied by `scale`."""
+    """Return a PLY file of a mesh, its vertices multiplied by `scale`."""
     import trimesh
     from trimesh.exchange.ply import export_ply
 
@@ -29,14 +29,14 @@ def ply(mesh: Mesh, scale: float = 1.0) -> bytes:
 
 
 def read_ply(path: Path) -> Mesh:
-    """Give the mesh of a PLY file. Raises UserError for what is none."""
+    """Read the mesh of a PLY file. Raises UserError: it is not a mesh."""
     import trimesh
 
     data = read_bytes(path, 64 * MB)
     try:
         mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type="ply", process=False)
         vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, int)
-    except Exception as error:  # trimesh raises whatever its parser met
+    except Exception as error:  # trimesh may raise anything
         raise UserError("is not a PLY mesh", file=path, got=type(error).__name__) from None
     if not len(vertices) or not len(faces) or not np.isfinite(vertices).all() or faces.max() >= len(vertices):
         raise UserError("is not a PLY mesh", file=path, expected="finite vertices, and triangles of them")
@@ -44,12 +44,12 @@ def read_ply(path: Path) -> Mesh:
 
 
 def read_models(folder: Path) -> dict[str, Mesh]:
-    """Give the meshes of a dataset by part; none of one that was written before it had them."""
+    """Read the meshes of a dataset by part; empty for older datasets without meshes."""
     return {path.stem: read_ply(path) for path in sorted((folder / FOLDER).glob("*.ply"))}
 
 
 def described(mesh: Mesh) -> Mapping[str, object]:
-    """Return a mesh's entry in BOP's models_info.json: diameter, extent, z-symmetries, in its own unit."""
+    """Return a mesh's entry in BOP's models_info.json: diameter, extent, symmetries about z, in the mesh's unit."""
     vertices = mesh[0]
     low, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     numbers = {"diameter": _diameter(vertices)}
@@ -67,7 +67,7 @@ def described(mesh: Mesh) -> Mapping[str, object]:
 
 
 def _diameter(vertices: np.ndarray) -> float:
-    """Give the largest distance of two vertices."""
+    """Return the largest distance between two vertices."""
     from scipy.spatial import ConvexHull
     from scipy.spatial.distance import pdist
 
@@ -80,7 +80,7 @@ def _turn(angle: float) -> np.ndarray:
 
 
 def _same_turned(vertices: np.ndarray, angle: float) -> bool:
-    """Whether turning about z puts every vertex on one."""
+    """Return whether a turn about z maps every vertex to a vertex, within SAME."""
     from scipy.spatial import cKDTree
 
     away, _ = cKDTree(vertices).query(vertices @ _turn(angle).T)

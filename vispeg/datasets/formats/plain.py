@@ -1,4 +1,4 @@
-"""A dataset as files that a person can open: PNG pictures, a CSV table an episode, JSON about the whole."""
+"""Read and write datasets as plain files: PNG pictures, a CSV table per episode, and JSON about the whole."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ PLAIN = Format(
     "vispeg-folder/1", "a dataset of plain files", needed=("features", "total_frames", "fps"), language="json"
 )
 WHOLE, CAMERAS = "dataset.json", "cameras.yaml"
-README = """One folder an episode: frames.csv (a line a frame; positions in m, velocities in m/s, forces in N, torques
-in N m, quaternions w x y z), episode.json (seeds, what came of it, drawn parameters), and pictures NAME-FRAME.png.
-Depth is 16 bit, 0.1 mm a step, 0 where there is no reading. Pictures of parts hold the part's number.
-cameras.yaml holds the cameras as their user believes them; dataset.json the features, parts and totals.
+README = """One folder per episode: frames.csv (one line per frame; positions in m, velocities in m/s, forces in N,
+torques in N m, quaternions w x y z), episode.json (seeds, outcome, drawn parameters), and pictures NAME-FRAME.png.
+Depth has 16 bits, 0.1 mm per step, and 0 for no reading. Pictures of parts hold the number of the visible part.
+cameras.yaml holds the nominal cameras; dataset.json the features, parts and totals.
 """
-LONGEST = 100_000  # frames of an episode
+LONGEST = 100_000  # most frames of an episode
 
 
 def write_plain(source: Path, out: Path) -> None:
@@ -77,7 +77,7 @@ def _table(path: Path, data: Dataset, frames: dict[str, np.ndarray]) -> None:
 
 
 class Plain(Stored):
-    """See Stored. Raises UserError for what is not a dataset of plain files, or one that contradicts itself."""
+    """A dataset of plain files, see Stored. Raises UserError: not such a dataset, or a contradictory one."""
 
     def __init__(self, folder: str | Path):
         super().__init__(folder)
@@ -149,7 +149,7 @@ def _numbers(columns: dict[str, list[str]], name: str, feature: Feature, path: P
         try:
             arrays.append(np.array(cells, float))
         except ValueError:
-            raise UserError("holds something else than numbers", file=path, key=key) from None
+            raise UserError("holds values that are not numbers", file=path, key=key) from None
         if not np.isfinite(arrays[-1]).all():
             raise UserError("is not finite", file=path, key=key)
     return np.stack(arrays, axis=-1).astype(feature["dtype"]).reshape(-1, *feature["shape"])

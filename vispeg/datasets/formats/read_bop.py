@@ -1,7 +1,7 @@
-"""Reads a dataset laid out as BOP (bop.felk.cvut.cz, "BOP data format"), this program's or another's.
+"""Read a dataset in BOP's format (bop.felk.cvut.cz, "BOP data format"), by this program or another.
 
-Scenes of one episode (`dataset_info.json` tells which) are its cameras; of another writer's, each scene is an episode
-through a camera of its own. Masks of visible parts become label pictures, in which objects count from 1.
+Scenes that `dataset_info.json` assigns to one episode are its cameras; without this file, each scene is an episode with
+one camera. Masks of visible parts become label pictures, in which objects are numbered from 1.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ MM = 1e-3  # m
 
 
 class PictureCamera(TypedDict):
-    """A picture's entry in scene_camera.json; other keys may stand beside these."""
+    """A picture's entry in scene_camera.json; other keys may be present."""
 
     cam_K: list[float]
     depth_scale: NotRequired[float]
 
 
 class ObjectPose(TypedDict):
-    """An object's entry in scene_gt.json; other keys may stand beside these."""
+    """An object's entry in scene_gt.json; other keys may be present."""
 
     obj_id: int
     cam_R_m2c: list[float]
@@ -48,7 +48,7 @@ class ObjectPose(TypedDict):
 
 
 class Bop(Stored):
-    """See Stored. Raises UserError for what is no such dataset, or one that contradicts itself."""
+    """A dataset in BOP's format, see Stored. Raises UserError: not such a dataset, or a contradictory one."""
 
     def __init__(self, folder: str | Path):
         super().__init__(folder)
@@ -82,7 +82,7 @@ class Bop(Stored):
         self.info, self.made = {"fps": None}, {}
 
     def _frames(self, scene: Path) -> dict[int, PictureCamera]:
-        """Map the number of each picture to its camera's entry, in order."""
+        """Return number of a picture -> its entry in scene_camera.json, in order."""
         path = scene / CAMERA
         record = read_json(path)
         if not isinstance(record, dict) or not record or not all(k.isdigit() and len(k) < 9 for k in record):
@@ -144,7 +144,7 @@ class Bop(Stored):
         return out
 
     def _poses(self, scene: Path) -> Mapping[str, list[ObjectPose]]:
-        """Poses of the objects by picture. Raises UserError for what is no pose."""
+        """Return number of a picture -> poses of its objects; {} if not stated. Raises UserError: an invalid pose."""
         path = scene / TRUTH
         if not is_file(path):
             return {}
@@ -163,7 +163,7 @@ class Bop(Stored):
         return record
 
     def check(self) -> Iterator[str]:
-        """Every picture has its poses, which turn without stretching; models have a file."""
+        """Yield pictures without poses and poses without rotations. Raises UserError: a model without a mesh file."""
         for scene in self.scenes:
             frames = {str(i) for i in self._frames(scene)}
             poses = self._poses(scene)
@@ -179,7 +179,7 @@ class Bop(Stored):
 
     @cached_property
     def known_models(self) -> list[int]:
-        """Objects that `models/models_info.json` describes."""
+        """Numbers of the objects that `models/models_info.json` describes."""
         path = self.folder / INFO
         if not is_file(path):
             return []
@@ -194,7 +194,7 @@ class Bop(Stored):
 
 
 def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str]]:
-    """Episode and camera of each scene; each its own episode if nothing is stated."""
+    """Return (episode, camera) of each scene; if not stated, each scene is an episode."""
     listed = listing.get("scenes") if isinstance(listing, dict) else None
     if listed is None and isinstance(listing, dict):
         return [(i, ANY) for i in range(len(scenes))]
@@ -206,12 +206,14 @@ def _scenes(listing: Any, scenes: list[Path], path: Path) -> list[tuple[int, str
             raise UserError("not a list of scenes, episodes and cameras", file=path, key="scenes", got=row)
         rows[row["scene"]] = row["episode"], row["camera"]
     if set(rows) != {scene.name for scene in scenes}:
-        raise UserError("other scenes than there are", file=path, key="scenes", expected=len(scenes), got=len(rows))
+        raise UserError(
+            "other scenes than the folder has", file=path, key="scenes", expected=len(scenes), got=len(rows)
+        )
     return [rows[scene.name] for scene in scenes]
 
 
 def _objects(listing: Any, path: Path) -> dict[int, str]:
-    """Objects by number, with their names."""
+    """Return number of an object -> name."""
     objects = listing.get("objects", {}) if isinstance(listing, dict) else None
     if not isinstance(objects, dict) or not all(k.isdigit() and isinstance(o, dict) for k, o in objects.items()):
         raise UserError("not a mapping of objects", file=path, key="objects", got=objects)
@@ -219,13 +221,13 @@ def _objects(listing: Any, path: Path) -> dict[int, str]:
 
 
 def _pose(entry: ObjectPose) -> np.ndarray:
-    """(4, 4) of an object in camera axes, m."""
+    """Return the pose (4, 4) of an object in camera axes, m."""
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = np.reshape(entry["cam_R_m2c"], (3, 3)), MM * np.asarray(entry["cam_t_m2c"])
     return out
 
 
 def _picture_of(folder: Path, i: int) -> Path:
-    """Give a picture's file, PNG or JPEG."""
+    """Return the path of a picture: PNG, JPEG or TIFF, whichever exists."""
     paths = [folder / f"{i:06d}{end}" for end in (".png", ".jpg", ".tif")]
     return next((path for path in paths if is_file(path)), paths[0])

@@ -1,4 +1,4 @@
-"""Other layouts that a dataset can be written in, by name."""
+"""Export datasets to other layouts, by name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ enrol("BOP", _as("bop"), slow=True)(check)
 
 
 def export(source: Path, out: Path, layout: Literal["bop", "folder"] = "bop", *, overwrite: bool = False) -> None:
-    """Write a dataset once more in another layout.
+    """Write a copy of a dataset in another layout.
 
     Args:
         source: folder of the dataset.

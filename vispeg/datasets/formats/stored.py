@@ -1,4 +1,4 @@
-"""What datasets of other layouts share with `vispeg.datasets.read.Dataset`: the same attributes, frame by frame."""
+"""The base class of datasets in other layouts, with the attributes of `vispeg.datasets.read.Dataset`."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from vispeg.datasets.moments import Seen
 from vispeg.formats.guard import MB, read_bytes
 from vispeg.render.cameras.camera import Camera
 
-KEPT = 4  # episodes that stay in memory
-LARGEST = 256 * MB  # of a picture's file
+KEPT = 4  # number of episodes kept in memory
+LARGEST = 256 * MB  # largest file of a picture
 
 
 class Stored(ABC):
     """A dataset that is read episode by episode.
 
     Attributes:
-        folder: of the dataset.
-        features: what a frame holds.
-        cameras: by name.
-        parts: names of the parts that label pictures count from 1.
-        episodes: what is known of each; `length`, and `dataset_from_index`, its first frame.
-        info: `fps` (None where the layout does not say) and totals.
-        made: `plan`, where it says.
+        folder: folder of the dataset.
+        features: name -> feature of a frame.
+        cameras: name -> camera.
+        parts: names of the parts, which label pictures number from 1.
+        episodes: facts about each episode, including `length` and `dataset_from_index`, the number of its first frame.
+        info: `fps` (None if the layout does not state it) and totals.
+        made: how the dataset was rendered: its `plan`, if stated.
     """
 
     features: Mapping[str, Feature]
@@ -51,16 +51,14 @@ class Stored(ABC):
 
     @abstractmethod
     def read(self, number: int) -> dict[str, np.ndarray]:
-        """Give an episode's frames, (T, ...) arrays by feature. Raises UserError for damaged files."""
+        """Read an episode's frames: feature -> (T, ...) array. Raises UserError: damaged files."""
 
     def seen(self, number: int, frames: Mapping[str, np.ndarray]) -> Iterator[Seen]:
-        """Yield the parts of known surface and pose that an episode's cameras see."""
+        """Yield the parts with known surface and pose in each camera's pictures of an episode."""
         yield from ()
 
     def check(self) -> Iterator[str]:
-        """Yield what is wrong beside what reading the frames would tell. Raises UserError where no more can be
-        found.
-        """
+        """Yield faults that reading the frames would not show. Raises UserError: a fault that ends the search."""
         yield from ()
 
     def __len__(self) -> int:
@@ -72,7 +70,7 @@ class Stored(ABC):
         return {name: frames[name][index - self._starts[number]] for name in self.features}
 
     def episode(self, number: int) -> dict[str, np.ndarray]:
-        """As `read`; a few are kept."""
+        """Return an episode's frames as `read` does; the last KEPT episodes stay in memory."""
         if number not in self._kept:
             self._kept[number] = self.read(number)
             while len(self._kept) > KEPT:
@@ -85,10 +83,10 @@ class Stored(ABC):
 
 
 def picture(path: Path, feature: Feature, step: float = DEPTH_STEP) -> np.ndarray:
-    """Give a picture file as a feature's pixels; 16-bit depth of `step` m becomes float32 in m.
+    """Read a picture file as pixels of a feature; 16-bit depth in steps of `step` m becomes float32 in m.
 
     Raises:
-        UserError: no picture, or one of another size or kind.
+        UserError: not a picture, or one of another size or type.
     """
     image = decode(read_bytes(path, LARGEST), str(path))
     kind = np.dtype(np.uint16 if is_depth(feature) else np.uint8)

@@ -18,7 +18,7 @@ from vispeg.datasets.shards.plan import Plan, Shard
 from vispeg.datasets.shards.shard import Source, shard_bytes
 from vispeg.render.backends.backend import jobs_a_process
 
-POLL = 0.3  # s
+POLL = 0.3  # s, interval of progress reports
 Made = Iterator[tuple[Shard, bytes]]
 Engine = Callable[[Sequence[Shard], Source, Plan, Layout, int, Callable[[int], None]], Made]
 
@@ -35,7 +35,7 @@ def local(
         tick: called with the number of frames just done.
 
     Raises:
-        UserError: from the source, or a shard kills its worker repeatedly.
+        UserError: an error of the source, or a shard kills its worker repeatedly.
     """
     if workers < 1:
         yield from ((s, shard_bytes(source, plan, layout, s, tick)) for s in shards)
@@ -94,7 +94,7 @@ def _drain(ticks: Any, tick: Callable[[int], None]) -> None:
 def on_ray(
     shards: Sequence[Shard], source: Source, plan: Plan, layout: Layout, workers: int, tick: Callable[[int], None]
 ) -> Made:
-    """As `engine.local`, on a Ray cluster: `workers` shards at a time, each on one core.
+    """Make shards as `local` does, but on a Ray cluster: `workers` shards at a time, each on one core.
 
     Raises:
         UserError: Ray is not installed, its cluster cannot be reached, or a shard kills its worker repeatedly.

@@ -1,4 +1,4 @@
-"""A rendering job cut into shards, each determined by the plan and the shard's number alone."""
+"""A rendering job divided into shards, each determined only by the plan and the shard's number."""
 
 from __future__ import annotations
 
@@ -13,25 +13,26 @@ from vispeg.core.errors import UserError
 from vispeg.core.seeds import stream
 
 RGBD, RGB = "rgbd", "rgb"
-SHARD_FRAMES, SHARD_BYTES = 500, 48_000_000  # at most, for one shard; of smaller ones physics wastes more at the end
+# most frames and bytes of a shard; smaller shards waste more physics at the end
+SHARD_FRAMES, SHARD_BYTES = 500, 48_000_000
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that the bytes of a dataset follow from, with the versions of the packages.
+    """Everything, together with versions of packages, that determines the bytes of a dataset.
 
     Attributes:
         world: a world's name or the path of its file.
-        world_hash: of what that world says.
-        frames: in all; a frame is one moment in one look, seen by all cameras.
-        looks: looks of every physical episode.
-        cameras: names.
-        size: px of a picture's shorter side, 0 for the cameras' own.
-        seed: of everything.
-        noise: standard deviation of what is added to the expert's actions, so that it shows how to come back.
-        labels: whether pictures of parts are made too.
-        backend: of the renderer; the world's own where it names one.
-        shard_frames: frames of the largest shard.
+        world_hash: hash of the world's content.
+        frames: total number of frames; a frame is one moment in one look, seen by all cameras.
+        looks: number of looks of every physical episode.
+        cameras: names of the cameras.
+        size: shorter side of a picture, px; 0 for the cameras' own size.
+        seed: seed of everything random.
+        noise: standard deviation of the noise on the expert's actions, so that it shows how to recover.
+        labels: whether label pictures of parts are made.
+        backend: the renderer, unless the world names one.
+        shard_frames: number of frames of the largest shard.
         modality: `rgbd`, or `rgb` for pictures without depth.
     """
 
@@ -55,7 +56,7 @@ class Plan:
         if self.size and not 8 <= self.size <= 4096:
             raise UserError("not a picture's size", key="size", expected="8 to 4096 px", got=self.size)
         if not 0 <= self.noise <= 1:
-            raise UserError("not a share of the greatest action", key="noise", expected="0 to 1", got=self.noise)
+            raise UserError("not a share of the largest action", key="noise", expected="0 to 1", got=self.noise)
         if self.modality not in (RGBD, RGB):
             raise UserError("no such pictures", key="modality", got=self.modality, choices=(RGBD, RGB))
         if self.seed < 0:
@@ -69,16 +70,16 @@ class Plan:
         return tuple(Shard(i, a, b - a) for i, (a, b) in enumerate(zip(ends, ends[1:], strict=False)))
 
     def episode_seed(self, shard: int, number: int) -> int:
-        """Seed of the `number`-th physical episode of a shard, below 2^31."""
+        """Return the seed of a shard's physical episode by number, below 2^31."""
         return int(stream(self.seed, "dataset", shard, number).integers(2**31))
 
     def to_json(self) -> Mapping[str, object]:
-        """As JSON values."""
+        """Return the plan as JSON values."""
         return {**asdict(self), "cameras": list(self.cameras)}
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Plan:
-        """From JSON values. Raises UserError for what is no plan."""
+        """Read a plan from JSON values. Raises UserError: not a plan."""
         if set(values) != {f.name for f in fields(cls)}:
             raise UserError("not a plan of a rendering", got=sorted(values))
         return cls(**{**values, "cameras": tuple(values["cameras"])})
@@ -86,7 +87,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Shard:
-    """A piece of a dataset: its number, its first frame's index, how many frames."""
+    """A piece of a dataset: its number, the index of its first frame, and its number of frames."""
 
     number: int
     first: int
@@ -94,14 +95,14 @@ class Shard:
 
 
 def look_seed(seed: int, look: int) -> int:
-    """Seed of an episode's `look`-th look; the first one's is the episode's own, as when it is played."""
+    """Return the seed of an episode's look by number; look 0 has the episode's seed, as when it is played."""
     return seed if look == 0 else int(stream(seed, "dataset-look", look).integers(2**31))
 
 
 def shard_frames(pixels: int) -> int:
-    """Frames of a shard, so that it fits a worker's memory.
+    """Return the number of frames of a shard that fits a worker's memory.
 
     Args:
-        pixels: of one frame, all cameras together.
+        pixels: number of pixels of a frame, of all cameras together.
     """
     return int(np.clip(SHARD_BYTES // (8 * pixels), 8, SHARD_FRAMES))

@@ -1,7 +1,7 @@
-"""From a plan to a folder: what is missing is made, put in its place, and the whole takes its name at the end.
+"""Render a dataset from a plan: make missing shards, place them, and give the finished folder its name.
 
-A rendering lives in `NAME.unfinished` beside its folder. Stopped at any moment, it goes on there and ends with the same
-bytes as if it had not been.
+A rendering is kept in `NAME.unfinished` beside its folder. If stopped at any moment, it continues there and ends with
+the same bytes.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from vispeg.formats.json_data import read_json
 Watch = Callable[[int], None]
 Export = Callable[[Path, Path], None]
 PLAN, PARTS = "plan.json", "shards"
-LAYOUT = 2  # of the files that a rendering makes; a begun one of another layout is not mixed with it
-VERSIONS = ("vispeg", "mujoco", "numpy", "opencv-python-headless", "pyarrow")  # other ones may make other bytes
+LAYOUT = 2  # version of the files of a rendering; an unfinished one of another version cannot be continued
+VERSIONS = ("vispeg", "mujoco", "numpy", "opencv-python-headless", "pyarrow")  # other versions may make other bytes
 
 
 def render(
@@ -46,17 +46,17 @@ def render(
     """Render a dataset into `out` and return it.
 
     Args:
-        plan, layout, source: what it holds and what makes it.
-        out: the folder, new or empty; with `overwrite`, one with content is replaced once the new one is complete.
+        plan, layout, source: content and format of the dataset, and the function that makes a shard's episodes.
+        out: the folder, new or empty; with `overwrite`, an existing dataset is replaced once the new one is complete.
         engine: makes shards: `engine.local` or `engine_ray.on_ray`.
-        workers: processes.
-        watch: called with frames as they are done; first those that an earlier rendering had left.
-        export: writes another format from the LeRobot folder (first) into an empty one (second).
-        provenance: kept in `meta/render.json`.
+        workers: number of processes.
+        watch: called with numbers of frames done; first with those of an earlier run.
+        export: called with the LeRobot folder and an empty folder, to write another format.
+        provenance: provenance to record in `meta/render.json`.
 
     Raises:
-        UserError: `out` holds something else, an unfinished rendering has other settings, the disk is full, or what the
-            source raises. What is done is kept.
+        UserError: `out` holds other files, an unfinished rendering has other settings, the disk is full, or an error of
+            the source. Finished shards are kept.
     """
     target = Path(out).expanduser()
     refuse(target, overwrite, holds="dataset", inputs=(plan.world,))
@@ -80,7 +80,7 @@ def render(
 
 
 class _Placer:
-    """Puts shards in their places, in order; one that comes early waits in `shards/`."""
+    """Place shards in order; a shard that is finished early waits in `shards/`."""
 
     def __init__(self, folder: Path, plan: Plan, layout: Layout):
         self.folder, self.plan, self.layout = folder, plan, layout
@@ -89,11 +89,11 @@ class _Placer:
         self.missing = {s.number for s in plan.shards[self.next :] if not self.part(s).is_file()}
 
     def part(self, shard: Shard) -> Path:
-        """Where a shard's bytes wait."""
+        """Return the path at which a finished shard waits."""
         return self.folder / PARTS / f"{shard.number:05d}.parquet"
 
     def advance(self) -> None:
-        """Places every shard whose turn it is."""
+        """Place every shard whose turn it is."""
         import pyarrow.parquet as pq
 
         for shard in self.plan.shards[self.next :]:
@@ -110,23 +110,21 @@ class _Placer:
 
 
 def _begin(work: Path, plan: Plan) -> None:
-    """Make the folder of a rendering, or check that the one there is of the same plan."""
+    """Make the folder of a rendering, or check that an existing one has the same plan."""
     path, now = (
         work / PLAN,
         {**plan.to_json(), "layout": LAYOUT, **{f"version of {name}": version_of(name) for name in VERSIONS}},
     )
     if work.is_dir():
-        remove_abandoned(path)  # killed while it wrote this very first file
+        remove_abandoned(path)  # left if an earlier run was killed while it wrote this first file
     if not work.exists() or not any(work.iterdir()):
         write_text_atomic(path, json.dumps(now, indent=2) + "\n")
         return
     try:
         before = read_json(path)
     except UserError as error:
-        raise UserError(
-            f"holds something else than an unfinished rendering; move it away ({error})", file=work
-        ) from None
-    for stale in work.rglob(".*.part"):  # of a writer that was killed
+        raise UserError(f"is not an unfinished rendering; move it away ({error})", file=work) from None
+    for stale in work.rglob(".*.part"):  # left by a writer that was killed
         stale.unlink(missing_ok=True)
     for key in now:
         if not isinstance(before, dict) or before.get(key) != now[key]:
@@ -141,7 +139,7 @@ def _begin(work: Path, plan: Plan) -> None:
 
 
 def _take_over(work: Path, folder: Path) -> None:
-    """Every file of a finished rendering a second time, without a second copy of its content where that can be."""
+    """Link the files of a finished rendering into its final folder, or copy them if links are not supported."""
     for source in sorted(work.rglob("*")):
         name = source.relative_to(work)
         if name.parts[0] == PARTS or name.name == PLAN or name.name.startswith("."):

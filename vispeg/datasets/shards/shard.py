@@ -1,4 +1,4 @@
-"""A shard as the bytes of one Parquet file, an episode a row group; indices count from 0 until it has its place."""
+"""Make a shard as a Parquet file with one row group per episode; its indices count from 0 until it is placed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vispeg.datasets.stats import Stats, of_numbers
 if TYPE_CHECKING:
     import pyarrow as pa
 
-# Plays and draws one shard, episode by episode. Sent to workers by name: a function at the top of a module.
+# Makes the episodes of a shard. It is sent to workers by name, so it must be a top-level function of a module.
 Source = Callable[[Plan, Layout, Shard], Iterator[Episode]]
 Tick = Callable[[int], None]
 ABOUT = b"vispeg.episodes"
@@ -25,12 +25,12 @@ _TICK: ContextVar[Tick] = ContextVar("tick", default=lambda frames: None)
 
 
 def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: Tick = lambda frames: None) -> bytes:
-    """Everything of one shard; the same bytes wherever and whenever it is made.
+    """Make a shard; return its bytes, which are the same wherever and whenever it is made.
 
     Args:
-        source: makes its episodes.
-        plan, layout, shard: what is asked for.
-        tick: called with the number of new frames, by the source (see `drawn`), or else with each episode.
+        source: the function that makes its episodes.
+        plan, layout, shard: content and format of the dataset, and the shard to make.
+        tick: called with the number of new frames, whenever the source reports them (see `drawn`) or ends an episode.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -58,18 +58,18 @@ def shard_bytes(source: Source, plan: Plan, layout: Layout, shard: Shard, tick: 
 
 
 def drawn(frames: int) -> None:
-    """Give a source tells of frames that it has drawn, before their episode is complete."""
+    """Report new frames from within a source, before their episode is complete."""
     _TICK.get()(frames)
 
 
 def counted(layout: Layout, episode: Episode, number: int, first: int) -> tuple[pa.Table, dict[str, Stats]]:
-    """Give an episode's table, and the statistics of what is only counted.
+    """Return an episode's table including counters, and the statistics of the counters.
 
     Args:
-        layout: of the dataset.
-        episode: the frames.
-        number: its episode index.
-        first: its first frame's index.
+        layout: layout of the dataset.
+        episode: the episode.
+        number: index of the episode.
+        first: index of its first frame.
     """
     import pyarrow as pa
 
