@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +21,14 @@ from vispeg.learn.methods.curriculum import Curriculum, stages
 from vispeg.learn.methods.distill import collect, demonstrations
 from vispeg.learn.methods.ranges import Opening
 from vispeg.learn.methods.recipes import distilled
+from vispeg.learn.methods.sac_run import SacRun
 from vispeg.learn.policy import load
 from vispeg.learn.sb3_env import Sb3Env
 from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
+from vispeg.worlds.randomized import RandomizedEffect
 
 ROOT = Path(__file__).resolve().parents[2]
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
@@ -50,8 +52,6 @@ def curve(folder):
     ("mode", "sac"), [("state", {}), ("depth", {}), ("state", {"recurrent": 8}), ("depth", {"symmetric": True})]
 )
 def test_a_killed_run_goes_on_with_the_same_curve(tmp_path, mode, sac):
-    from dataclasses import replace
-
     c = config(mode, sac=replace(SAC, **sac))
     train(c, tmp_path / "whole", make(mode), show=False)
     train(replace(c, steps=160), tmp_path / "part", make(mode), show=False)
@@ -363,7 +363,7 @@ def test_stages_that_do_not_become_harder_are_refused(wide, near, said):
 class Drawn(Reach):
     """The toy in a world: an episode states its draw, starts as far away as that says, and counts as a success."""
 
-    world = RandomizedWorld(ranges=(RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),))
+    ranges = (RandomizedEffect("contact_friction", "peg", {"scale": Uniform(0.5, 1.5)}),)
     killed_at = None  # steps after which it dies
 
     def __init__(self, rows):
@@ -415,6 +415,27 @@ def test_ranges_open_in_training_alone_and_a_killed_run_opens_them_the_same(tmp_
     if ranges == "schedule":
         assert levels == pytest.approx([1 / 3, 2 / 3, 1, 1, 1, 1], abs=1e-4)
     assert made[-1].level == 1.0, "evaluations are at the full ranges"
+
+
+def test_ranges_of_looks_widen_and_those_that_nothing_sees_do_not_count(tmp_path):
+    """Episodes in a world where only the light varies count at level 0, and their light is then nominal."""
+    world = "format: vispeg-world/1\nname: light\neffects:\n- effect: ambient_light\n  where: scene\n"
+    (tmp_path / "light.yaml").write_text(world + "  params: {level: {uniform: [-0.1, 0.1]}}\n")
+    task = {"steps": 3, "dwell": 1}
+    c = config(world=str(tmp_path / "light.yaml"), settings=task, ranges="adaptive", envs=2, episodes=1)
+    with pytest.raises(UserError, match="nothing varies in this world"):
+        SacRun(c, tmp_path / "blind", show=False)
+    seen = replace(c, task="peg-rgb", settings={**task, "cameras": ("wrist_wide",), "image_size": 24})
+    run = SacRun(seen, tmp_path / "seen", show=False)
+    assert run.opening is not None and run.opening.adaptive is not None
+    run.opening.begin(run.env, SAC.warmup)
+    run.env.reset()
+    for _ in range(3):
+        _, _, dones, infos = run.env.step(np.zeros((2, run.env.action_space.shape[0])))
+        run.opening.after(run.env, SAC.warmup, dones, infos)
+    run.close()
+    assert infos[0]["record"]["world"]["ambient_light(scene)"]["level"] == 0
+    assert run.opening.adaptive.outcomes == {"ambient_light(scene)": [False, False]}
 
 
 def test_ranges_are_whole_while_actions_are_random_and_a_prolonged_run_keeps_its_schedule():

@@ -69,9 +69,7 @@ class SacRun:
         self.env, self.judge = self._environments()
         self.opening: Opening | None = None
         if config.ranges != "full":
-            # the simulation's world has the physical effects only, not those on looks and cameras
-            drawn = getattr(self.env.env, "sim", self.env.env)
-            world = getattr(drawn, "world", RandomizedWorld())
+            world = RandomizedWorld(getattr(self.env.env, "ranges", ()))
             self.opening = Opening(config.ranges, world, config.steps, config.sac.warmup)
         device = device_of(config.device)
         if config.recipe != "distill":

@@ -27,7 +27,7 @@ from vispeg.task.registry import config_of, kind_of, task_of
 from vispeg.task.start import Start
 from vispeg.task.terms import LIMIT, MEASURED, POLICY, PRIVILEGED, Observation
 from vispeg.task.world_file import WorldFile, load_world
-from vispeg.worlds.randomized import RandomizedWorld
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 from vispeg.worlds.world import World
 
 
@@ -314,6 +314,11 @@ class TaskVec(VectorEnv):
         backend = self.eyes.backend if backend is None else backend
         where = self.sim.scene, self.config, self.world, self.obs_mode, self.num_envs
         return rig_of(*where, file=self.file, backend=backend, look_seed=look_seed)
+
+    @property
+    def ranges(self) -> tuple[RandomizedEffect, ...]:
+        """The ranges that episodes draw from: of the physics, and with cameras also of what these see."""
+        return (*self.sim.world.ranges, *self.eyes.world.ranges)
 
     def drawn(self, row: int) -> World:
         """Return the world of a row's present episode, with its physical and its optical effects."""
