@@ -115,7 +115,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path):
     other = tmp_path / "e.unfinished"
     other.mkdir()
     (other / "notes").write_text("mine")
-    with pytest.raises(UserError, match="something else"):
+    with pytest.raises(UserError, match="is not an unfinished rendering"):
         render(PLAN, LAYOUT, source, tmp_path / "e", workers=0)
     assert (other / "notes").read_text() == "mine"
 

@@ -143,7 +143,7 @@ class Dataset:
 
     @property
     def successes(self) -> list[bool] | None:
-        """Whether each episode succeeded, from `meta/episodes` or `next.success`; None without either."""
+        """Return whether each episode succeeded, from `meta/episodes` or `next.success`; None without either."""
         if all(SUCCESS in row for row in self.episodes):
             return [bool(row.get(SUCCESS)) for row in self.episodes]
         if REACHED not in self.info["features"]:
