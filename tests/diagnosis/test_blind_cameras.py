@@ -65,7 +65,7 @@ def test_a_camera_that_sees_a_surface_and_no_border_stays_for_its_depth():
     sights = sights_of([rec])
     assert seeing(SCENE, (sights,), CELL) == ((sights,), [])
     evidence, _ = border_evidence(SCENE, sights, [], CELL, 0.0)
-    assert len(evidence.items[1].points.frame) == 0 and np.isfinite(evidence.error(CELL))
+    assert len(evidence.items[1].points.frame) == 0 and np.isfinite(evidence.errors([CELL])[0])
 
 
 PENDULUM = """<mujoco model="pendulum">

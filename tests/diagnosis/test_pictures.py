@@ -87,6 +87,7 @@ def test_an_offset_and_a_focal_error_are_named_and_fitted():
     assert abs(values["focal_error"]["fx"] - 0.02) < 3e-3 and abs(values["focal_error"]["fy"] - 0.02) < 3e-3
     errors = [rung["heldout_error"] for rung in record["ladder"]]
     assert errors[-1] < errors[0] / 5
+    assert errors[-1] == record["channels"][0]["after"], "the last rung is the model written"
     assert found.world.cell == CELL.cell
 
 

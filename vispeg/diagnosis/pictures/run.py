@@ -21,9 +21,9 @@ from vispeg.diagnosis.pictures.show import shown_pictures
 from vispeg.diagnosis.pictures.spread import confirmed
 from vispeg.diagnosis.pictures.verdict import decide, with_sensor
 from vispeg.diagnosis.progress import Progress
-from vispeg.diagnosis.record import candidates, correlations, effects, screening, with_origin
+from vispeg.diagnosis.record import candidates, correlations, effects, ladder, screening, with_origin
 from vispeg.diagnosis.run import Diagnosis
-from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, NoiseFloor, Rung
+from vispeg.diagnosis.schema import Channel, DiagnosisRecord, NextMotion, NoiseFloor
 from vispeg.diagnosis.selection.state import State
 from vispeg.identify.pictures.align import FREED
 from vispeg.identify.pictures.build import border_evidence, seeing
@@ -91,7 +91,7 @@ def diagnose_pictures(
         bent = heights_left(predictor.geometry, mine, theirs, state.world)
     remainder = [*bent, *left_over(wide[0], wide[1], [*scene.parts, "board"])]
     moved = moved_most(judged.geometry, wide[0], wide[1], state.world)
-    before, after, lost = judged.error(world), judged.error(state.world), _lost(wide[1])
+    (before, after), lost = judged.errors([world, state.world]), _lost(wide[1])
     n_added = len(state.world.effects) - n_fixed
     field = evidence.scatter.field
     of_borders = decide(before, after, judged.floor, n_added, rivals, remainder, halves, lost, moved, field)
@@ -110,23 +110,23 @@ def diagnose_pictures(
     with Predictor(scene, cameras) as predictor:
         drawn = shown_pictures(predictor, theirs, world, final, judged, seed)
     maps = projections(judged.geometry, world, final, state.fit)
-    ladder, floor = _ladder(evidence, judged, world, state), _floor(evidence, judged)
+    rungs, floor = ladder(evidence, judged, state, world), _floor(evidence, judged)
     of = "borders"
     if not n_added and (found := [s for s in sensed if s.added]):
-        (ladder, floor), of = found[0].ladder(), found[0].kind
+        (rungs, floor), of = found[0].ladder(), found[0].kind
     excitations = [*border_excitations(search, state.world), *(x for s in sensed for x in s.excitations)]
     record: DiagnosisRecord = {
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason + _joints_said(evidence.robot, fitted),
         "effects": effects(final, n_fixed, rivals, fitted_world),
-        "ladder": ladder,
+        "ladder": rungs,
         "of": of,
         "noise_floor": floor,
         "where_it_fails": [],
         "residual_peaks": [],
         "unexplained": verdict.unexplained,
-        "channels": [_channel(judged, world, state.world), *(s.channel for s in sensed)],
+        "channels": [_channel(judged, before, after), *(s.channel for s in sensed)],
         "next_experiment": _next(state, rivals, n_fixed),
         "candidates": [
             c for x in (state, *(s.state for s in sensed)) for c in candidates(x, rivals if x is state else (), n_fixed)
@@ -164,16 +164,6 @@ def _lost(wide: Sequence[tuple[Sight, Points]]) -> float:
     return 1.0 - float(np.isfinite(away).mean()) if len(away) else 0.0
 
 
-def _ladder(evidence, judged, world: World, state: State) -> list[Rung]:
-    rungs = [("nominal", world)] + [(f"+ {best.score.label}", best.fit.world) for best, _ in state.steps]
-    if state.steps and state.world.label != state.steps[-1][0].fit.world.label:
-        rungs.append(("after backward deletion", state.world))
-    return [
-        {"model": name, "fit_error": evidence.error(w), "heldout_error": judged.error(w), "unit": "px RMS"}
-        for name, w in rungs
-    ]
-
-
 def _seen_anew(
     search: BorderSearch, state: State, evidence: tuple[BorderEvidence, BorderEvidence], n_fixed: int
 ) -> tuple[BorderSearch, State]:
@@ -201,14 +191,14 @@ def _joints_said(robot: float, recordings: Sequence[Recording]) -> str:
     return said + (f": {robot / stated:.0f} times the encoders' stated noise" if robot > stated > 0 else "")
 
 
-def _channel(judged, before: World, after: World) -> Channel:
+def _channel(judged, before: float, after: float) -> Channel:
     cameras = " and ".join(dict.fromkeys(i.sight.camera.name for i in judged.items))
     return {
         "channel": "border",
         "joint": cameras,
         "floor": judged.floor,
-        "before": judged.error(before),
-        "after": judged.error(after),
+        "before": before,
+        "after": after,
         "unit": "px RMS",
     }
 

@@ -81,10 +81,6 @@ class PictureSearch(PlainSearch):
         places = self.places(state.world) if places is None else list(places)
         return self.try_all(state, [Score(self._start(*at), 0.0) for at in places], n_fixed, len(places))
 
-    def error(self, world: World) -> float:
-        """As `PlainSearch`."""
-        return self.judged.error(world)
-
     def small(self, trial: Trial) -> str:
         """As `PlainSearch`: a change of the images smaller than an error of appearance makes."""
         size, least = self.shift(trial.fit.world, trial.fit.world.effects[-1]), self.least_of(trial.score.placed)

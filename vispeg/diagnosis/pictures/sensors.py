@@ -91,7 +91,8 @@ class Sensed:
     @property
     def errors(self) -> tuple[float, float]:
         """Held-out RMS of the figures in units of their scatter, before and after."""
-        return self.judged.error(self.before), self.judged.error(self.state.world)
+        before, after = self.judged.errors([self.before, self.state.world])
+        return before, after
 
     @property
     def worst(self) -> tuple[str, float, float]:
@@ -113,7 +114,9 @@ class Sensed:
             models[-1] = (f"+ {' + '.join(e.label for e in self.added)}", self.state.world)
         metres = self.in_metres
         unit = "mm RMS" if metres else f"{self.judged.unit} RMS"
-        both = [[e.depth_error(w) if metres else e.error(w) for e in (self.evidence, self.judged)] for _, w in models]
+        both = [
+            [e.depth_error(w) if metres else e.errors([w])[0] for e in (self.evidence, self.judged)] for _, w in models
+        ]
         rungs: list[Rung] = [
             {"model": name, "fit_error": fit, "heldout_error": held, "unit": unit}
             for (name, _), (fit, held) in zip(models, both, strict=True)

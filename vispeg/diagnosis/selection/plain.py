@@ -92,7 +92,7 @@ class PlainSearch(Loop, Shown):
 
     def take(self, state: State, trial: Trial, trials: list[Trial], n_fixed: int) -> None:
         """Add the effects of a trial, one of `trials`."""
-        self.say(f"{trial.score.label}: {self.error(trial.fit.world):.3g} {self.judged.unit} left")
+        self.say(f"{trial.score.label}: {self.judged.errors([trial.fit.world])[0]:.3g} {self.judged.unit} left")
         state.steps.append((trial, trials))
         state.take(trial.fit, trial.loss)
 
@@ -171,10 +171,6 @@ class PlainSearch(Loop, Shown):
         judged = ranked(self, state, trials, tested)  # `Shown` provides what it needs
         out = [replace(t, rejected=t.rejected or self.small(t)) for t in judged]
         return sorted(out, key=lambda t: bool(t.rejected))
-
-    def error(self, world: World) -> float:
-        """Return the RMS error on the held-out evidence, in its unit."""
-        return self.judged.errors([world])[0]
 
     def small(self, trial: Trial) -> str:
         """Return why a trial's effect is too small to be named; "" if it is not."""

@@ -162,18 +162,17 @@ class BorderEvidence(Evidence):
             items.append(replace(item, points=item.points.only(rows), trust=item.trust[rows]))
         return BorderEvidence(self.geometry, items, self.settled, self.scatter, self.freed)
 
-    def error(self, world: World) -> float:
-        """Return the RMS misplacement over trusted points, px, after the most likely joint errors are subtracted."""
+    def errors(self, worlds: Sequence[World]) -> list[float]:
+        """Return the RMS misplacement of trusted points under each world, px, without the most likely joint errors."""
+        return [self._error(w) for w in worlds]
+
+    def _error(self, world: World) -> float:
         square = weight = 0.0
         for item, away in zip(self.items, self.steadied(world), strict=True):
             good = np.isfinite(away)
             square += float(np.sum((item.trust * away**2)[good]))
             weight += float(np.sum(item.trust[good]))
         return float(np.sqrt(square / max(weight, 1e-9)))
-
-    def errors(self, worlds: Sequence[World]) -> list[float]:
-        """Return the `error` of each world."""
-        return [self.error(w) for w in worlds]
 
     def steadied(self, world: World) -> list[np.ndarray]:
         """Return `misplaced` minus the effect of the most likely joint errors in each frame."""

@@ -175,9 +175,10 @@ class SensorEvidence(Evidence):
                     out[figure.name] = max(mean, out.get(figure.name, 0.0), key=abs)
         return out
 
-    def error(self, world: World) -> float:
-        """Return the RMS of the figures' residuals in units of their scatter."""
-        return float(np.sqrt(np.nanmean(np.concatenate([m.ravel() for m in self.misplaced(world)]) ** 2)))
+    def errors(self, worlds: Sequence[World]) -> list[float]:
+        """Return the RMS of the figures' residuals under each world, in units of their scatter."""
+        away = [np.concatenate([m.ravel() for m in self.misplaced(w)]) for w in worlds]
+        return [float(np.sqrt(np.nanmean(a**2))) for a in away]
 
     def depth_error(self, world: World) -> float:
         """Return the RMS depth error over frames and distance bins, mm; only for figures of depth."""

@@ -45,7 +45,7 @@ class Borders(Subject):
 
     def error(self, world: World) -> float:
         """Return RMS edge error, px."""
-        return self.judged.error(world)
+        return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
         """Return one track per recording and camera, with one row per frame: the frame's RMS edge error, px."""
