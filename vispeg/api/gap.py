@@ -184,9 +184,8 @@ def _worlds(
             raise UserError("not one of --worlds", key="--control-worlds", got=name, choices=names)
     for file in files[1:]:
         if not fine_tuned:
-            guests = [
-                e for e in who if file.hash not in e.trained_on
-            ]  # for the others it is their home, which is allowed and marked
+            # the other policies were trained in this world, which is allowed and marked
+            guests = [e for e in who if file.hash not in e.trained_on]
             refuse_trained_on(guests, file.name, file.hash, file.path, training=files[0].path)
     return _Worlds(tuple(map(str, sources)), tuple(files), tuple(controlled), check_controls(controls, files[0]))
 

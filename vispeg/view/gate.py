@@ -152,5 +152,5 @@ def limit_uploads(server: Any, most: int = UPLOADS) -> None:
     ):
         link.unregister_handler(kind, old)
         link.register_handler(kind, new)
-    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):  # see above
+    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(kind)

@@ -21,7 +21,7 @@ from vispeg.task.start import home
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
-SIZE = 240  # px, side of a view, side of a view
+SIZE = 240  # px, side of a view
 
 
 def draw(kind: Effect, where: str | None, scene: Any, path: Path, *, overwrite: bool = False) -> None:

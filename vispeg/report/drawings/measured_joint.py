@@ -146,7 +146,7 @@ def _friction(axis: Any, measured: Joint) -> bool:
     torque = [s for s in measured.strokes if s.friction is not None]
     if not torque:
         return False
-    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # its torque is no friction
+    inertia = float(str(measured.details.get("loop_inertia_kgm2", 0.0)))  # kg m2; its torque is subtracted
     heights = [(s.friction or 0.0) - inertia * s.acceleration for s in torque]
     axis.plot([s.speed for s in torque], heights, "o", ms=3.5, color=MEASURED)
     by_name = {q.quantity: q.value for q in measured.results}

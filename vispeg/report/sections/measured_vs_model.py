@@ -30,7 +30,7 @@ POINTS, NARROW_POINTS = 20_000, 160  # in print: in total, and per line on a nar
 SHARE = 0.15  # of the worst joint's residual: joints below it are collapsed at first
 SHOWN, LARGEST = 0.3, 500  # largest joint error is magnified to SHOWN rad on the page, at most LARGEST times
 
-WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # by the unit of a trace
+WHAT = {"rad": "motion", "px": "motion", "N m": "torque", "N": "force"}  # unit of a trace -> quantity in words
 
 
 def context(record: Record) -> Mapping[str, object]:

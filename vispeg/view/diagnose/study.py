@@ -218,9 +218,8 @@ class Study:
     def save(self, file: Path, overwrite: bool) -> str:
         """Write the model with the added effects; return the file's path."""
         world = self.world if self.state is None else self.state.world
-        partial = {
-            e.label for e in self.world.effects if e.partial
-        }  # these stay partial: what remains beside them was not judged
+        # effects that were partial in the given model stay so, because the remainder was not judged here
+        partial = {e.label for e in self.world.effects if e.partial}
         effects = tuple(replace(e, partial=e.label in partial) for e in world.effects)
         text = model_text(self._whole(replace(world, effects=effects)))
         return str(write_text_atomic(file, text, overwrite=overwrite))
