@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from vispeg.core.effect import EffectInstance, effect
+from vispeg.render.look import Fields
 from vispeg.robots.scene import Scene, build
 from vispeg.worlds.world import World
 
@@ -20,15 +21,16 @@ def nominal() -> mujoco.MjModel:
     return SCENE.compile()
 
 
-class Fields:
-    """One model's fields with a leading axis of one, written in place."""
+class Touched(Fields):
+    """The fields of a model, and the names of those that were asked for."""
 
-    def __init__(self, model: mujoco.MjModel, scene: Any = SCENE):
-        self.model, self.scene, self.touched = model, scene, set[str]()
+    def __init__(self, model: mujoco.MjModel):
+        super().__init__(model, SCENE)
+        self.touched = set[str]()
 
     def __getitem__(self, name: str) -> np.ndarray:
         self.touched.add(name)
-        return field(self.model, name)[None]
+        return super().__getitem__(name)
 
 
 def field(model: mujoco.MjModel, name: str) -> np.ndarray:
@@ -38,11 +40,11 @@ def field(model: mujoco.MjModel, name: str) -> np.ndarray:
     return value
 
 
-def written(placed: list[EffectInstance], model: mujoco.MjModel | None = None) -> Fields:
+def written(placed: list[EffectInstance], model: mujoco.MjModel | None = None) -> Touched:
     """The fields of a copy of the nominal model after these effects, in their order."""
     import copy
 
-    fields = Fields(copy.copy(model or nominal()))
+    fields = Touched(copy.copy(model or nominal()))
     for name in sorted({q.effect for q in placed}, key=lambda n: (effect(n).order, n)):
         kind = effect(name)
         targets = kind.targets(SCENE)

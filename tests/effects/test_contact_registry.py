@@ -50,18 +50,15 @@ def jammed(worlds: list[World], steps: int = 60) -> np.ndarray:
 
 def sensed(worlds: list[World], ticks: int) -> np.ndarray:
     """Readings (ticks, nsim, 2, 7) of joints whose angle is the tick and whose velocity is minus that."""
-    active = activate(SCENE, worlds)
-
-    class X:
-        q = np.zeros((len(worlds), 7))
-
-    states = [a.effect.start(X, a.p) for a in active]
+    active, still = activate(SCENE, worlds), np.zeros((len(worlds), 7))
+    x = DriveState(1e-3, 1e-3, still, still, still, still, still)
+    states = [a.effect.start(x, a.p) for a in active]
     out = []
     for k in range(ticks):
         q = np.full((len(worlds), 7), float(k))
         dq = -q
         for a, state in zip(active, states, strict=True):
-            q, dq = a.effect.observe(state, q, dq, X, a.p)
+            q, dq = a.effect.observe(state, q, dq, x, a.p)
         out.append(np.stack([q, dq], axis=1))
     return np.array(out)
 

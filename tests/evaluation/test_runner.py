@@ -293,21 +293,17 @@ def test_a_film_shows_the_episode_that_was_recorded(tmp_path):
     assert clip.frames[0].std() > 5 and np.any(clip.frames[0] != clip.frames[-1])
 
 
-def test_every_pushed_episode_is_pushed_by_its_own_seeds_push(tmp_path):
+def test_every_pushed_episode_is_pushed_by_its_own_seeds_push():
     from vispeg.evaluation.arena import Pushed
+    from vispeg.task.peg.task import PegInHoleVec
 
-    class Env:
-        num_envs, told = 2, []
-
-        def reset(self, *, seed=None, options=None):
-            return {}, {}
-
-        def push(self, rows, force, start, duration):
-            self.told.append((rows, tuple(force), start, duration))
-
-    env = Env()
-    pushed = Pushed(env, Pushes())
+    env, seeds = PegInHoleVec(2, "nominal", "state"), (5, 6, 7)
+    pushed, pushes = Pushed(env, Pushes()), []
     pushed.reset(seed=[5, 6])
+    pushes += [env.sim.push[0], env.sim.push[1]]
     pushed.reset(seed=[7, 6], options={"reset_mask": np.array([True, False])})
-    assert [rows for rows, *_ in env.told] == [[0], [1], [0]]
-    assert [t[1] for t in env.told] == [tuple(Pushes().draw(s)[0]) for s in (5, 6, 7)]
+    assert env.sim.push[1] is pushes[1], "its episode goes on"
+    for push, seed in zip((*pushes, env.sim.push[0]), seeds, strict=True):
+        force, start, duration = Pushes().draw(seed)
+        assert (tuple(push.force), push.start, push.duration) == (tuple(force), start, duration)
+    env.close()

@@ -40,11 +40,12 @@ def instances():
 PLACED = list(instances())
 
 
-class Listed:
-    """In place of a randomized world: row after row has one of these, and all the same seed."""
+class Listed(RandomizedWorld):
+    """A randomized world that draws these one after the other, whatever the seed."""
 
     def __init__(self, worlds):
-        self.worlds = iter(worlds)
+        super().__init__()
+        object.__setattr__(self, "worlds", iter(worlds))
 
     def sample(self, seed, scene, levels):
         return next(self.worlds).sample(seed, scene, levels)
