@@ -103,6 +103,13 @@ def test_a_group_moves_together_by_its_correlation(world):
     np.testing.assert_allclose([got[0, 1], got[0, 2], got[1, 2]], [expected, -expected, -expected], atol=0.06)
 
 
+def test_effects_that_all_move_against_their_group_would_move_together_and_are_refused(world):
+    grouped = {"params": {"scale": {"uniform": [0.5, 1.5]}}, "where": "peg", "group": "g", "rho": -0.7}
+    path = world(effects=[{**grouped, "effect": e} for e in ("contact_friction", "object_mass")])
+    with pytest.raises(UserError, match=r"effects\[0\]\.rho: a negative rho without a positive one; .*got -0.7"):
+        load_world(path)
+
+
 def test_chance_is_how_often_an_episode_has_the_effect(world):
     path = load_world(world(effects=[{**FRICTION, "chance": 0.3}]))
     share = np.mean([len(path.world.sample(s, SCENE).effects) for s in range(500)])
@@ -279,6 +286,7 @@ WRONG = {
     "nothing": ({"params": {}}, "effects[0].params", "one or more of scale"),
     "chance": ({"chance": 1.5}, "effects[0].chance", "0 to 1"),
     "rho alone": ({"rho": 0.5}, "effects[0].rho", "group: NAME"),
+    "rho against nothing": ({"rho": -0.7, "group": "g"}, "effects[0].rho", "with a positive rho"),
     "rho": ({"rho": 2, "group": "g"}, "effects[0].rho", "-1 to 1"),
     "key": ({"when": "now"}, "effects[0].when", "choices: effect, where, params"),
 }

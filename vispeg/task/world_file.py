@@ -128,6 +128,7 @@ def load_world(source: str | Path) -> WorldFile:
     # a range for one place comes last, so that it wins over one for many places (`_lay` has removed overridden ones)
     broad = [r for r in parts.ranges.values() if r.where in MANY]
     narrow = [r for r in parts.ranges.values() if r.where not in MANY]
+    _mirrored(parts, path)
     config = config_of(parts.task, str(path))
     world = RandomizedWorld((*broad, *narrow), World(config.robot.model))
     ranges = [(r, *parts.said[place]) for place, r in parts.ranges.items()]
@@ -135,6 +136,22 @@ def load_world(source: str | Path) -> WorldFile:
     task_of(config).check(task_of(config).cell(config), ranges, path)
     digest = world_hash(world, parts.task, parts.cameras, parts.renderer)
     return WorldFile(name, world, parts.task, parts.cameras, parts.renderer, digest, path)
+
+
+def _mirrored(parts: _Parts, path: Path) -> None:
+    """Refuse groups whose correlations are all negative: their effects would move together, as with positive ones."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for place, r in parts.ranges.items():
+        if r.rho:
+            groups.setdefault(r.group, []).append(place)
+    for name, places in groups.items():
+        if all(parts.ranges[place].rho < 0 for place in places):
+            file, key = parts.said[places[0]]
+            rho = parts.ranges[places[0]].rho
+            expected = f"another effect of group '{name}' with a positive rho, against which this one moves"
+            raise UserError(
+                "a negative rho without a positive one", file=file, key=f"{key}.rho", expected=expected, got=rho
+            )
 
 
 def world_hash(
