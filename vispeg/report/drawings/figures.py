@@ -126,10 +126,15 @@ def _png(figure: Figure) -> bytes:
 
 def svg(figure: Figure, name: str, description: str) -> str:
     """Return the figure as inline SVG that scales with the page and uses its colours; ids are prefixed by `name`."""
+    _lay_out(figure)
+    return saved(figure, name, description)
+
+
+def saved(figure: Figure, name: str, description: str) -> str:
+    """Return the figure as `svg` does, laid out by Matplotlib."""
     from html import escape
 
     stream = StringIO()
-    _lay_out(figure)
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
     text = stream.getvalue()
     text = text[text.index("<svg") :]
