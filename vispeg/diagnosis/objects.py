@@ -72,8 +72,7 @@ class ObjectSearch(PlainSearch):
         """As `PlainSearch`: values and intervals of a quadratic surface over resampled tosses."""
         free, rng = range(n_fixed, len(state.world.effects)), np.random.default_rng([self.seed, 19])
         state.world = with_intervals(self.evidence, state.world, free, rng)
-        state.loss, state.residual = (e.residuals([state.world])[0] for e in (self.judged, self.evidence))
-        state.loss = self.judge.loss(state.loss)
+        (state.loss,), (state.residual,) = self.judge.losses([state.world]), self.evidence.residuals([state.world])
         return state.world
 
     def shows_from(self, state: State) -> list[ShowsFrom]:
