@@ -8,10 +8,12 @@ import pytest
 from spheres import BALLS, EYE, RADIUS, model, outline
 
 from vispeg.core.errors import UserError
+from vispeg.core.seeds import stream
 from vispeg.render.backends import classic, filament
 from vispeg.render.backends.backend import Renderer
 from vispeg.render.backends.raycast import cast
 from vispeg.render.cameras import model_camera
+from vispeg.render.cameras.camera import Camera
 from vispeg.render.cameras.standard import standard_cameras
 from vispeg.render.cameras.view import parent_of, view_of
 from vispeg.robots.scene import build
@@ -210,6 +212,28 @@ def test_a_lens_bends_the_picture_as_its_rays_say(cell):
     assert shot.rgb.shape == (64, 64, 3)
 
 
+@pytest.mark.parametrize("parent", ["flange", "link4", "hole", "fixture", "base"])
+def test_a_camera_moves_as_its_parent_does(cell, parent):
+    """Against central differences of its pose, with every joint moving."""
+    camera = Camera("eye", 4, 4, 4.0, 4.0, 1.5, 1.5, parent=parent, pos=(0.05, -0.02, 0.1), quat=(0.5, -0.5, 0.5, 0.5))
+    renderer = Renderer(cell, [camera], "raycast")
+    model, dt = renderer.model, 1e-6
+    qpos, qvel = renderer.data.qpos.copy(), stream(0, "moves").standard_normal(model.nv)
+    poses = []
+    for step in (-dt, dt):
+        moved = qpos.copy()
+        mujoco.mj_integratePos(model, moved, qvel, step)
+        poses.append(renderer.render(moved)["eye"].pose)
+    before, after = poses
+    shot = renderer.render(qpos, qvel=qvel)["eye"]
+    rot = shot.pose[:3, :3]
+    turned = rot.T @ (after - before)[:3, :3] / (2 * dt)  # the matrix of the angular velocity in the camera's axes
+    linear = rot.T @ (after - before)[:3, 3] / (2 * dt)
+    expected = [*linear, turned[2, 1], turned[0, 2], turned[1, 0]]
+    np.testing.assert_allclose(shot.velocity, expected, atol=1e-7)
+    assert bool(np.any(shot.velocity)) == (parent in ("flange", "link4"))
+
+
 def test_renderers_take_turns_and_memory_stays_flat(cell):
     """Two renderers in turn; then opening and drawing on and on costs no memory."""
     cameras = standard_cameras()[1:2]
@@ -257,16 +281,16 @@ def test_what_a_library_writes_past_python_while_it_draws_reaches_no_stream(capf
 
     @filament._quiet()
     def draw(fails: bool) -> None:
-        for stream in (1, 2):
-            os.write(stream, b"EBR Stall Warning\n")
+        for number in (1, 2):
+            os.write(number, b"EBR Stall Warning\n")
         if fails:
             raise UserError("no picture")
 
     draw(False)
     with pytest.raises(UserError, match="no picture"):
         draw(True)
-    for stream in (1, 2):
-        os.write(stream, b"ours\n")
+    for number in (1, 2):
+        os.write(number, b"ours\n")
     assert capfd.readouterr() == ("ours\n", "ours\n")
 
 

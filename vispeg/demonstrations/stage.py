@@ -27,7 +27,6 @@ from vispeg.demonstrations.sensing import ROWS as SENSOR_ROWS
 from vispeg.demonstrations.sensing import Clip, sense
 from vispeg.render.backends.backend import Renderer, Shot
 from vispeg.render.cameras.camera_files import to_record
-from vispeg.render.cameras.rig import camera_velocity
 from vispeg.render.contrast import TRIES, redraw
 from vispeg.render.image_kinds import FAR
 from vispeg.render.snapshot import Snapshot
@@ -202,7 +201,7 @@ class Stage:
         world, refused = redraw(self.seen, self.scene, self.renderer, view_seed, **where)
         frames, shots, labels = [], [], []
         for moment in moments:
-            views = self.renderer.render(moment.cell.qpos, moment.cell.bodies)
+            views = self.renderer.render(moment.cell.qpos, moment.cell.bodies, moment.cell.qvel)
             frames.append(moment.values | {f"label.{self.scene.goal}": self._pose(self.scene.goal)})
             labels.append({name: self._labels(name, shot) for name, shot in views.items()})
             shots.append({name: replace(shot, segmentation=None, normal_of=None) for name, shot in views.items()})
@@ -221,14 +220,11 @@ class Stage:
             "world": physics.values | world.values,
             "cameras": [to_record(c) for c in self.renderer.cameras],
         }
-        twist, flange = np.stack([m.cell.twist for m in moments]), np.stack([m.cell.flange for m in moments])
         clips = {}
         for c in self.layout.cameras:
             mine = [s[c.name] for s in shots]
-            speed = camera_velocity(c, np.stack([s.pose for s in mine]), twist, flange)
-            clips[c.name] = Clip(
-                world, view_seed, np.stack([s.rgb for s in mine]), np.stack([s.depth for s in mine]), speed
-            )
+            rgb, depth, velocity = (np.stack([getattr(s, key) for s in mine]) for key in ("rgb", "depth", "velocity"))
+            clips[c.name] = Clip(world, view_seed, rgb, depth, velocity)
         by_camera = {c.name: [moment[c.name] for moment in labels] for c in self.layout.cameras}
         return Take(frames, by_camera, clips, about)
 

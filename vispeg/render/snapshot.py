@@ -14,14 +14,12 @@ class Snapshot:
 
     Attributes:
         qpos: (nq,) configuration of the cell's model.
+        qvel: (nv,) velocities of its joints, rad/s and m/s.
         bodies: by name, the poses (7,) in their parents, m and quaternion wxyz, of the bodies that the world moves.
-        twist: (6,) velocity of the flange in base axes, m/s and rad/s.
-        flange: (3,) position of the flange in the base frame, m.
         count: number of policy steps since the episode began.
     """
 
     qpos: np.ndarray
+    qvel: np.ndarray
     bodies: Mapping[str, np.ndarray]
-    twist: np.ndarray
-    flange: np.ndarray
     count: int = 0

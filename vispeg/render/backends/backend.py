@@ -19,7 +19,7 @@ from vispeg.render.backends.pristine import Pristine
 from vispeg.render.backends.warp import Warp
 from vispeg.render.cameras import model_camera
 from vispeg.render.cameras.camera import Camera
-from vispeg.render.cameras.view import View, parent_of, view_of
+from vispeg.render.cameras.view import View, parent_of, velocity_of, view_of
 from vispeg.render.labels import Parts, normals_of, part_table, poses
 from vispeg.robots.scene import POSED, Scene
 
@@ -43,6 +43,7 @@ class Shot:
         rgb: (H, W, 3) uint8, sRGB.
         depth: (H, W) float32, distance along the optical axis, m, 0 for no hit.
         pose: (4, 4) transform from camera axes to the base frame, m.
+        velocity: (6,) of the camera in its own axes, m/s and rad/s.
         segmentation: (H, W) int32, 1 + index of the part in `parts`, 0 for none; or None.
         normal_of: function that computes `normals` on demand, as they cost as much as an image; or None.
         poses: by name, (4, 4) poses of bodies and sites of the cell in camera axes, m (see `labels.poses`); or None.
@@ -51,6 +52,7 @@ class Shot:
     rgb: np.ndarray
     depth: np.ndarray
     pose: np.ndarray
+    velocity: np.ndarray
     segmentation: np.ndarray | None = None
     normal_of: Callable[[], np.ndarray] | None = None
     poses: Mapping[str, np.ndarray] | None = None
@@ -161,7 +163,10 @@ class Renderer:
         return done
 
     def render(
-        self, qpos: np.ndarray | None = None, bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None
+        self,
+        qpos: np.ndarray | None = None,
+        bodies: Mapping[str, Sequence[float] | np.ndarray] | None = None,
+        qvel: np.ndarray | None = None,
     ) -> dict[str, Shot]:
         """Render every camera.
 
@@ -169,6 +174,7 @@ class Renderer:
             qpos: (nq,) joint positions, rad and m; default: the present ones.
             bodies: by name, new positions (3,), m, of bodies in their parents, or poses (7,) with a quaternion w x y z.
                 They stay in later renders.
+            qvel: (nv,) joint velocities, rad/s and m/s; default: at rest.
 
         Returns:
             The shots by camera name.
@@ -188,7 +194,11 @@ class Renderer:
         true = [view_of(c, parent, self.data) for c, parent in zip(self.cameras, self._parents, strict=True)]
         drawn = [View(self._pinhole(view.camera), view.pos, view.rot) for view in true]
         pictures = backend.draw(self.data, drawn, self.labels)
-        return {v.camera.name: self._shot(v, picture) for v, picture in zip(true, pictures, strict=True)}
+        shots = {}
+        for view, parent, picture in zip(true, self._parents, pictures, strict=True):
+            velocity = velocity_of(view, parent, self.model, self.data, qvel)
+            shots[view.camera.name] = self._shot(view, velocity, picture)
+        return shots
 
     def restart(self) -> None:
         """Reset the backend, so that later images do not depend on those rendered before.
@@ -222,13 +232,14 @@ class Renderer:
     def __exit__(self, *_: Any) -> None:
         self.close()
 
-    def _shot(self, view: View, picture: Picture) -> Shot:
+    def _shot(self, view: View, velocity: np.ndarray, picture: Picture) -> Shot:
         if warp := self._warps.get(view.camera):
             picture = warp(picture)
         if not self.labels or picture.ids is None:
-            return Shot(picture.rgb, picture.depth, view.matrix)
+            return Shot(picture.rgb, picture.depth, view.matrix, velocity)
         placed = poses(self.model, self.data, view, *self._posed)
-        return Shot(picture.rgb, picture.depth, view.matrix, self._table[picture.ids], _normals(picture, view), placed)
+        labels = self._table[picture.ids], _normals(picture, view), placed
+        return Shot(picture.rgb, picture.depth, view.matrix, velocity, *labels)
 
     def _pinhole(self, camera: Camera) -> Camera:
         warp = self._warps.get(camera)

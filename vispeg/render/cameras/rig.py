@@ -24,24 +24,6 @@ from vispeg.worlds.split import optical
 from vispeg.worlds.world import World
 
 
-def camera_velocity(camera: Camera, pose: np.ndarray, twist: np.ndarray, flange: np.ndarray) -> np.ndarray:
-    """Return the velocity (n, 6) of a camera in its own axes, m/s and rad/s.
-
-    A camera on the base does not move. Every other camera is taken to move with the flange.
-
-    Args:
-        camera: the camera, whose `parent` decides whether it moves.
-        pose: (n, 4, 4) camera axes in the base frame, m.
-        twist: (n, 6) velocity of the flange in base axes, m/s and rad/s.
-        flange: (n, 3) position of the flange in the base frame, m.
-    """
-    if camera.parent == "base":
-        return np.zeros((len(pose), 6))
-    linear = twist[:, :3] + np.cross(twist[:, 3:], pose[:, :3, 3] - flange)
-    turn = np.swapaxes(pose[:, :3, :3], 1, 2)
-    return np.concatenate([np.einsum("nij,nj->ni", turn, linear), np.einsum("nij,nj->ni", turn, twist[:, 3:])], axis=1)
-
-
 class CameraRig:
     """The cameras of a batch of cells, one cell per row.
 
@@ -137,7 +119,7 @@ class CameraRig:
     def look(self, snapshots: Mapping[int, Snapshot]) -> None:
         """Render the cameras of these rows in the given states."""
         for row, snapshot in snapshots.items() if self.cameras else ():
-            shots = self._renderers[row].render(snapshot.qpos, snapshot.bodies)
+            shots = self._renderers[row].render(snapshot.qpos, snapshot.bodies, snapshot.qvel)
             for name, p in self._matchers[row].items() if DEPTH in self.kinds else ():
                 rng = stream(int(self._seeds[row]), "eyes", name, snapshot.count)
                 pair = self._infrared.get(row, self._renderers[row])
@@ -176,13 +158,12 @@ class CameraRig:
             rgb = np.stack([s.rgb for s in shots]).astype(np.float32) / 255
         if DEPTH in self.kinds:
             depth = truth
-        twist, flange = np.stack([m.twist for m in moments]), np.stack([m.flange for m in moments])
         return Frame(
             rgb=rgb,
             depth=depth,
             K=np.repeat(camera.K[None], len(shots), axis=0),
             truth=truth,
-            velocity=camera_velocity(camera, np.stack([s.pose for s in shots]), twist, flange),
+            velocity=np.stack([s.velocity for s in shots]),
             time=np.array([m.count for m in moments]) * self.period,
         )
 

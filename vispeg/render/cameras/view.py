@@ -118,6 +118,21 @@ def view_of(camera: Camera, parent: tuple[str, int], data: mujoco.MjData) -> Vie
     return View(camera, pos + rot @ at, rot @ axes)
 
 
+def velocity_of(
+    view: View, parent: tuple[str, int], model: mujoco.MjModel, data: mujoco.MjData, qvel: np.ndarray | None
+) -> np.ndarray:
+    """Return the velocity (6,) of a camera in its own axes, m/s and rad/s, for joint velocities; None is at rest.
+
+    The kinematics and the positions relative to the centre of mass in `data` must be computed.
+    """
+    kind, i = parent
+    if qvel is None or kind == "world":
+        return np.zeros(6)
+    jac = np.zeros((2, 3, model.nv))
+    mujoco.mj_jac(model, data, jac[0], jac[1], view.pos, model.site_bodyid[i] if kind == "site" else i)
+    return (jac @ qvel @ view.rot).reshape(-1)
+
+
 def planar(buffer: np.ndarray) -> np.ndarray:
     """Convert a reversed depth buffer (1 at NEAR, 0 at FAR) to planar depth, float32 in m, 0 beyond REACH."""
     depth = np.float32(NEAR * FAR) / (np.float32(NEAR) + buffer * np.float32(FAR - NEAR))

@@ -385,9 +385,9 @@ class TaskSimulation:
 
     def snapshot(self, row: int) -> Snapshot:
         """Return the present state of a row, for rendering."""
-        qpos = self.cell.qpos[row, : compiled(self.scene).nq].copy()  # joints that effects added come last
-        flange = self.cell.site_position("flange")[row].copy()
-        return Snapshot(qpos, self.bodies(row), self.seen.twist[row].copy(), flange, int(self.count[row]))
+        model = compiled(self.scene)  # joints that effects added come last
+        qpos, qvel = self.cell.qpos[row, : model.nq].copy(), self.cell.qvel[row, : model.nv].copy()
+        return Snapshot(qpos, qvel, self.bodies(row), int(self.count[row]))
 
     def bodies(self, row: int) -> dict[str, np.ndarray]:
         """Return the poses of a row's fixture and held part in their parent bodies: name -> (7,) m and wxyz."""
