@@ -202,6 +202,17 @@ def test_demonstrations_are_successes_only_and_as_many_as_asked():
         demonstrations(Sb3Env(Reach(4)), Never(), 20, seed=0)
 
 
+def test_demonstrations_of_long_episodes_are_kept_whole(monkeypatch):
+    monkeypatch.setattr("toy.HORIZON", 1000)
+
+    class Late(Pointing):
+        def act(self, obs):
+            return super().act(obs) * (obs["privileged"][:, 2:] > 0.9)
+
+    ring, tried = demonstrations(Sb3Env(Reach(4)), Late(), 1, seed=0)
+    assert tried >= 1 and len(ring) > 900 and ring.sequences(2, 5).weight.all()
+
+
 def test_configuration_survives_its_file(tmp_path):
     course = stages((6.0, 4.5), (0.005,), PegConfig())
     c = config(stages=course, settings={"clearance_mm": 3.0}, distill={"betas": [1.0, 0.0]})

@@ -36,6 +36,10 @@ class Reach(VectorEnv):
         self.offset, self.age = np.zeros((num_envs, 2)), np.zeros(num_envs, int)
         self.level = 1.0
 
+    @property
+    def longest(self) -> int:
+        return HORIZON
+
     def set_level(self, level: float) -> None:
         self.level = level
 

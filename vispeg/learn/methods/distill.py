@@ -121,8 +121,8 @@ def demonstrations(
         UserError: fewer than about one in ten of the teacher's episodes succeed, or too little memory.
     """
     limit = max(10 * episodes, 4 * env.num_envs)
-    longest = 60  # assumed steps per episode: the ring holds every step, of failed episodes too
-    ring = _empty_ring(env, -(-limit // env.num_envs) * longest, seed, device)
+    # the ring holds every step of all rows, of failed episodes too, with those that begin before the last one ends
+    ring = _empty_ring(env, (-(-limit // env.num_envs) + 1) * env.env.longest, seed, device)
     succeeded = tried = 0
     for obs, ends, label, reward, done, infos in _steps(
         env, teacher, None, 1.0, 0.0, seed, stream(seed, "demos"), None

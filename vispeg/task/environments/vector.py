@@ -316,6 +316,11 @@ class TaskVec(VectorEnv):
         return rig_of(*where, file=self.file, backend=backend, look_seed=look_seed)
 
     @property
+    def longest(self) -> int:
+        """The number of policy steps after which an episode ends in any case."""
+        return self.config.steps
+
+    @property
     def ranges(self) -> tuple[RandomizedEffect, ...]:
         """The ranges that episodes draw from: of the physics, and with cameras also of what these see."""
         return (*self.sim.world.ranges, *self.eyes.world.ranges)
