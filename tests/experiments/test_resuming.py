@@ -1,7 +1,7 @@
 """A finished run is not trained again, a killed one goes on, and another configuration is refused."""
 
-import sys
-from types import SimpleNamespace
+import csv
+import shutil
 
 import pytest
 from evaluation import policy_of
@@ -12,48 +12,37 @@ from vispeg.learn.config import read_config
 from vispeg.learn.policy import load
 from vispeg.learn.run_folder import settled
 
-VARIANT, BUDGET = Variant("a", "searching"), Budget(200, 100, 5)
+VARIANT, BUDGET = Variant("a", "searching"), Budget(32, 16, 1)
 
 
-@pytest.fixture
-def calls(monkeypatch):
-    """What a run's script asks the trainer for, without training."""
-    made = []
-
-    def train(config, folder):
-        folder.mkdir(parents=True)
-        config.write(folder / "config.yaml")
-        made.append(("train", config.steps))
-
-    def resume(folder, steps=None):
-        made.append(("resume", steps))
-
-    monkeypatch.setitem(sys.modules, "vispeg.learn.train", SimpleNamespace(train=train, resume=resume))
-    return made
+def curve(folder):
+    """What a run's evaluations say, without the seconds that they took."""
+    with (folder / "progress.csv").open() as stream:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
 
 
-def stopped_at(folder, steps):
-    (folder / "checkpoints" / "last").mkdir(parents=True)
-    (folder / "progress.csv").write_text(f"steps,seconds\n{steps},3\n")
-
-
-def test_new_killed_early_killed_late_finished_extended(tmp_path, calls):
+def test_new_killed_early_killed_late_finished_extended(tmp_path):
     folder = run_folder(tmp_path, VARIANT, 1)
+    half, whole = (settled(configuration(VARIANT, 1, b)) for b in (Budget(16, 16, 1), BUDGET))
+    trained(tmp_path, VARIANT, 1, Budget(16, 16, 1))
+    assert read_config(folder / "config.yaml") == half and len(curve(folder)) == 1
+    whole.write(folder / "config.yaml")  # as of a run of 32 steps that was killed after 16
     assert trained(tmp_path, VARIANT, 1, BUDGET) == folder
-    trained(tmp_path, VARIANT, 1, BUDGET)  # nothing to go on from: anew
-    assert calls == [("train", 200), ("train", 200)]
-    stopped_at(folder, 100)
+    late = curve(folder)
+    assert [row["steps"] for row in late] == ["16", "32"]
+    shutil.rmtree(folder / "checkpoints" / "last")  # nothing to go on from: anew
     trained(tmp_path, VARIANT, 1, BUDGET)
-    assert calls[2:] == [("resume", 200)]
-    (folder / "progress.csv").write_text("steps,seconds\n100,3\n200,6\n")
+    assert curve(folder) == late and (folder / "checkpoints" / "last").is_dir()
+    before = (folder / "progress.csv").read_bytes()
     trained(tmp_path, VARIANT, 1, BUDGET)
-    assert len(calls) == 3
-    trained(tmp_path, VARIANT, 1, Budget(300, 100, 5))
-    assert calls[3:] == [("resume", 300)]
+    assert (folder / "progress.csv").read_bytes() == before, "it is finished"
+    trained(tmp_path, VARIANT, 1, Budget(48, 16, 1))
+    assert curve(folder)[:2] == late and len(curve(folder)) == 3
+    assert (folder / "progress.csv").read_bytes().startswith(before)
 
 
 @pytest.mark.parametrize("other", [Variant("a", "randomized"), Variant("a", "searching", stack=3)])
-def test_another_configuration_under_the_same_name_is_refused(tmp_path, calls, other):
+def test_another_configuration_under_the_same_name_is_refused(tmp_path, other):
     trained(tmp_path, VARIANT, 1, BUDGET)
     with pytest.raises(UserError, match="trained otherwise"):
         trained(tmp_path, other, 1, BUDGET)
@@ -61,15 +50,18 @@ def test_another_configuration_under_the_same_name_is_refused(tmp_path, calls, o
         trained(tmp_path, VARIANT, 1, Budget(100, 100, 5))
 
 
-def test_an_imitator_s_run_is_known_again_and_goes_on_after_its_last_round(tmp_path, calls):
+def test_an_imitator_s_run_is_known_again_and_goes_on_after_its_last_round(tmp_path):
     """A run's file holds the settings that its recipe chose; its checkpoints are rounds."""
-    imitates = Variant("b", "S", modality="depth", teacher="state-3mm")
+    imitates, budget = Variant("b", "S", modality="state", teacher="state-3mm"), Budget(160, 32, 1)
     folder = run_folder(tmp_path, imitates, 1)
     folder.mkdir(parents=True)
-    settled(configuration(imitates, 1, BUDGET)).write(folder / "config.yaml")
-    (folder / "rounds").mkdir()
-    assert trained(tmp_path, imitates, 1, BUDGET) == folder
-    assert calls == [("resume", None)] and (folder / "rounds").is_dir()
+    settled(configuration(imitates, 1, budget)).write(folder / "config.yaml")
+    (folder / "rounds").mkdir()  # killed in its first round
+    assert trained(tmp_path, imitates, 1, budget) == folder
+    assert [row["stage"] for row in curve(folder)] == [f"distill {k}" for k in range(5)]
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    trained(tmp_path, imitates, 1, budget)
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
 def test_recurrent_actors_see_one_observation():
