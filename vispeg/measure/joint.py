@@ -62,7 +62,8 @@ def measure(
         traces: of the joint.
         rng: of the propagation of distributions.
         arm: the arm with the joint, to compute the loop's stiffness and damping.
-        inertia: kg m^2 that the joint turns, if there is no arm.
+        inertia: kg m^2 that the joint turns, from which the loop follows in place of the arm's; None if it is not
+            known. The numbers of the effect `servo` state the loop in the arm, whose reference inertia they refer to.
 
     Raises:
         UserError: the traces show nothing, the angle does not follow its command, or the response to the same steps has
