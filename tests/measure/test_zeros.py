@@ -202,6 +202,22 @@ def test_angles_that_mean_two_things_alike_are_asked_for(tmp_path):
         measure_zeros(file, tmp_path / "zeros.yaml", "iiwa14")
 
 
+@pytest.mark.parametrize(
+    ("form", "stated", "words"),
+    [
+        ("UR's, mm and degrees", "quaternion", "orientation: .*choices: rotation_vector, fixed_xyz, moving_xyz"),
+        ("quaternion last", "rotation_vector", "orientation: no angles whose meaning could be stated"),
+        ("positions, cm", "rotation_vector", "orientation: no angles whose meaning could be stated"),
+    ],
+)
+def test_a_stated_orientation_that_is_none_or_has_no_use_is_refused(form, stated, words, tmp_path):
+    names, *columns = FORMS[form](*seen(stream(7, "forms")))
+    with pytest.raises(UserError, match=words):
+        measure_zeros(
+            table(tmp_path / "poses.csv", names, *columns), tmp_path / "zeros.yaml", "iiwa14", orientation=stated
+        )
+
+
 def test_a_header_with_two_poses_is_refused(tmp_path):
     with pytest.raises(UserError, match="two columns of one name"):
         pose_columns(["tip_x", "tip_y", "tip_z", "cmd_x"], tmp_path)

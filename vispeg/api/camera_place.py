@@ -14,7 +14,7 @@ from vispeg.api.result import Result
 from vispeg.core.errors import UserError
 from vispeg.core.provenance import digest, here
 from vispeg.core.rotation import quaternion
-from vispeg.measure.pose_table import Readings, poses_of, readings, together, two_poses
+from vispeg.measure.pose_table import Readings, check_form, poses_of, readings, together, two_poses
 from vispeg.recordings.tables.read import read_table
 from vispeg.render.calibration.from_poses import Placed, place
 from vispeg.render.calibration.hand_eye import Mount
@@ -116,7 +116,9 @@ def _both(
     """Return all possible interpretations of the flange's and the tag's poses, (n, 4, 4) each."""
     if robot is None:
         table = read_table(path)
-        both = [poses_of(table, columns, form) for columns in two_poses(table)]
+        poses = two_poses(table)
+        check_form(form, poses, path)
+        both = [poses_of(table, columns, form) for columns in poses]
         flange, tag = ([(_matrix(p, t), f"{who} {said}" if said else "") for p, t, said in ways]
                        for who, ways in zip(("the robot's", "the tag's"), both, strict=True))  # fmt: skip
         usual = [way for way in flange if _reached(way[0]) and "in cm" not in way[1]]  # cm must be stated in the header

@@ -31,7 +31,6 @@ TURNS = {  # possible meanings of three orientation angles
     "fixed_xyz": lambda v: Rotation.from_euler("xyz", v),
     "moving_xyz": lambda v: Rotation.from_euler("XYZ", v),
 }
-FORMS = ("quaternion", *TURNS)
 POSITION = {"x": "x", "y": "y", "z": "z", "px": "x", "py": "y", "pz": "z", "tx": "x", "ty": "y", "tz": "z"}
 QUATERNION = {"qw": "w", "qx": "x", "qy": "y", "qz": "z", "ow": "w", "ox": "x", "oy": "y", "oz": "z"}
 THREE = {"rx": 0, "ry": 1, "rz": 2, "roll": 0, "pitch": 1, "yaw": 2, "wx": 0, "wy": 1, "wz": 2}
@@ -125,6 +124,7 @@ def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list
     """
     table = read_table(file)
     columns = pose_columns(table.names, file)
+    check_form(form, [columns], file)
     angles = None if not joints else _angles(table, joints, {*columns.position, *columns.turn})
     of_joints = [(None, "")] if angles is None else _as_radians(*angles, file)
     ways = poses_of(table, columns, form)
@@ -132,6 +132,17 @@ def readings(file: Path, joints: Sequence[str], form: str | None = None) -> list
         Readings(q, position, turn, tuple(text for text in (q_said, said) if text))
         for (q, q_said), (position, turn, said) in product(of_joints, ways)
     ]
+
+
+def check_form(form: str | None, poses: Sequence[PoseColumns], file: Path) -> None:
+    """Refuse a stated meaning of three angles, `form`, that is unknown, or that no pose of the table has a use for."""
+    if form is None:
+        return
+    if form not in TURNS:
+        raise UserError("not a meaning of three angles", key="--orientation", got=form, choices=TURNS)
+    if not any(columns.form in MEANS for columns in poses):
+        expected = "no --orientation, or a table with three angles: rx ry rz, or roll pitch yaw"
+        raise UserError("no angles whose meaning could be stated", file=file, key="--orientation", expected=expected)
 
 
 def poses_of(
@@ -318,11 +329,7 @@ def _turns(table: Table, columns: PoseColumns, form: str | None, file: Path) -> 
                 "not a unit quaternion", file=file, key=table.row(int(bad[0])), expected="length 1", got=got
             )
         return [(Rotation.from_quat(values, scalar_first=True).as_matrix(), "")]
-    forms = MEANS[columns.form]
-    if form is not None:
-        if form not in TURNS:
-            raise UserError("not a meaning of three angles", file=file, key="--orientation", got=form, choices=TURNS)
-        forms = (form,)
+    forms = MEANS[columns.form] if form is None else (form,)
     units = [u for u in _units(columns.turn, ANGLES, file) if np.abs(values).max() * ANGLES[u] < BEYOND]
     if not units:
         raise UserError("impossible orientation angles", file=file, key=columns.turn[0], expected="rad or deg")

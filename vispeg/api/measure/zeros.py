@@ -16,7 +16,7 @@ from vispeg.core.errors import UserError
 from vispeg.core.params import Value
 from vispeg.core.rotation import quaternion
 from vispeg.measure.becomes import placed
-from vispeg.measure.pose_table import FORMS, Readings, best, readings
+from vispeg.measure.pose_table import Readings, best, readings
 from vispeg.measure.screws import Screws
 from vispeg.measure.zeros import Confounded, Poses, Zeros, half_width, roughly, solve
 from vispeg.robots.model import load
@@ -56,8 +56,6 @@ def measure_zeros(
     settings = settings or MeasureSettings()
     path, robot = Path(table), placed_robot(robot)
     check_out(Path(out).expanduser(), settings.overwrite)
-    if orientation is not None and orientation not in FORMS:
-        raise UserError("unknown orientation", key="--orientation", got=orientation, choices=FORMS)
     model = load(robot)
     arm = Screws(lambda q: flange_pose(model, q), len(model.joints))
     fixed = {"base_known": base == "known", "tool_known": tool == "known"}
