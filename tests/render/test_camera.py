@@ -153,7 +153,12 @@ def test_what_no_camera_can_be_is_said_in_one_line(changes, said):
         (
             "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\ndistortion_model: equidistant\n"
             "image_width: 64\nimage_height: 64\n",
-            "unknown lens",
+            "distortion_model: unknown lens.*got 'equidistant'",
+        ),
+        (
+            "camera_matrix: {data: [60, 0, 32, 0, 60, 32, 0, 0, 1]}\ndistortion_model: plumb_bob\n"
+            "distortion_coefficients: {data: [0.1, 0, 0, 0, 0, 0.02]}\nimage_width: 64\nimage_height: 64\n",
+            r"distortion_coefficients: unknown lens.*\(plumb_bob\); got \[0.1, .*0.02\]",
         ),
     ],
 )
