@@ -201,6 +201,14 @@ def test_lwr4_loads_without_its_meshes():
     assert data.ncon == 0  # its shapes overlap
 
 
+def test_a_motor_that_pulls_one_way_has_the_torque_of_that_way(tmp_path):
+    """By each of the three ranges that a file may state."""
+    text = MJCF.format(inertial=INERTIAL).replace("-60 60", "-50 0").replace("-2 2", "-3 1")
+    np.testing.assert_array_equal(load(write(tmp_path, text, "arm.xml")).torque_limit, [50, 30])
+    text = text.replace('name="k" axis', 'name="k" actuatorfrcrange="-25 -5" axis')
+    np.testing.assert_array_equal(load(write(tmp_path, text, "own.xml")).torque_limit, [50, 25])
+
+
 def test_mjcf_keeps_what_it_states_and_gets_motors(tmp_path):
     arm = load(write(tmp_path, MJCF.format(inertial=INERTIAL), "arm.xml"))
     model = arm.compile()
@@ -301,6 +309,8 @@ def test_an_arm_is_here_where_its_folder_is(tmp_path, monkeypatch):
     monkeypatch.setenv("MENAGERIE_ROOT", str(root))
     assert menagerie.state("so100") == "here" and menagerie.state("so101") == "not here"
     assert load("so100").joints == ("j", "k") and "so100" in available()
+    with pytest.raises(UserError, match="cannot get the robot 'robotstudio_so101'"):
+        menagerie.find("so101")
     monkeypatch.delenv("MENAGERIE_ROOT")
     monkeypatch.setattr(menagerie, "_package", lambda: None)
     assert menagerie.state("so101") == "not here"

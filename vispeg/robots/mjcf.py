@@ -78,14 +78,14 @@ def _limits(spec: mujoco.MjSpec, path: Path) -> dict[str, tuple[float, float]]:
     limits: dict[str, float] = {}
     for i in range(model.njnt):
         if model.jnt_actfrclimited[i]:
-            limits[model.joint(i).name] = float(model.jnt_actfrcrange[i].max())
+            limits[model.joint(i).name] = float(abs(model.jnt_actfrcrange[i]).max())
     for i in range(model.nu):
         if model.actuator_trntype[i] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
-        force = model.actuator_forcerange[i].max() if model.actuator_forcelimited[i] else float("inf")
+        force = abs(model.actuator_forcerange[i]).max() if model.actuator_forcelimited[i] else float("inf")
         fixed = model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
         if model.actuator_ctrllimited[i] and fixed:  # a motor, with force = gain * ctrl
-            force = min(force, model.actuator_ctrlrange[i].max() * abs(model.actuator_gainprm[i, 0]))
+            force = min(force, abs(model.actuator_ctrlrange[i]).max() * abs(model.actuator_gainprm[i, 0]))
         name = model.joint(int(model.actuator_trnid[i, 0])).name
         torque = float(force) * abs(float(model.actuator_gear[i, 0]))
         limits[name] = min(limits.get(name, float("inf")), torque)
