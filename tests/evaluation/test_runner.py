@@ -293,6 +293,20 @@ def test_a_film_shows_the_episode_that_was_recorded(tmp_path):
     assert clip.frames[0].std() > 5 and np.any(clip.frames[0] != clip.frames[-1])
 
 
+def test_a_film_plays_in_real_time_whatever_the_policys_period(tmp_path):
+    import cv2
+
+    from vispeg.evaluation.films.media import film, side
+
+    world = tmp_path / "quick.yaml"
+    world.write_text("format: vispeg-world/1\nname: quick\ntask: {policy_period: 0.08, steps: 5}\n")
+    (job,) = make_jobs(entrants(["expert"]), [Setting(str(world), "quick")], seeds_of(1), tmp_path)
+    clip = film(job, job.seeds[0])
+    assert clip.time == pytest.approx(0.4)
+    video = side(clip, "quick", tmp_path / "media", "clip", 0)["video"]
+    assert cv2.VideoCapture(str(tmp_path / str(video))).get(cv2.CAP_PROP_FPS) == pytest.approx(12.5)
+
+
 def test_every_pushed_episode_is_pushed_by_its_own_seeds_push():
     from vispeg.evaluation.arena import Pushed
     from vispeg.task.peg.task import PegInHoleVec

@@ -181,7 +181,7 @@ def test_names_are_shown_as_they_are_and_never_run():
 def test_videos_and_stills_are_inside_the_page(tmp_path):
     frames = np.zeros((12, 33, 48, 3), np.uint8)
     frames[:, :, :24] = 200
-    video = write_video(tmp_path / "media" / "v", frames)
+    video = write_video(tmp_path / "media" / "v", frames, 6.25)
     still = write_image(tmp_path / "media" / "s.png", frames[0])
     side = {
         "world": "S",
@@ -211,16 +211,17 @@ def test_a_video_is_one_that_plays_with_the_frames_it_was_given(tmp_path):
     frames = np.zeros((10, 32, 48, 3), np.uint8)
     for i in range(10):
         frames[i, :, : 4 * i + 4] = (200, 60, 20)
-    path = write_video(tmp_path / "v", frames)
+    path = write_video(tmp_path / "v", frames, 12.5)
     assert path.suffix == ".mp4" and path.stat().st_size > 200
     reader = cv2.VideoCapture(str(path))
+    assert reader.get(cv2.CAP_PROP_FPS) == 12.5
     back = []
     while (got := reader.read())[0]:
         back.append(cv2.cvtColor(got[1], cv2.COLOR_BGR2RGB))
     assert len(back) == 10 and back[0].shape == (32, 48, 3)
     assert np.abs(back[9].astype(int) - frames[9]).mean() < 12  # red stays red: no channel swapped
     with pytest.raises(UserError, match="not a video"):
-        write_video(tmp_path / "w", frames.astype(float))
+        write_video(tmp_path / "w", frames.astype(float), 12.5)
 
 
 def test_a_picture_is_written_without_a_word(tmp_path, capfd):
@@ -234,10 +235,10 @@ def test_a_video_that_cannot_be_made_says_why(tmp_path, monkeypatch):
     frames = np.zeros((2, 32, 48, 3), np.uint8)
     monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: None)
     with pytest.raises(UserError, match=r"v\.mp4: no ffmpeg here"):
-        write_video(tmp_path / "v", frames)
+        write_video(tmp_path / "v", frames, 12.5)
     monkeypatch.setattr("vispeg.evaluation.films.video.ffmpeg", lambda: "false")
     with pytest.raises(UserError, match="ffmpeg failed"):
-        write_video(tmp_path / "v", frames)
+        write_video(tmp_path / "v", frames, 12.5)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,8 @@ def films(
         with new_folder(out, overwrite, holds="films", inputs=(folder, world)) as place:
             for played in play(policy, env, [*seeds]):
                 category = str(played.record.get("category", "episode"))
-                file = write_video(place / f"{played.seed}-{category.replace(' ', '-')}", played.frames)
+                stem = place / f"{played.seed}-{category.replace(' ', '-')}"
+                file = write_video(stem, played.frames, env.metadata["render_fps"])
                 force = float(played.record.get("peak_force", 0.0))
                 yield Film(played.seed, category, force, str(out / file.name))
     finally:

@@ -89,7 +89,7 @@ def side(clip: Clip, world: str, folder: Path, stem: str, step: int) -> Side:
     return {
         "world": world,
         "outcome": f"{clip.category} after {clip.time:.1f} s",
-        "video": _relative(write_video(folder / stem, clip.together), folder),
+        "video": _relative(write_video(folder / stem, clip.together, (len(clip.frames) - 1) / clip.time), folder),
         "image": _relative(write_image(folder / f"{stem}.jpg", clip.frames[step]), folder),
         "view": _relative(view, folder),
     }

@@ -9,11 +9,9 @@ import numpy as np
 
 from vispeg.core.errors import UserError
 
-FPS = 6.25  # frames per second, the policy's default rate
 
-
-def write_video(path: Path, frames: np.ndarray) -> Path:
-    """Write (T, H, W, 3) uint8 RGB frames; return the path, with the suffix .mp4.
+def write_video(path: Path, frames: np.ndarray, fps: float) -> Path:
+    """Write (T, H, W, 3) uint8 RGB frames, `fps` of them a second; return the path, with the suffix .mp4.
 
     Raises:
         UserError: frames of another shape, no ffmpeg, or one that fails.
@@ -26,7 +24,7 @@ def write_video(path: Path, frames: np.ndarray) -> Path:
         raise UserError("no ffmpeg here", expected="ffmpeg, see `vispeg doctor`", file=target)
     path.parent.mkdir(parents=True, exist_ok=True)
     size = f"{frames.shape[2]}x{frames.shape[1]}"
-    raw_input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(FPS), "-i", "-"]
+    raw_input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", f"{fps:.6g}", "-i", "-"]
     made = ["-c:v", "libx264", "-crf", "26", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     command = [program, "-y", "-loglevel", "error", *raw_input, *made, str(target)]
     done = subprocess.run(command, input=np.ascontiguousarray(frames).tobytes(), capture_output=True)

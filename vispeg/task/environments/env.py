@@ -15,7 +15,7 @@ from vispeg.worlds.world import World
 class TaskEnv(gym.Env):
     """One environment of a world's task. The arguments are those of `TaskVec`, without `num_envs`."""
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 6}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 6.25}
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class TaskEnv(gym.Env):
 
         self._made = {"world": world, "obs_mode": obs_mode, "render_mode": render_mode, **settings}
         self.vec = TaskVec(1, **self._made)
-        self.render_mode = render_mode
+        self.render_mode, self.metadata = render_mode, {**self.metadata, "render_fps": self.vec.metadata["render_fps"]}
         self.cameras = self.vec.cameras
         self.observation_space, self.action_space = self.vec.single_observation_space, self.vec.single_action_space
 

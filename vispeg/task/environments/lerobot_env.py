@@ -37,6 +37,7 @@ class LeRobotEnv(gym.Env):
         chosen: dict[str, Any] = {"cameras": tuple(cameras)} if cameras else {}
         chosen |= {"image_size": image_size} if image_size else {}
         self.env = TaskEnv(world, "rgb", render_mode, measured=True, **chosen)
+        self.metadata = self.env.metadata
         self.render_mode, self.action_space = render_mode, self.env.action_space
         config = self.env.vec.config
         self.task = self.task_description = task_of(config).title

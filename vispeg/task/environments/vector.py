@@ -171,7 +171,8 @@ class TaskVec(VectorEnv):
         self.world, self.config, self.file = world_of(world, settings, made)
         self.num_envs, self.obs_mode, self.render_mode, self.dump = num_envs, obs_mode, render_mode, dump
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 6, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 1 / self.config.policy_period}
+        self.metadata["autoreset_mode"] = self.autoreset_mode
         self.sim = TaskSimulation(self.world, self.config, num_envs, obs_mode, nthread)
         self.eyes = self.rig(backend=backend)
         self.further: list[CameraRig] = []  # further rigs that see the rows with other looks; image keys `KEY@1`, ...
