@@ -164,3 +164,25 @@ def test_another_writers_dataset_says_by_its_steps_who_succeeded_or_not_at_all(t
         episodes.append({k: v for k, v in (some | {"next.success": np.array(reached, bool)}).items() if k not in less})
     write(tmp_path, episodes, {"observation.state": ["a", "b"], "action": ["x", "y", "z"]})
     assert successes(Dataset(tmp_path, theirs=True)) == wanted
+
+
+@pytest.mark.parametrize("beside", [True, False])
+@pytest.mark.parametrize("recorded", [True, False])
+def test_an_episode_terminates_only_where_success_is_recorded(tmp_path, beside, recorded):
+    """Else its value goes on from its last frame, which imitation has too."""
+    episodes = []
+    for number in range(2):
+        policy = 10.0 * number + np.arange(3.0)[:, None] + np.zeros(2)
+        some = {"observation.policy": policy, "observation.environment_state": np.zeros((3, 3))}
+        some |= {"action": np.zeros((3, 3)), "next.reward": np.zeros(3)}
+        episodes.append(some | ({"next.success": np.array([0, 0, 1], bool)} if recorded else {}))
+    write(tmp_path, episodes, {"observation.policy": ["a", "b"], "action": ["x", "y", "z"]})
+    space = spaces.Dict({key: BESIDE[key] for key in ("policy", "privileged")})
+    ring = from_folder(tmp_path, "proprio", Layout(2, {}, 3), 0, beside=space if beside else None)
+    at, row = np.nonzero(ring.starts)
+    batch = ring._batch(at, row)
+    whole = recorded or not beside
+    assert batch.done.tolist() == ([0, 0, int(recorded)] * 2 if whole else [0, 0, 0, 0])
+    assert batch.obs["policy"][:, 0].tolist() == ([0, 1, 2, 10, 11, 12] if whole else [0, 1, 10, 11])
+    if not whole:
+        assert batch.next_obs["policy"][:, 0].tolist() == [1, 2, 11, 12]

@@ -63,7 +63,8 @@ def from_folder(
         device: torch device of the batches, that of the learning network.
         beside: None for imitation: actions are the intended ones (`action`), rewards are 0. For reinforcement
             learning, the observation space of the run's own replay: the folder must then hold all its parts and the
-            rewards, and actions are those executed (`executed.action`), where the folder has them.
+            rewards, and actions are those executed (`executed.action`), where the folder has them. An episode's last
+            action is left out where the folder does not record success.
         config: the settings of the policy's task.
         say: called with a line if actions exceed what the controller accepts; they are clipped to +-1.
 
@@ -112,21 +113,22 @@ def from_folder(
     box = spaces.Box(-1, 1, (layout.action,), np.float32)
     frames = sum(int(data.episodes[number]["length"]) for number in numbers)
     ring = Replay(frames + len(numbers) + 1, spaces.Dict(boxes), box, device, seed=seed)
-    clipped = 0
+    clipped, known = 0, index.successes is not None
     for number in numbers:
         observations, actions, gain = read(number)
-        steps = len(actions)
+        # A folder has no frame after an episode's last action. Imitation needs none, and the value of a success none
+        # either. Where success is not recorded, time may have ended the episode: its value goes on from the last frame.
+        steps = len(actions) - (beside is not None and not known)
         clipped += int((np.abs(actions) > 1 + BEYOND).any(axis=1).sum())
         for t in range(steps):
-            # An episode has no frame after its last action: the last frame stands in, and `done` keeps it unused.
-            last, after = t == steps - 1, min(t + 1, steps - 1)
+            last, after = t == steps - 1, min(t + 1, len(actions) - 1)
             ring.add(
                 {key: value[t : t + 1] for key, value in observations.items()},
                 {key: value[after : after + 1] for key, value in observations.items()},
                 np.clip(actions[t : t + 1], -1, 1),
                 gain[t : t + 1],
                 np.array([last]),
-                [{}],
+                [{"TimeLimit.truncated": not known}],
             )
     if clipped:
         say(f"{clipped} of {frames} actions asked for more than the controller takes")

@@ -133,7 +133,7 @@ def finetune(
         others: list[Origin] = []  # the worlds that it learns in, without the target
         if dataset is not None and shown is not None:
             others.append(made_in(dataset))
-            say(f"{int(shown.done.sum())} demonstrations that succeeded")
+            say(f"{int(shown.first.sum())} demonstrations")
             rings.append((shown, 1 - settings.known))
         else:
             ring, tried = demonstrations(env, teacher(env.env), settings.demos, seed, actor.device)
