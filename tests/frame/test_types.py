@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -39,3 +40,13 @@ def test_what_commands_do_is_typed_from_python(file):
         assert None not in hints and function.returns is not None, function.name
         text = " ".join(map(ast.unparse, [*hints, function.returns]))
         assert "dict[str, Any]" not in text, function.name
+
+
+def test_what_the_type_checker_is_told_to_ignore_has_a_reason():
+    """One rule, and in the same comment why it is wrong there."""
+    bare = re.compile(r"# (type|pyright): ignore(?!\[[\w-]+\]  # \w)")
+    files = {path.relative_to(ROOM): path.read_text(encoding="utf-8") for path in ROOM.rglob("*.py")}
+    found = [
+        f"{path}:{n}" for path, text in files.items() for n, line in enumerate(text.split("\n"), 1) if bare.search(line)
+    ]
+    assert not found
