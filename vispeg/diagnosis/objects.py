@@ -164,7 +164,7 @@ def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
     compiled = model.compile(1e-3)
     batch = Batch(compiled, 1)
     fields = Fields(batch, model)
-    for a in activate(model, [world]):  # type: ignore[arg-type]
+    for a in activate(model, [world]):
         a.effect.write(fields, a.p)
     geom = int(np.flatnonzero(compiled.geom_bodyid == compiled.body(model.name).id)[0])
     time, ratio = fields["geom_solref"][0, geom]
