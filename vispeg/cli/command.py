@@ -59,7 +59,7 @@ class Option:
     group: str = ""
 
 
-TOLERANCE = Option(FLAG.removeprefix("--"))  # the task's tolerance is called clearance on the command line
+TOLERANCE = Option(FLAG.removeprefix("--"))  # the tolerance has a name of its own on the command line
 
 
 @dataclass(frozen=True, eq=False)
