@@ -127,7 +127,7 @@ def test_several_cameras_in_one_file(tmp_path):
         ({"width": 64.5}, "impossible width"),
         ({"height": 10**6}, "impossible height"),
         ({"cx": 900}, "impossible cx"),
-        ({"distortion": (-3, 0, 0, 0, 0)}, "impossible distortion.*one direction"),
+        ({"distortion": (-3, 0, 0, 0, 0)}, "impossible distortion.*one viewing direction"),
         ({"distortion": (0, 0)}, "impossible distortion"),
         ({"quat": (0, 0, 0, 0)}, "impossible quat"),
         ({"pos": ("a", 0, 0)}, "impossible pos"),

@@ -239,7 +239,7 @@ def test_how_far_an_arm_repeats_decides_no_episode_and_is_not_in_the_hash(tmp_pa
 
 FAR = [
     ({"x": {"uniform": [-0.15, 0.15]}, "y": {"uniform": [0.0, 0.15]}}, "out of reach"),
-    ({"x": 0.1, "y": {"uniform": [0.0, 0.15]}}, "the arm cannot go"),
+    ({"x": 0.1, "y": {"uniform": [0.0, 0.15]}}, "the arm cannot reach the hole"),
     ({"x": {"choice": [0.0, 0.15]}, "y": 0.05}, "out of reach"),
     ({"z": {"uniform": [-0.06, 0.0]}}, "0.045 to 0.4 m high"),
     ({"z": {"normal": [0.0, 0.01]}}, "0.045 to 0.4 m high"),
@@ -259,7 +259,7 @@ def test_a_hole_out_of_reach_is_refused(params, says, world):
 
 def test_reach_is_judged_by_what_the_whole_file_says(world):
     """A fixture aside, where joint 7 would have to turn too far; an offset that only another fixture's place allows."""
-    with pytest.raises(UserError, match=r"side.yaml: task.fixture: .*the arm cannot go"):
+    with pytest.raises(UserError, match=r"side.yaml: task.fixture: .*the arm cannot reach the hole"):
         load_world(world("side", task={"fixture": [0.42, 0.42, 0.05]}))
     low = {"effect": "hole_offset", "where": "all", "params": {"z": {"uniform": [-0.05, 0.0]}}}
     load_world(world("raised", task={"fixture": [0.6, 0.0, 0.12]}, effects=[low]))
