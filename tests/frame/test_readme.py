@@ -37,6 +37,14 @@ def test_block_runs(page, language, text, tmp_path):
         assert expected in done.stdout.splitlines()
 
 
+def test_pages_that_the_code_cites_are_there():
+    cited = re.compile(r"(?<![\w/])(?:docs/[\w/-]+|[A-Z][A-Z0-9_]+)\.md\b")
+    files = [*ROOT.glob("vispeg/**/*.py"), *ROOT.glob("scripts/**/*.py")]
+    names = {(file.name, name) for file in files for name in cited.findall(file.read_text(encoding="utf-8"))}
+    missing = {(file, name) for file, name in names if not (ROOT / name).is_file()}
+    assert names and {name for _, name in missing} <= {"ORDER.md"}, missing  # which `measure plan` writes
+
+
 def prose(page: Path) -> str:
     """The page without its blocks of code."""
     return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)

@@ -34,7 +34,7 @@ def controller(
     kp: np.ndarray | None = None,
     kd: np.ndarray | None = None,
 ) -> Control:
-    """Return a controller of RECORDING.md, with default gains unless given; nominal gravity is compensated.
+    """Return a controller that docs/formats.md states, with default gains unless given; nominal gravity is compensated.
 
     Servos only take position goals: their loop is built in, and effects describe it.
 

@@ -1,4 +1,4 @@
-"""Load a recording folder (RECORDING.md), refusing content that would mislead a fit."""
+"""Load a recording folder (docs/formats.md), refusing content that would mislead a fit."""
 
 from __future__ import annotations
 

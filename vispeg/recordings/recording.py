@@ -27,7 +27,7 @@ class Nullspace:
 
 @dataclass(frozen=True)
 class Control:
-    """The controller that ran on the robot, see RECORDING.md; gains are arrays, one per joint or six for osc."""
+    """The controller that ran on the robot, see docs/formats.md; gains are arrays, one per joint or six for osc."""
 
     mode: Mode = "unknown"
     rate_hz: float = 500.0
@@ -100,7 +100,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Recording:
-    """One folder of RECORDING.md.
+    """One folder in the format that docs/formats.md states.
 
     Attributes:
         path: the folder (or a label where there is none).

@@ -1,4 +1,4 @@
-"""The rigid nominal arm of the hidden plant, written out from its published table (IIWA14.md), SI units.
+"""The rigid nominal arm of the hidden plant, written out from its published table, SI units.
 
 Source of the numbers: MuJoCo Menagerie `kuka_iiwa_14` (BSD-3-Clause). It is a second, independent transcription: the
 project's own nominal model is not imported, so a slip in either shows up as a residual of the effect-free cases.

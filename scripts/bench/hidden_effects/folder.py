@@ -1,4 +1,4 @@
-"""Writes a recording folder of RECORDING.md without the project's own writer, and with no hint of what is hidden."""
+"""Writes a recording folder (docs/formats.md) without the project's own writer, and with no hint of what is hidden."""
 
 from __future__ import annotations
 

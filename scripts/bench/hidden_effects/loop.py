@@ -1,4 +1,4 @@
-"""Closed loop on the hidden plant: sensors, the three controllers of RECORDING.md at 500 Hz with zero-order hold."""
+"""Closed loop on the hidden plant: sensors, the three controllers of docs/formats.md at 500 Hz with zero-order hold."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class _Law:
         return tau, tau + gravity
 
     def _khatib(self, now: Nominal, k: int, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Khatib's law as RECORDING.md states it, without the gravity term."""
+        """Khatib's law as docs/formats.md states it, without the gravity term."""
         jac, mass = now.jacobian(), now.mass
         kp, kd = (np.array(g) for g in GAINS["osc"])
         place, turn = now.out["site_xpos"][:, 0], now.out["site_xmat"][:, 0].reshape(-1, 3, 3)

@@ -61,7 +61,7 @@ def as_asked(rec: Recording, robot: RobotModel) -> Recording:
 
 
 def _asked(rec: Recording, robot: RobotModel, q: np.ndarray) -> np.ndarray:
-    """Return the torques (n, nj) N m of the law in RECORDING.md at readings q (n, nj), without gravity."""
+    """Return the torques (n, nj) N m of the law of osc (docs/formats.md) at readings q (n, nj), without gravity."""
     c, n = rec.control, len(q)
     assert rec.ee_cmd is not None and c.kp is not None and c.kd is not None
     dq = np.nan_to_num(smooth(rec.time, q, MOTION_HZ)[1] if rec.dq is None else rec.dq)
