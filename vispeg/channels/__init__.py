@@ -1,4 +1,4 @@
-"""The channels: one file or folder a channel; every module here enrols what it defines."""
+"""The channels, each in one file or folder here. Importing this package imports them all, and so enrols them."""
 
 from importlib import import_module
 from pkgutil import walk_packages

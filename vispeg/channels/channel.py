@@ -1,4 +1,7 @@
-"""What a channel is: one kind of evidence that a model and its recordings are compared in."""
+"""Define what a channel is: one kind of evidence in which a model and its recordings are compared.
+
+Joints, pictures, contact and tosses are channels. A diagnosis looks for each effect in the channels that show it.
+"""
 
 from __future__ import annotations
 
@@ -26,22 +29,22 @@ from vispeg.recordings.windows import SECONDS
 from vispeg.worlds.world import World
 
 CHANNELS: Registry[Channel] = Registry("channel", "vispeg.channels")
-Both = tuple[Sequence[Recording], Sequence[Recording]]  # to fit, and to judge on
+Both = tuple[Sequence[Recording], Sequence[Recording]]  # (fitted, held out); no effect is fitted to held-out ones
 
 
 @dataclass(frozen=True)
 class How:
-    """How a channel goes about a comparison, a fit or a diagnosis.
+    """Options of a comparison, a fit or a diagnosis.
 
     Attributes:
-        seconds: of a longer recording that are used; 0: all.
+        seconds: how much of a longer recording is used, s; 0 for all of it.
         seed: of everything random.
         threads: of the simulation.
         say: called with a line on each step.
-        likely: called with what a first look calls for, before the search confirms or corrects it.
-        progress: keeps what a diagnosis has worked out.
-        plan_next: whether the next motion is worked out.
-        reading: progress display of reading a recording's pictures.
+        likely: called with the effects that torques suggest, before the search confirms or corrects them.
+        progress: stores intermediate results of a diagnosis, so that a killed one can resume.
+        plan_next: whether a diagnosis also works out which motion to record next.
+        reading: shows the progress of reading a recording's pictures.
     """
 
     seconds: float = SECONDS
@@ -55,12 +58,13 @@ class How:
 
 
 class Channel(ABC):
-    """One kind of evidence. A subclass enrols itself by `name`, in one file or folder, with no edit elsewhere.
+    """One kind of evidence. Defining a subclass with a `name` enrols it; nothing else need be edited.
 
     Class attributes:
         name: what `--channels` calls it.
-        order: its place in a diagnosis over several; what others heed comes first.
-        lead: its place among those whose comparison stands at the top of a record.
+        order: its place in a diagnosis over several channels, smaller first: a channel whose effects other channels
+            need for their predictions comes before them.
+        lead: when several are compared, the comparison of the channel with the smallest `lead` heads the record.
     """
 
     name: ClassVar[str]
@@ -69,67 +73,72 @@ class Channel(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "name" in cls.__dict__:  # others are abstract helpers
+        if "name" in cls.__dict__:  # a subclass without a name is an abstract base of channels
             CHANNELS.enrol(cls.name, cls())
 
-    # Which -------------------------------------------------------------------------------------------------------
+    # Which recordings and effects it is for ----------------------------------------------------------------------
     @abstractmethod
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
         """Say whether a model can be compared with all of these recordings in this channel."""
 
     @abstractmethod
     def shows(self, kind: Effect) -> bool:
-        """Say whether this channel is where an effect is looked for."""
+        """Say whether a search in this channel tries this kind of effect."""
 
     def heeds(self, kind: Effect) -> bool:
-        """Say whether an effect that another channel named changes what this one predicts."""
+        """Say whether an effect of this kind, found in another channel, changes what this channel predicts."""
         return False
 
     def blind(self, world: World, *both: Sequence[Recording]) -> str:
-        """Say why nothing of the model shows in recordings that have this channel; empty where something does."""
+        """Say why these recordings show nothing of the model although they have this channel; empty if they do."""
         return ""
 
-    # What --------------------------------------------------------------------------------------------------------
+    # What is compared and fitted ---------------------------------------------------------------------------------
     def part(self, world: World) -> World:
-        """Give the part of a model that this channel can show; a search begins with it."""
+        """Give the model with only the effects that this channel can show; a search begins with it."""
         return world
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give what of a recording is compared under a model."""
+        """Give the part of a recording that is compared with a model, corrected for what the model says of it."""
         return recording
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give the recordings to fit as evidence, and those to judge on if there are any.
+        """Give the evidence of the fitted recordings and that of the held-out ones; None if none are held out.
 
         Raises:
-            UserError: recordings that cannot be compared with the model, or nothing of this channel is ever fitted.
+            UserError: recordings that cannot be compared with the model, or a channel that has no such evidence.
         """
         raise UserError("nothing is fitted in this channel", key="--channels", got=self.name)
 
     def begin(self, evidence: Evidence, world: World, unstated: Sequence[int]) -> World:
-        """Give the world from which a fit starts, of whose effects those at `unstated` have no value of the user's."""
+        """Give the world from which a fit starts; its effects at the indices `unstated` may get better start values.
+
+        The user stated no value for those effects.
+        """
         return world
 
     def finish(self, evidence: Evidence, fit: Fit) -> Fit:
-        """Give a fit with the intervals that this channel's errors call for."""
+        """Give a fit with intervals that suit this channel; by default those of the fit itself."""
         return fit
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-        """Give the arrays behind the pictures of a fit: measured, and predicted by two worlds."""
+        """Give the arrays behind the pictures of a fit: what was measured, and what each of two worlds predicts."""
         return {}
 
-    # How ---------------------------------------------------------------------------------------------------------
+    # Comparison and diagnosis ------------------------------------------------------------------------------------
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
-        """Say how far a model is off, nothing fitted.
+        """Compare a model with recordings, without a fit.
 
         Raises:
-            UserError: recordings that cannot be compared with the model, or nothing of this channel ever is.
+            UserError: recordings that cannot be compared with the model, or a channel without a comparison.
         """
         evidence, _ = self.evidence(world, (recordings, ()), how)
         return compare_plain(evidence, self.part(world), world.label)
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
-        """Find the effects of this channel that a model lacks; every error in the record is on held-out recordings.
+        """Find the effects that this channel shows and a model lacks.
+
+        Every error in the record is on held-out recordings, except the ladder's `fit_error`.
 
         Raises:
             UserError: recordings that cannot be compared with the model.

@@ -1,8 +1,8 @@
-"""One diagnosis over several channels: each looks for the cause with what the others named.
+"""One diagnosis over several channels: each is searched with the effects that the others found.
 
-A channel is searched among its own effects, as it is alone. What it names beyond doubt and another channel heeds (an
-encoder's offset moves what a camera predicts; a goal that stands elsewhere, too) is part of that channel's model when
-it is searched again. So no evidence is searched for an effect that another has shown, and none is weighed against it.
+Each channel is searched for its own effects, as if it were alone. If it identifies an effect that changes what another
+channel predicts (an encoder's offset moves what a camera should see, and so does a displaced goal), that effect is
+added to the other channel's model, and the other channel is searched again. So no two channels are fitted together.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from vispeg.diagnosis.schema import ChannelRecord, DiagnosisRecord
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
-FIRM = ("identified", "ambiguous")  # verdicts whose effects other channels may build on
-ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # the first that any channel says is said of all
+FIRM = ("identified", "ambiguous")  # verdicts of a channel whose effects are added to other channels' models
+ORDER = ("unexplained", "ambiguous", "identified", "adequate")  # gravest first; the joint verdict is the gravest
 
 
 def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Diagnosis:
-    """Name what a model lacks, the cause looked for in every channel.
+    """Find what a model lacks, in every one of the channels.
 
-    A channel in which nothing of the model shows is left out, with a note, where there is another one.
+    If there are several, one whose recordings show nothing of the model is left out with a note. If all are such, the
+    first is kept.
 
     Args:
-        channels: of `resolve`.
-        world: of an arm, of a cell, or of a robot whose own file shows what stands about.
-        both: the recordings.
-        how: to go about it.
+        channels: names, from `resolve`.
+        world: the model: of an arm, of a cell, or of a robot whose own file also holds the things around it.
+        both: the fitted and the held-out recordings.
+        how: options.
 
     Raises:
         UserError: recordings that cannot be compared in a channel.
@@ -52,7 +53,7 @@ def diagnose(channels: Sequence[str], world: World, both: Both, how: How) -> Dia
 
 
 def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
-    """Give a channel's diagnosis with what of the model the channel cannot show."""
+    """Give a channel's diagnosis with the effects and the cell of `world` that the channel's own part leaves out."""
     began = channel.part(world)
     aside = [e for e in world.effects if e not in began.effects]
     found = diagnosis.world
@@ -60,7 +61,7 @@ def whole(diagnosis: Diagnosis, channel: Channel, world: World) -> Diagnosis:
 
 
 def part_of(progress: Progress, channel: str, start: World) -> Progress:
-    """Give what a channel of several asks from a start: the same question is another one given what others named."""
+    """Give the stored results of one channel's search from the model `start`, kept apart from those of other starts."""
     return progress.part(f"{channel} {model_text(start)}")
 
 
@@ -75,7 +76,7 @@ def _noted(diagnosis: Diagnosis, left_out: Sequence[str]) -> Diagnosis:
 
 @dataclass(frozen=True)
 class Said:
-    """What a channel said, and the other channels' effects that it was given."""
+    """A channel's diagnosis, and the other channels' effects that were in its model (`assumed`)."""
 
     channel: Channel
     diagnosis: Diagnosis
@@ -83,13 +84,13 @@ class Said:
 
     @property
     def added(self) -> tuple[EffectInstance, ...]:
-        """The effects that it named."""
+        """The effects that the channel itself found: the last ones of its model."""
         effects = self.diagnosis.world.effects
         return effects[len(effects) - len(self.diagnosis.record["effects"]) :]
 
     @property
     def firm(self) -> tuple[EffectInstance, ...]:
-        """Those that another channel may build on."""
+        """Those of them that other channels may take as known: of a firm verdict, neither partial nor tentative."""
         sure = self.diagnosis.record["verdict"] in FIRM
         return tuple(e for e in self.added if sure and not e.partial and not e.tentative)
 
@@ -100,13 +101,18 @@ def conduct(
     ask: Callable[[Channel, World], Diagnosis],
     say: Callable[[str], None],
 ) -> list[Said]:
-    """Ask channel after channel, and again while another has named what one heeds; what each said last, in their order.
+    """Search every channel, and again each one for which other channels have since found different effects.
+
+    Stops when none needs another search, or after `channel_rounds` rounds.
 
     Args:
         channels: those that the recordings have.
         world: the user's model.
-        ask: gives what a channel says of the recordings under a model.
-        say: is told what is being done.
+        ask: searches a channel from a model.
+        say: called with a line on each search.
+
+    Returns:
+        the last result of each channel, in the order of `channels`.
     """
     said: dict[str, Said] = {}
     for _ in range(RULES.channel_rounds):
@@ -125,14 +131,15 @@ def conduct(
 
 
 def _alike(a: Sequence[EffectInstance], b: Sequence[EffectInstance]) -> bool:
-    """Whether two lists of effects are the same but for what other values of theirs were fitted beside."""
+    """Return whether two lists have the same effects at the same places; their values may differ."""
     return {e.label for e in a} == {e.label for e in b}
 
 
 def joined(said: Sequence[Said], world: World) -> Diagnosis:
-    """One record and one model of what the channels said; arrays of a channel lie under `channel/NAME/`.
+    """Join the channels' results in one record and one model; a channel's arrays have keys `channel/NAME/...`.
 
-    The verdict is the gravest of theirs. The ladder is that of the channel whose error fell the most.
+    The verdict is the gravest one. An effect that several channels found has the values of the first. The ladder is of
+    the channel whose held-out error fell by the greatest factor.
     """
     added: dict[str, EffectInstance] = {}
     listed: list[Any] = []
@@ -171,5 +178,6 @@ def _row(s: Said) -> ChannelRecord:
 
 
 def _fall(record: Mapping[str, Any]) -> float:
+    """Return the held-out error of the ladder's first model over that of its last; 0 if no effect was found."""
     first, last = (record["ladder"][at]["heldout_error"] for at in (0, -1))
     return (first / last if first and last else 1.0) if record["effects"] else 0.0

@@ -1,4 +1,4 @@
-"""Contact: the wrench at the wrist that keeps the hand on its measured path."""
+"""The contact channel: the wrench at the wrist while the model's hand is driven along its measured path."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from vispeg.worlds.world import World
 
 
 class Contact(Channel):
-    """A tool in a task's cell. Last of several: its path is that of an arm that reads right."""
+    """A tool in a task's cell. Diagnosed last: the hand's path is right only if the encoders' errors are known."""
 
     name = "contact"
     order = 30
     lead = 10
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
-        """All have a wrench, or torques to tell it from, and the model has a cell: nothing else is touched."""
+        """Say whether the model has a cell (else nothing is touched), and all have a wrench or torques to infer it."""
         return world.cell is not None and not is_object(world.robot) and felt(recordings)
 
     def shows(self, kind: Effect) -> bool:
-        """Look for what changes the wrench."""
+        """Say whether the effect changes the wrench."""
         return "wrench" in kind.channels()
 
     def heeds(self, kind: Effect) -> bool:
-        """Heed what encoders misread, which moves the hand's path."""
+        """Say whether the effect is an encoder offset, which moves the hand's path."""
         return kind.name == READINGS
 
     def part(self, world: World) -> World:
-        """Give the model without what encoders misread, which is taken off the recordings."""
+        """Give the model without encoder offsets, which `read` subtracts from the recordings instead."""
         return world.only(lambda e: e.effect != READINGS)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
-        """Give its joint angles where they are, as far as the model says what encoders misread."""
+        """Give the recording with the model's encoder offsets subtracted from its joint angles."""
         q = recording.q.copy()
         for e in world.effects:
             if e.effect == READINGS:
@@ -55,24 +55,24 @@ class Contact(Channel):
         return replace(recording, q=q)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give the hand driven along its measured path."""
+        """Give the wrenches of the hand driven along its measured path."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         return evidence_of(first, how.threads), evidence_of(second, how.threads) if second else None
 
     def finish(self, evidence: Evidence, fit: Fit) -> Fit:
-        """Give intervals of the profile: a squared residual of contact is no parabola."""
+        """Give intervals from the profile of the squared residual, which is no parabola in contact."""
         assert isinstance(evidence, ContactEvidence)
         return replace(fit, world=intervals(evidence, fit)[0])
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
-        """Say how far the wrench is off, axis by axis and phase by phase."""
+        """Return the errors of the wrench, axis by axis and phase by phase."""
         some = [self.read(rec, world, how) for rec in recordings]
         result = compare_contact(self.part(world), some, nthread=how.threads, label=world.label)
         result.arrays.update(worst_moment(result.arrays, some))
         return result
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
-        """Find what the contact lacks."""
+        """Find the contact effects that the model lacks."""
         some = [[self.read(rec, world, how) for rec in recordings] for recordings in both]
         options = {"nthread": how.threads, "say": how.say, "progress": how.progress}
         diagnosis = diagnose_contact(self.part(world), *some, **options)

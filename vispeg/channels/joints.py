@@ -1,4 +1,4 @@
-"""Joints: angles in closed loop under the recorded controller, or torques by inverse dynamics."""
+"""The joints channel: angles in closed loop under the recorded controller, or torques by inverse dynamics."""
 
 from __future__ import annotations
 
@@ -28,34 +28,34 @@ from vispeg.worlds.places import values
 from vispeg.worlds.split import of_arm
 from vispeg.worlds.world import World
 
-READINGS = "encoder_offset"  # what moves every prediction that starts from measured angles
-HEAVY = {"body_mass", "body_ipos"}  # fields by which the hand carries something else
+READINGS = "encoder_offset"  # the effect that shifts every prediction made from measured angles
+HEAVY = {"body_mass", "body_ipos"}  # an effect that writes one of these fields changes the load in the hand
 
 
 class Joints(Channel):
-    """The arm in free air. First of several: what the arm reads wrong moves pictures and the hand's path alike."""
+    """The arm in free air. Diagnosed first: an encoder offset also moves what cameras see, and the hand's path."""
 
     name = "joints"
     order = 10
     lead = 20
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
-        """All have a known controller, or measured torques; none where torques stand for a wrench."""
+        """Say whether all have a known controller or measured torques, unless torques must stand in for a wrench."""
         if is_object(world.robot):
             return False
         stand_in = world.cell is not None and felt(recordings) and any(rec.ft is None for rec in recordings)
         return not stand_in and all(map(moved, recordings))
 
     def shows(self, kind: Effect) -> bool:
-        """Look for what an arm alone can show."""
+        """Say whether an arm in free air can show the effect."""
         return kind.family in ARM and kind.searchable
 
     def heeds(self, kind: Effect) -> bool:
-        """Heed what encoders misread, and what the hand carries."""
+        """Say whether the effect is an encoder offset, or changes the load in the hand."""
         return kind.name == READINGS or heavy(kind)
 
     def part(self, world: World) -> World:
-        """Give the model as an arm alone can show it."""
+        """Give the model without its cell and with only the effects that an arm in free air can show."""
         return replace(of_arm(world).only(lambda e: effect(e.effect).searchable), cell=None)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
@@ -63,21 +63,24 @@ class Joints(Channel):
         return choose(carrying(recording, world), how.seconds)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give rollouts where every controller is known, inverse dynamics where one is not."""
+        """Give angles of rollouts where every controller is known, torques of inverse dynamics where one is not."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         judged = evidence_for(world, second, how.threads, 1e-3) if second else None
         return evidence_for(world, first, how.threads, 1e-3), judged
 
     def begin(self, evidence: Evidence, world: World, unstated: Sequence[int]) -> World:
-        """Estimate what nothing is stated of and a typical size would mislead: a servo, a limit."""
+        """Estimate start values of `unstated` effects for which a typical size is a bad start: a servo, a limit."""
         return begun(evidence, world, unstated)
 
     def drawn(self, evidence: Evidence, worlds: Sequence[World]) -> dict[str, np.ndarray]:
-        """Give angles or torques of every joint."""
+        """Give measured and predicted angles or torques of every joint."""
         return arrays(traces(evidence.items, evidence.simulated(worlds)), evidence.items[0].robot.joints)
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
-        """Say how far the arm is off, at which joint and in which regime, and whether it has changed."""
+        """Return the arm's errors by joint and regime, and which identified values have drifted.
+
+        Drift is left out if a rollout diverged.
+        """
         arm, some = self.part(world), [self.read(rec, world, how) for rec in recordings]
         result = compare.compare(arm, some, nthread=how.threads, label=world.label)
         if not result.record.get("diverged") and (changed := drifts(arm, some, how.threads)):
@@ -85,7 +88,7 @@ class Joints(Channel):
         return result
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
-        """Find what the arm lacks."""
+        """Find the effects that the arm's model lacks."""
         some = [[self.read(rec, world, how) for rec in recordings] for recordings in both]
         return run.diagnose(
             self.part(world),
@@ -100,17 +103,20 @@ class Joints(Channel):
 
 
 def moved(rec: Recording) -> bool:
-    """Whether the joints of a recording can be predicted: under its controller, or from measured torques."""
+    """Return whether joints can be compared: the controller is known, or joint torques were measured."""
     return rec.control.mode != "unknown" or (rec.tau is not None and rec.torque_sensor != "none")
 
 
 def heavy(kind: Effect) -> bool:
-    """Whether an effect changes what the hand carries, and a wrench alone names it."""
+    """Return whether an effect changes the load in the hand and is searched by the wrench alone, not in joints."""
     return kind.family in ARM and not kind.searchable and bool(kind.writes & HEAVY)
 
 
 def carrying(rec: Recording, world: World) -> Recording:
-    """Give the recording with the load that the model's cell says it carried, where that is not what it declares."""
+    """Give the recording with the carried load that `heavy` effects of the model imply, in place of the declared one.
+
+    Without such effects, or without a cell, it is the recording itself.
+    """
     loads = [e for e in world.effects if heavy(effect(e.effect))]
     if not loads or world.cell is None:
         return rec

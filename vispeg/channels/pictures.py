@@ -1,4 +1,4 @@
-"""Pictures: where the borders of what stands about lie, and what depth and light look like."""
+"""The pictures channel: what cameras see of the things around the arm: their borders, their depth, their light."""
 
 from __future__ import annotations
 
@@ -29,42 +29,42 @@ from vispeg.vision.show import pictures
 from vispeg.worlds.words import place
 from vispeg.worlds.world import World
 
-STANDS = {"body_pos", "body_quat"}  # fields by which fixture and held part stand elsewhere
+STANDS = {"body_pos", "body_quat"}  # an effect that writes one of these moves the fixture or the held part
 
 
 class Pictures(Channel):
-    """What cameras see of a cell, or of a robot whose own file shows more than the arm."""
+    """What cameras see of a cell, or of the things in a robot's own file beside the arm."""
 
     name = "pictures"
     order = 20
     lead = 60
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
-        """All hold pictures of something that the model knows more of than its arm."""
+        """Say whether all hold pictures, and the model has things beside the arm for the cameras to see."""
         if is_object(world.robot) or not all(rec.frames is not None and len(rec.frames) > 0 for rec in recordings):
             return False
         return all(seen(world, rec) for rec in recordings)
 
     def shows(self, kind: Effect) -> bool:
-        """Look for what is only seen, and for what moves borders."""
+        """Say whether the effect is of cameras and light, or moves borders in the picture."""
         return kind.family in OPTICAL or "border" in kind.channels()
 
     def heeds(self, kind: Effect) -> bool:
-        """Heed what encoders misread, and where fixture and held part stand."""
+        """Say whether the effect is an encoder offset, or moves the fixture or the held part."""
         return kind.name == READINGS or (kind.family in ("task", "contact") and bool(kind.writes & STANDS))
 
     def blind(self, world: World, *both: Sequence[Recording]) -> str:
-        """Say why no camera of the recordings sees anything of what the model shows."""
+        """Say why no camera of the fitted recordings sees the cell; empty if one does."""
         scene = scene_of(world, [rec for recordings in both for rec in recordings])
         (mine, _), unseen = seeing(scene, tuple(sights_of(recordings) for recordings in both), world)
         return "" if mine else f"no camera sees the cell: {'; '.join(unseen)}"
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[BorderEvidence, BorderEvidence | None]:
-        """Give the edges in the pictures."""
+        """Give the borders found in the pictures."""
         return border_evidence_of(world, *both, progress=how.progress)
 
     def compare(self, world: World, recordings: Sequence[Recording], how: How) -> Comparison:
-        """Say how far borders, depth and colour are off, predicted at the measured angles."""
+        """Return the errors of borders, depth and colour, predicted at the measured angles."""
         compared = [frame for rec in recordings for frame in compared_pictures(rec, world, how.reading)]
         rung: Rung = {"model": world.label, "fit_error": None, "heldout_error": border_rms(compared), "unit": "px RMS"}
         note = "neither commands nor torques to compare the joints by: pictures alone are compared"
@@ -81,13 +81,13 @@ class Pictures(Channel):
         return Comparison(record, drawn)
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
-        """Find what the cameras, or the arm that carries them, do to the pictures."""
+        """Find the effects that pictures show and the model lacks: of cameras, of light, and of the arm's angles."""
         scene = scene_of(world, [rec for recordings in both for rec in recordings])
         return diagnose_pictures(world, scene, *both, seed=how.seed, say=how.say, progress=how.progress)
 
 
 def seen(world: World, rec: Recording) -> bool:
-    """Whether a model has something for the cameras of a recording to see."""
+    """Return whether a model has something beside the arm that could be seen: a cell, or a bench in its own file."""
     return cell_of(world, rec) is not None or shows(bench_of(world))
 
 
@@ -97,12 +97,13 @@ def border_evidence_of(
     held_out: Sequence[Recording],
     progress: Progress | None = None,
 ) -> tuple[BorderEvidence, BorderEvidence | None]:
-    """Give the edges in the pictures of recordings to fit, and of those to judge on if there are any.
+    """Give the borders found in the fitted and in the held-out recordings' pictures; None if none are held out.
 
-    `progress` keeps where they were found.
+    `progress` stores where they were found.
 
     Raises:
-        UserError: recordings of different cells, or of which one's pictures cannot be compared.
+        UserError: recordings of different cells, pictures that cannot be compared, or no camera of the fitted
+            recordings that sees the cell.
     """
     scene, kept = scene_of(world, (*fitted, *held_out)), Progress() if progress is None else progress
     (mine, theirs), unseen = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
@@ -115,10 +116,10 @@ def border_evidence_of(
 
 
 def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
-    """Give the one scene that the recordings show under a model.
+    """Give the scene of the model that all recordings are compared with.
 
     Raises:
-        UserError: they are of different cells.
+        UserError: recordings of different cells.
     """
     cells = [cell_of(world, rec) for rec in recordings]
     for rec, cell in zip(recordings, cells, strict=True):
@@ -128,7 +129,11 @@ def scene_of(world: World, recordings: Sequence[Recording]) -> Scene:
 
 
 def compared_pictures(rec: Recording, world: World, reading: Reading = silent) -> list[Compared]:
-    """Give the frames of a recording against what a model shows: its cell, or its robot's own bench."""
+    """Compare each frame of a recording with the model's picture of its cell, or of its robot's own bench.
+
+    Raises:
+        UserError: an effect of the model is at a camera that the recording does not have.
+    """
     scene = replace(belief.scene_of(world, rec), cameras=tuple(rec.frames.names) if rec.frames is not None else ())
     assumed = () if cell_of(world, rec) is None else recorded_cell(rec).world.effects
     for placed in world.effects:

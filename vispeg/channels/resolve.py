@@ -1,6 +1,6 @@
-"""Which channels a model and its recordings have: the one place that says so, for every command, the page and the API.
+"""Decide which channels a model and its recordings are compared in, for every command, the page and the API.
 
-All recordings must have a channel.
+A channel counts only if every recording has it.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from vispeg.core.errors import UserError
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-OTHERS = "the variable VISPEG_PLUGINS names modules with others"
+OTHERS = "the variable VISPEG_PLUGINS names modules that add channels"
 
 
 def channel(name: str, key: str = "--channels") -> Channel:
     """Give a channel by its name.
 
     Raises:
-        UserError: there is none of that name; `key` is how the user asked.
+        UserError: there is none of that name; the message names the user's option, `key`.
     """
     if name not in CHANNELS:
         raise UserError("unknown channel", key=key, got=name, choices=[c.name for c in ordered()], see=OTHERS)
@@ -35,17 +35,18 @@ def ordered() -> list[Channel]:
 def resolve(
     world: World, *groups: Sequence[Recording], asked: str | Sequence[str] = (), key: str = "--channels"
 ) -> tuple[str, ...]:
-    """Name the channels that a model and recordings are compared in, in the order in which they are diagnosed.
+    """Return the names of the channels to compare in, in the order in which they are diagnosed.
 
-    By default all that they have; but in a task's cell that was not photographed, or where no wrench was felt, the
-    joints only where nothing else is there: the arm is stiff and slow in contact, and shows next to nothing there.
-    Where they have none it is the joints, whose reader says which column is missing.
+    By default these are all that the recordings have, with one exception: in a task's cell without pictures or without
+    a wrench, joints are compared only if there is no other channel, since an arm in contact is stiff and slow and its
+    joints show next to nothing. If there is no channel at all, the result is the joints: reading them then fails with
+    a message on the missing column.
 
     Args:
         world: the model.
         groups: recordings, fitted and held out.
-        asked: a channel or several that are wanted; empty for the default.
-        key: how the user asked, for errors.
+        asked: the channels that the user wants; empty for the default.
+        key: the option by which the user asked, for messages.
 
     Raises:
         UserError: a channel asked for that is unknown or that a recording lacks, or a recording of contact without
@@ -61,7 +62,7 @@ def resolve(
 
 
 def available(world: World, *groups: Sequence[Recording]) -> tuple[str, ...]:
-    """Name the channels that a model and all recordings have.
+    """Return the names of the channels that a model and all recordings have.
 
     Raises:
         UserError: a recording of contact without wrench and torques.
@@ -71,6 +72,6 @@ def available(world: World, *groups: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def fitted_in(channels: Sequence[str], effects: Iterable[str]) -> str:
-    """Name the channel of several that a fit of these effects is made to: the first that shows most of them."""
+    """Return which of the channels to fit these effects in: the one that shows most of them, the first if equal."""
     kinds = [effect(name) for name in effects]
     return max(channels, key=lambda name: sum(CHANNELS[name].shows(kind) for kind in kinds))

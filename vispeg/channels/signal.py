@@ -1,4 +1,7 @@
-"""A channel of a measured signal, one column a joint, that rollouts under the known controller predict."""
+"""A base for channels of one measured signal with a column per joint, predicted by rollouts under the known controller.
+
+Motor current and temperature are such signals. A plug-in defines one by a subclass with `name`, `shows` and `predict`.
+"""
 
 from __future__ import annotations
 
@@ -22,30 +25,30 @@ from vispeg.worlds.world import World
 
 
 class SignalChannel(Channel):
-    """A signal that a recording's header declares under `signals`; a subclass says what predicts it.
+    """A signal that a recording's header declares under `signals`, by the channel's own `name`.
 
-    Its name is the signal's. What it could show is searched as in any channel (`diagnosis.selection.plain`).
+    A subclass says how a rollout predicts it. Its effects are searched by the general search (`selection.plain`).
     """
 
-    order = 15  # behind the joints, whose controller it needs
+    order = 15  # after the joints, whose effects change the rollouts
 
     @abstractmethod
     def predict(self, response: Response, item: Item, worlds: Sequence[World]) -> np.ndarray:
-        """Give the signal (nworld, m, nj) in the recording's unit that worlds would have shown.
+        """Predict the signal (nworld, m, nj), in the recording's unit.
 
         Args:
-            response: of the worlds' rollouts: angles, speeds, torques at the samples that are compared.
+            response: the worlds' rollouts: angles, speeds and torques at the m samples that are compared.
             item: the stretch of a recording that they are compared with.
-            worlds: whose rollouts these are, with the values of their effects.
+            worlds: the worlds that were rolled out; their effects may change the signal itself.
         """
 
     def has(self, world: World, recordings: Sequence[Recording]) -> bool:
-        """Say whether all have the signal and a known controller."""
+        """Say whether there are recordings of an arm, all with the signal and a known controller."""
         known = all(self.name in rec.signals and rec.control.mode != "unknown" for rec in recordings)
         return known and bool(recordings) and not is_object(world.robot)
 
     def part(self, world: World) -> World:
-        """Give the model as an arm alone can show it."""
+        """Give the same part of the model as the joints do."""
         return CHANNELS[Joints.name].part(world)
 
     def read(self, recording: Recording, world: World, how: How) -> Recording:
@@ -53,14 +56,14 @@ class SignalChannel(Channel):
         return CHANNELS[Joints.name].read(recording, world, how)
 
     def evidence(self, world: World, both: Both, how: How) -> tuple[Evidence, Evidence | None]:
-        """Give rollouts of which this signal is compared, and nothing else."""
+        """Give rollouts that are compared by this signal alone."""
         first, second = ([self.read(rec, world, how) for rec in recordings] for recordings in both)
         judged = SignalEvidence(second, self, h_max=1e-3, nthread=how.threads) if second else None
         return SignalEvidence(first, self, h_max=1e-3, nthread=how.threads), judged
 
 
 class SignalEvidence(Evidence):
-    """Rollouts compared by one signal of a channel; the arguments of `Evidence`."""
+    """Rollouts compared by the signal of `channel`; the other arguments are those of `Evidence`."""
 
     def __init__(self, recordings: Sequence[Recording], channel: SignalChannel, *, h_max: float, nthread: int):
         self.channel = channel
@@ -69,13 +72,13 @@ class SignalEvidence(Evidence):
         self.floor_from = "stated noise" if stated else "estimated"
 
     def sees(self, kind: Effect) -> bool:
-        """Ask the channel."""
+        """Return whether the channel shows an effect."""
         return self.channel.shows(kind)
 
     def compared(
         self, rec: Recording, rows: np.ndarray, late: np.ndarray, noise: Mapping[str, np.ndarray]
     ) -> tuple[Column, ...]:
-        """Give the signal's columns, with the noise that its header states, else that of its high frequencies."""
+        """Give the signal's columns, with the noise that the header states, else an estimate from high frequencies."""
         signal = rec.signals[self.channel.name]
         values = signal.values[rows]
         sigma = highpass_sigma(signal.values) if signal.noise is None else np.full(values.shape[1], signal.noise)
@@ -87,5 +90,5 @@ class SignalEvidence(Evidence):
         return (Column(self.channel.name, values, sigma, np.isfinite(values) & late, signal.unit),)
 
     def predicted(self, channel: Column, item: Item, response: Response, worlds: Sequence[World]) -> np.ndarray:
-        """Ask the channel."""
+        """Return the channel's prediction."""
         return self.channel.predict(response, item, worlds)

@@ -1,4 +1,4 @@
-"""Tosses: poses of a free object, restarted window by window."""
+"""The tosses channel: measured poses of a thrown object, predicted in windows that each start at a measured pose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vispeg.worlds.world import World
 
 
 class Tosses(Channel):
-    """A free object, which has this channel alone; its recordings are `ObjectRecording`."""
+    """A free object. It has no other channel, and no other model has this one; recordings are `ObjectRecording`."""
 
     name = "tosses"
 
@@ -25,11 +25,11 @@ class Tosses(Channel):
         return is_object(world.robot)
 
     def shows(self, kind: Effect) -> bool:
-        """Look for what acts where bodies touch."""
+        """Say whether the effect acts where bodies touch."""
         return kind.family == "contact"
 
     def diagnose(self, world: World, both: Both, how: How) -> Diagnosis:
-        """Find what the object's contact lacks."""
+        """Find the contact effects that the object's model lacks."""
         fitted, held_out = (cast("Sequence[ObjectRecording]", recordings) for recordings in both)
         options = {"seed": how.seed, "nthread": how.threads, "say": how.say, "progress": how.progress}
         return diagnose_object(world, load_object(world.robot), fitted, held_out, **options)

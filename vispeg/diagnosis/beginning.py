@@ -1,4 +1,8 @@
-"""The start of a search: effects of the model that stay or are refitted, and effects read directly from the data."""
+"""The start of a search: which effects of the user's model are fixed and which are refitted.
+
+Effects marked partial (added by an earlier diagnosis that left part of the error unexplained) are refitted. Encoder
+resolutions are not fitted at all: they are read directly from the measured angles.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +22,9 @@ class Beginning:
     """A model before its search.
 
     Attributes:
-        world: the model, its partial effects last.
-        n_given: number of its effects that stay fixed.
-        read: effects read directly from the data.
+        world: the user's model, the effects to refit last.
+        n_given: number of its first effects, which stay fixed.
+        read: effects read directly from the data, not fitted.
     """
 
     world: World
@@ -29,13 +33,13 @@ class Beginning:
 
     @property
     def first(self) -> World:
-        """World at the start of the search."""
+        """World at the start of the search: fixed effects, those read from the data, then those to refit."""
         firm, open_ = self.world.effects[: self.n_given], self.world.effects[self.n_given :]
         return replace(self.world, effects=(*firm, *self.read, *open_))
 
     @property
     def n_fixed(self) -> int:
-        """Number of effects in that world that are not fitted."""
+        """Number of effects of `first` that are not fitted; they come first in it."""
         return self.n_given + len(self.read)
 
     @property
@@ -45,12 +49,12 @@ class Beginning:
 
 
 def opened(world: World, names: Collection[str] | None = None) -> Beginning:
-    """Move partial effects to the end, where they are refitted; with `names`, only effects of these names."""
+    """Move partial effects to the end, where they are refitted; if `names` is given, only effects of these names."""
     firm = [e for e in world.effects if not e.partial or names is not None and e.effect not in names]
     return Beginning(replace(world, effects=(*firm, *(e for e in world.effects if e not in firm))), len(firm))
 
 
 def of_joints(world: World, recordings: Sequence[Recording], unit: str) -> Beginning:
-    """Begin a search in joints, with encoder resolutions estimated from the angles unless torques are compared."""
+    """Begin a search in joints; if angles are compared (`unit` is "rad"), read encoder resolutions from them."""
     begin = opened(world)
     return replace(begin, read=gridded(begin.world, recordings)) if unit == "rad" else begin

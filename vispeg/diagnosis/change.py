@@ -16,7 +16,7 @@ from vispeg.diagnosis.schema import ProposalRecord
 from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
-TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # fields kept of the baseline's record
+TOLD = ("verdict", "reason", "effects", "ladder", "noise_floor", "recordings")  # fields of the baseline's record kept
 
 
 def diagnose_change(
@@ -38,8 +38,8 @@ def diagnose_change(
 
     Args:
         world: the user's model.
-        baseline: of the robot as it was, two or more: the last one is held out.
-        fitted, held_out: of the robot as it is.
+        baseline: recordings of the robot before the change, two or more; the last one is held out.
+        fitted, held_out: recordings of the robot after the change.
         seed, nthread, say, plan_next, progress: as in `diagnose`.
         likely: called with the effects that torques suggest beyond the baseline.
 

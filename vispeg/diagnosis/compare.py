@@ -1,4 +1,7 @@
-"""`compare`: errors of a model against recordings without a fit: how large, at which joint, in which regime."""
+"""`compare` in joints: errors of a model against recordings, without a fit.
+
+It says how large the errors are over the noise, at which joint, and in which regime (velocity reversal, high load).
+"""
 
 from __future__ import annotations
 
@@ -29,13 +32,13 @@ class Comparison:
 
 
 def compare(world: World, recordings: Sequence[Recording], *, nthread: int = 1, label: str | None = None) -> Comparison:
-    """Drive the model like the robot and return its errors.
+    """Drive the model with the recorded commands (or along the measured motion, for torques) and return its errors.
 
     Args:
         world: the model; nothing of it is fitted, so every recording is held out.
         recordings: of one robot.
         nthread: threads of the simulation.
-        label: what the table calls the model.
+        label: the model's name in the record; by default its effects.
 
     Raises:
         UserError: recordings that cannot be compared with the model.
@@ -90,13 +93,16 @@ Pairs = Sequence[tuple[Item, np.ndarray]]  # each item that did not diverge, wit
 
 
 def _error(pairs: Pairs) -> float | None:
-    """Return the RMS error of all joints; None if every rollout diverged."""
+    """Return the RMS over joints of their RMS errors in the items that did not diverge; None if all diverged."""
     joints = [_rms(pairs, j) for j in range(pairs[0][0].nj)] if pairs else []
     return float(np.sqrt(np.mean(np.square(joints)))) if joints else None
 
 
 def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
-    """Return for each joint RMS error, noise and their ratio, and the RMS torque error if torque was measured."""
+    """Return for each joint its RMS error, noise and their ratio.
+
+    If every item also has joint torques, or every item a servo's load, their RMS error is added.
+    """
     out: list[JointError] = []
     for j, joint in enumerate(evidence.items[0].robot.joints):
         error, floor = _rms(pairs, j) if pairs else None, float(evidence.floors[j])
@@ -117,6 +123,7 @@ def _joints(evidence: Evidence, pairs: Pairs) -> list[JointError]:
 
 
 def _rms(pairs: Pairs, channel: int) -> float:
+    """Return the RMS error in one column of the measured values, over all pairs."""
     total, count = 0.0, 0
     for item, y in pairs:
         valid = item.valid[:, channel]

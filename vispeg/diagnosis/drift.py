@@ -1,8 +1,8 @@
 """Test whether a robot has changed since identification: refit its named effects to each recording.
 
 Each value is tested by z = (now - then) / sqrt(s_now^2 + s_then^2), where s is the width of the 95 % interval over
-3.92, with Holm's procedure over all values and recordings. If the mean squared whitened residual of a recording is
-above 1, its intervals are widened by the root of it.
+3.92, with Holm's procedure over all values and recordings. A whitened residual is an error divided by its noise. If its
+mean square in a recording is above 1, the intervals from that recording are widened by the root of it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vispeg.recordings.recording import Recording
 from vispeg.worlds.world import World
 
 WIDTH = 2 * float(norm.ppf(0.975))  # standard deviations in a 95 % interval
-LAPS = 4  # most least-squares steps from the model's values: an unchanged robot takes one
+LAPS = 4  # most least-squares steps from the model's values; an unchanged robot needs one
 
 
 class Ends(TypedDict):
@@ -36,7 +36,7 @@ class Ends(TypedDict):
 
 
 class Now(Ends):
-    """A value in one recording."""
+    """A value fitted to one recording: the adjusted p-value of no change, and whether it has changed (`outside`)."""
 
     recording: str
     p_holm: float
@@ -44,7 +44,10 @@ class Now(Ends):
 
 
 class Drift(TypedDict):
-    """One value of a named effect: at identification, in each recording, and the first recording of its change."""
+    """One value of an identified effect: at identification, and in each recording.
+
+    `since` is the first recording from which on the value is changed in every one; None if it is not in the last.
+    """
 
     effect: str
     where: str
@@ -56,14 +59,16 @@ class Drift(TypedDict):
 
 
 def named(world: World) -> list[int]:
-    """Return the indices of the identified effects of an arm's model: those with an interval."""
+    """Return the indices of an arm's identified effects: those with an interval, in which the residual is smooth."""
     return [
         i for i, e in enumerate(world.effects) if effect(e.effect).smooth and any(_known(v) for v in e.params.values())
     ]
 
 
 def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> list[Drift]:
-    """Fit the named effects of an arm's model to each recording, and compare the values with the model's.
+    """Fit the identified effects of an arm's model to each recording, and compare the values with the model's.
+
+    A value without an interval, in the model or in one of the fits, is left out.
 
     Args:
         world: of the arm, with intervals where effects were identified.
@@ -104,12 +109,13 @@ def drifts(world: World, recordings: Sequence[Recording], threads: int = 1) -> l
         n["p_holm"], n["outside"] = p, p < RULES.changed
     for row in rows:
         inside = [k for k, n in enumerate(row["now"]) if not n["outside"]]
-        last = inside[-1] + 1 if inside else 0
-        row["since"] = row["now"][last]["recording"] if last < len(row["now"]) else None
+        first = inside[-1] + 1 if inside else 0
+        row["since"] = row["now"][first]["recording"] if first < len(row["now"]) else None
     return rows
 
 
 def _known(v: Value) -> bool:
+    """Return whether a value has an interval."""
     return v.low is not None and v.high is not None and v.high > v.low
 
 
@@ -119,12 +125,13 @@ def _ends(v: Value) -> Ends:
 
 
 def _sd(v: Value) -> float:
+    """Return the standard deviation that the 95 % interval implies."""
     ends = _ends(v)
     return (ends["high"] - ends["low"]) / WIDTH
 
 
 def _p(then: Value, now: Value) -> float:
-    """Return the two-sided p-value."""
+    """Return the two-sided p-value of no change."""
     return float(2 * norm.sf(abs(now.value - then.value) / np.hypot(_sd(then), _sd(now))))
 
 

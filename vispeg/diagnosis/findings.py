@@ -1,4 +1,9 @@
-"""Plain types for the findings of a search: a candidate, its gain, a trial of it, its competitors, the verdict."""
+"""Plain types for the findings of a search: a candidate, its gain, a trial of it, its rivals, the verdict.
+
+A candidate is an effect at a place, or a group of them added together. A trial is a fit with it, judged on held-out
+recordings. Rivals of an accepted effect are other effects tried in its place; those that held-out data cannot tell from
+it are its equals. A whitened residual is an error divided by its noise.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +17,12 @@ from vispeg.identify.fit import Fit
 
 @dataclass(frozen=True)
 class Score:
-    """One candidate.
+    """One candidate with its gain.
 
     Attributes:
-        placed: the effect with start values for a fit.
-        gain: drop of the squared whitened residual, to first order.
-        beside: the other members of a group that is added together.
+        placed: the effect with start values for a fit; of a group, its first member.
+        gain: predicted drop of the squared whitened residual of the fitted recordings.
+        beside: the other members of the group; empty for a single effect.
         out: accepted effects that this candidate would replace.
     """
 
@@ -38,7 +43,10 @@ class Score:
 
     @property
     def key(self) -> tuple[str, str]:
-        """(effect, where). Of a group: its effects, with `each`, or `several` if the places were chosen by the data."""
+        """(effect, where). Of a group: its effects joined by +, and the place that all share, `each` or `several`.
+
+        `each` is a group of one kind of effect that every arm has in all joints (`Effect.common`), `several` any other.
+        """
         names = dict.fromkeys(e.effect for e in self.members)
         if len({e.where for e in self.members}) == 1:
             return " + ".join(names), self.placed.where
@@ -61,11 +69,12 @@ class Gain:
 
     Attributes:
         mean: drop of the mean squared whitened residual.
-        z: standard normal score of Wilcoxon's signed-rank test over blocks of time, or over stretches of them in which
-            errors last (`Evidence.stretches`); its few heavy blocks (reversals) do not drown the rest, as they would in
-            a mean over its standard error.
-        relative: drop over what there was.
-        joints: (nj,) the same in the channels of each joint.
+        z: standard normal score of Wilcoxon's signed-rank test that blocks of time improve. A block is a short piece of
+            a recording (`Judge`); neighbouring blocks with correlated errors count as one stretch
+            (`Evidence.stretches`). A few blocks with large errors (reversals) do not drown the rest, as they would in a
+            mean over its standard error.
+        relative: `mean` over the mean squared whitened residual of the first world.
+        joints: (nj,) relative drop in the columns of each joint.
     """
 
     mean: float
@@ -76,7 +85,16 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted candidate: its world, held-out result and reason of refusal, and whether its effects may be absent."""
+    """A candidate after its fit.
+
+    Attributes:
+        score: the candidate.
+        fit: on the fitted recordings; its world has the candidate.
+        loss: (nblock, nj) held-out loss (`Judge.loss`).
+        gain: held-out improvement over the world without the candidate.
+        rejected: why it was rejected; empty if it passed.
+        absent: whether null lies in the intervals of all its effects.
+    """
 
     score: Score
     fit: Fit
@@ -93,7 +111,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class Rivals:
-    """Competitors of one accepted effect that held-out data cannot distinguish from it, and all that were tried."""
+    """Other effects in place of an accepted one: all that were `tried`, and those as good on held-out data (`equals`).
+
+    `label` is the accepted effect's.
+    """
 
     label: str
     equals: tuple[Trial, ...]

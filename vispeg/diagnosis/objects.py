@@ -1,4 +1,8 @@
-"""Which contact effects a free object's model lacks: the plain search on short windows, judged on other tosses."""
+"""Find the contact effects that a free object's model lacks: the plain search on short windows of tosses.
+
+A window is a short piece of a toss that the model predicts from a measured pose at its start. Effects are fitted to
+some tosses and judged on others. Null is the value of a parameter at which an effect does nothing.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +35,7 @@ from vispeg.robots.objects import ObjectModel
 from vispeg.worlds.model_file import model_text
 from vispeg.worlds.world import World
 
-WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # s
+WINDOWS = {"41 ms": 0.041, "162 ms": 0.162, "whole tosses": None}  # lengths, s; the search uses the first
 TOSS = "Let the object go by hand, 20 times or more, each time turned otherwise, and record its pose, a toss an episode"
 WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass into the model"
 
@@ -39,8 +43,8 @@ WEIGH = "Weigh the object five times (`vispeg measure mass`), and write its mass
 class ObjectSearch(PlainSearch):
     """The plain search on windows of tosses.
 
-    Squared error is no parabola in the parameters of a contact: effects are tried at finite sizes, and fitted by line
-    searches.
+    The squared error is no parabola in the parameters of a contact, so effects are tried at finite sizes instead of by
+    their derivatives, and fitted by line searches.
     """
 
     asks = "tosses"
@@ -49,12 +53,12 @@ class ObjectSearch(PlainSearch):
     seed = 0  # of the intervals
 
     def tries(self, places: Sequence[tuple[str, str]]) -> list[tuple[EffectInstance, str, float]]:
-        """Return the effects of places at each size of each magnitude, with the magnitude and its value."""
+        """Return each effect at each size of each of its magnitudes, with that magnitude's name and value."""
         rows = [(n, at, k, v) for n, at in places for k in effect(n).magnitudes for v in sizes(effect(n).params[k])]
         return [(EffectInstance.of(n, at, **{k: v}), k, v) for n, at, k, v in rows]
 
     def scored(self, state: State, places: Sequence[tuple[str, str]] | None = None) -> list[Score]:
-        """As `PlainSearch`: each effect at the size that lowers the fitted error most."""
+        """Score each effect at the size that lowers the error of the fitted tosses most, as in `PlainSearch`."""
         tries = self.tries(self.places(state.world) if places is None else places)
         after = self.evidence.each_residual([state.world.add(e) for e, *_ in tries])
         before = float(state.residual @ state.residual)
@@ -65,22 +69,22 @@ class ObjectSearch(PlainSearch):
     def job(
         self, evidence: Restarts, world: World, n_fixed: int, ended: tuple[Sequence[float], bool] | None = None
     ) -> Callable[[Submit], Fit]:
-        """As `PlainSearch`, by line searches."""
+        """Return the fit of all effects after the first `n_fixed` by line searches, as in `PlainSearch`."""
         return line_job(world, range(n_fixed, len(world.effects)), ended=ended)
 
     def finish(self, state: State, n_fixed: int) -> World:
-        """As `PlainSearch`: values and intervals of a quadratic surface over resampled tosses."""
+        """Set final values and intervals from a quadratic surface over resampled tosses, as in `PlainSearch`."""
         free, rng = range(n_fixed, len(state.world.effects)), np.random.default_rng([self.seed, 19])
         state.world = with_intervals(self.evidence, state.world, free, rng)
         (state.loss,), (state.residual,) = self.judge.losses([state.world]), self.evidence.residuals([state.world])
         return state.world
 
     def shows_from(self, state: State) -> list[ShowsFrom]:
-        """Return for each effect that a state lacks the parameter values that held-out tosses do not show.
+        """Return for each effect that a state lacks the parameter values that would go unnoticed in held-out tosses.
 
-        On each side of null these reach up to the first tried size that passes the held-out tests with probability
-        `power`. If it passes easily, the limit is scaled down, the trace growing linearly, but not below a size that
-        fails.
+        On each side of null they reach to the first tried size that would pass the held-out tests with probability
+        `power`. If a fraction of that size would pass, as the change of the residual is taken to grow linearly with the
+        size, they reach to that fraction, but at least to the last size that would fail.
         """
         places = self.places(state.world)
         tries = self.tries(places)
@@ -98,9 +102,10 @@ class ObjectSearch(PlainSearch):
 
 
 def _hidden(param: Param, tries: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """Return the range around null that does not show, from the tried values and each one's required multiple.
+    """Return the range of values around null that would go unnoticed; None if every value would.
 
-    None if no value shows; on a side without a detectable value the range extends to the bound.
+    `tries` are (value, times): its distance from null times `times` is the least that would be noticed. On a side where
+    no tried value would be noticed, the range extends to the bound.
     """
     log = param.scale == "log"
     ends = [param.low, param.high]
@@ -127,7 +132,7 @@ def diagnose_object(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find the contact effects that an object's model lacks; errors are on the held-out tosses.
+    """Find the contact effects that an object's model lacks; errors of the record are on the held-out tosses.
 
     `progress` stores results, so that a killed diagnosis with the same arguments can resume.
 
@@ -155,7 +160,10 @@ def diagnose_object(
 
 
 def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
-    """Return friction coefficient, time constant (s), damping ratio and restitution of the object's contacts."""
+    """Return friction coefficient, time constant (s) and damping ratio of the object's contacts in a world.
+
+    Restitution is added if the contact is given by time constant and damping ratio (both positive).
+    """
     from mujoco.batch import Batch
 
     from vispeg.sim.placement import activate
@@ -174,7 +182,10 @@ def contact_numbers(model: ObjectModel, world: World) -> dict[str, float]:
 
 
 def windows(search: ObjectSearch, before: World, after: World) -> list[Mapping[str, object]]:
-    """Return for each window length the errors of both models on the held-out tosses, and each parameter's profile."""
+    """Return for each window length both models' errors on held-out tosses, and the profiles of added parameters.
+
+    A profile is the error of the fitted tosses over one parameter of an effect that `after` has beyond `before`.
+    """
     rows = []
     rng = np.random.default_rng([search.seed, 41])
     for label, seconds in WINDOWS.items():
@@ -197,7 +208,10 @@ def windows(search: ObjectSearch, before: World, after: World) -> list[Mapping[s
 
 
 def _next(never: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> NextMotion | None:
-    """Return what to record next; `never` are the effects that show at no size."""
+    """Return what to record next, if anything would help.
+
+    `never` has the effects that no size would show; `rows` are those of `windows`, of which the shortest length counts.
+    """
     weak = sorted({p["parameter"] for p in rows[0]["parameters"] if not p["told"]})
     if weak:
         return {"motion": "tosses with more single bounces, from 0.1 to 0.5 m", "why": f"would tell {', '.join(weak)}",

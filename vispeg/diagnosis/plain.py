@@ -1,4 +1,8 @@
-"""Comparison and diagnosis for any evidence, used by channels without a search of their own."""
+"""Comparison and diagnosis for any evidence, used by channels without a search of their own.
+
+An evidence holds recordings and predicts them under a world; a diagnosis has two, a fitted one and a held-out one,
+called `judged`.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +33,12 @@ from vispeg.worlds.world import World
 
 
 def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
-    """Return the errors of a world in an evidence, joint by joint.
+    """Return the errors of a world on an evidence, joint by joint; nothing is fitted.
 
     Args:
-        evidence: of held-out recordings.
+        evidence: of the recordings to compare.
         world: the part of a model that the evidence shows.
-        label: of the model.
+        label: the model's name in the record.
     """
     predicted, joints = evidence.simulated([world]), evidence.items[0].robot.joints
     (error,), (residual,) = evidence.errors([world]), evidence.residuals([world])
@@ -59,7 +63,7 @@ def compare_plain(evidence: Evidence, world: World, label: str) -> Comparison:
 def diagnose_plain(
     search: PlainSearch, world: World, recordings: tuple[Sequence[Recording], Sequence[Recording]]
 ) -> Diagnosis:
-    """Find the effects that a world lacks in signals of joints; arguments as for `concluded`."""
+    """Find the effects that a world lacks in signals with a column per joint; arguments as for `concluded`."""
     got, state = concluded(search, world, recordings)
     judged, record = search.judged, got.record
     predicted = judged.simulated([world, state.world])
@@ -79,7 +83,7 @@ def concluded(
         recordings: fitted and held-out recordings.
 
     Returns:
-        the diagnosis with what is the same for every evidence, and the last state of the search.
+        the diagnosis with the record's entries that every evidence has, and the last state of the search.
     """
     evidence, judged, n_fixed = search.evidence, search.judged, len(world.effects)
     state = search.run(world)

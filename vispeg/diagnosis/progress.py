@@ -1,7 +1,8 @@
 """Intermediate results of a diagnosis on disk, so that a killed one can be resumed.
 
-A diagnosis is deterministic, so it is simply run again; the answers to its expensive questions (the score test, the
-end of each optimizer) are read instead of computed. Every float comes back bit for bit, hence the same result.
+A diagnosis is deterministic, so it is simply run again. The results of its expensive steps (the score test, the end
+point of each optimizer) are stored as answers to questions, and read instead of computed. Every float comes back bit
+for bit, hence the same result.
 """
 
 from __future__ import annotations
@@ -25,8 +26,12 @@ class Progress:
     """Answers by question.
 
     Args:
-        file: stores the answers, rewritten after each one; None stores nothing.
+        file: stores the answers, rewritten after each one; with None they are kept in memory only.
         key: everything that a diagnosis depends on; a file with another key is not used, and is replaced.
+
+    Attributes:
+        of: name of the part that questions belong to (`part`); None for the whole.
+        resumed: number of answers found in the file.
     """
 
     def __init__(self, file: Path | None = None, key: Any = None):
@@ -37,7 +42,7 @@ class Progress:
         self.resumed = len(self.answers)
 
     def recall(self, question: Any, work_out: Callable[[], Any]) -> Any:
-        """Return the answer (plain JSON data) to a question (JSON data), stored or computed and stored."""
+        """Return the stored answer to a question (both plain JSON data), else compute it by `work_out` and store it."""
         at = _hash(question if self.of is None else [self.of, question])
         if at not in self.answers:
             self.answers[at] = work_out()
@@ -45,7 +50,7 @@ class Progress:
         return self.answers[at]
 
     def part(self, of: str) -> Progress:
-        """Return a separate part of the progress for another diagnosis in the same run."""
+        """Return a part of the progress for another diagnosis in the same run: same file, separate questions."""
         other = copy(self)
         other.of = of
         return other

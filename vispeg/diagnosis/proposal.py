@@ -5,22 +5,27 @@ nominal arm needs tau0_j by inverse dynamics. For effects whose torque is linear
 
     y = tau - tau0 = X c + e,    e_j ~ N(0, s_j^2 + (0.05 rms(y_j))^2)    for each joint j
 
-Each column of X is the torque of one effect along the motion (its `write`, `friction`, `torque`, `along`, `inverse` or
-`regressor`), the difference between a world with that effect and the world without. So y stays in the sensor's unit for
-all sizes, and the column of a sensor gain is the model's torque, not the measured one (regressed on the measured
-torque, a gain of 0 would fit perfectly). s is the standard deviation of y due to sensor noise, from a simulated repeat.
-No law is exact, so a further 5 % of the missing torque counts as noise.
+y is the missing torque. Each column of X is the torque of one effect along the motion (its `write`, `friction`,
+`torque`, `along`, `inverse` or `regressor`), the difference between a world with that effect and the world without. So
+y is the same for all sizes, and the column of a sensor gain is the model's torque, not the measured one (regressed on
+the measured torque, a gain of 0 would fit perfectly). s is the standard deviation of y due to sensor noise, from a
+simulated repeat. No law is exact, so a further 5 % of the missing torque counts as noise.
 
 With a prior c ~ N(0, P), the log evidence L of a set S of effects on the fitted recordings, and its log likelihood H on
 the held-out ones, are, with the Gram matrix A = I + P^1/2 X'WX P^1/2 and b = P^1/2 X'W y of its columns,
 
     L(S) = 1/2 b' A^-1 b - 1/2 log det A - |S| log N,        H(S) = -1/2 |y - X c(S)|^2_W  held out
 
-N is the number of candidates. An added effect must raise both H and L + H. One Gram matrix serves all moves.
+N is the number of candidates, |S| the number of effects in S. W holds the inverse variances of e, scaled down because
+neighbouring samples are correlated. An added effect must raise both H and L + H. One Gram matrix serves all moves.
 
 This only proposes: effects that are nonlinear in their sizes, or that act only in closed loop, are not in the model.
 Rollouts confirm. Sources: Gautier and Khalil, IEEE Transactions on Robotics and Automation 6(3), 1990, on what is
 linear in torque; MacKay, Neural Computation 4(3), 1992, on evidence.
+
+A magnitude is a parameter whose null, a value such as 0, removes the effect; a shape is any other parameter. An effect
+may have a column for each magnitude, and one for each of its moments: shapes whose product with the magnitude enters
+linearly, such as the position of a mass.
 """
 
 from __future__ import annotations
@@ -45,7 +50,7 @@ from vispeg.sim.compiled import compiled
 from vispeg.worlds.world import World
 
 STEPS = 3  # most Gauss-Newton steps of the last fit
-BATCH = 16  # worlds whose torques are filtered at once
+BATCH = 16  # worlds whose torques are computed at once, to limit memory
 
 
 @dataclass(frozen=True)
@@ -54,9 +59,9 @@ class Named:
 
     Attributes:
         placed: the effect with its values.
-        share: share of the given model's squared missing torque (whitened by the variances of noise and law) that the
-            effect removes, when effects are added in order of what they remove.
-        equals: (effect, where) of effects that would score as well in its place.
+        share: share of the user's model's squared missing torque (weighted by W) that the effect removes, when the
+            effects are added one by one, the most useful first.
+        equals: (effect, where) of effects whose L + H in its place is as high or nearly so.
     """
 
     placed: EffectInstance
@@ -70,9 +75,10 @@ class Proposal:
 
     Attributes:
         named: the effects, by decreasing share.
-        joints: names.
-        before, after, floor: (nj,) RMS missing torque of each joint while it moves, N m, on the held-out recordings: of
-            the given model, of the model with the effects, and due to noise alone.
+        joints: names of the nj joints.
+        before, after: (nj,) RMS missing torque of each joint while it moves, N m, on the held-out recordings: of the
+            user's model and of the model with the effects.
+        floor: (nj,) the same due to noise alone, on the fitted recordings.
         measured: whether the torques were measured, not computed from the controller.
         path: moves of the search, in order.
     """
@@ -131,7 +137,15 @@ def propose(world: World, fitted: Sequence[Recording], held_out: Sequence[Record
 
 
 class _Side:
-    """Recordings as rows of the linear model: missing torque y (n, nj) N m, and `moves` (n, nj), which rows count."""
+    """The fitted or the held-out recordings as n rows of the linear model.
+
+    Attributes:
+        world: the user's model.
+        drives: the drive torques of the recordings.
+        base: (n, nj) N m, the torque that the model needs.
+        moves: (n, nj) bool, where the joint moves; only these rows count.
+        y: (n, nj) N m, missing torque, 0 in the other rows.
+    """
 
     def __init__(self, world: World, drives: Drives):
         self.world, self.drives = world, drives
@@ -149,8 +163,8 @@ class _Side:
     def columns(self, variants: Sequence[EffectInstance]) -> np.ndarray:
         """Return the torque (nvariant, n, nj) N m of each effect when added to the world."""
         parts = (variants[k : k + BATCH] for k in range(0, len(variants), BATCH))
-        left = [self.lacks(*(self.world.add(v) for v in part)).reshape(-1, *self.y.shape) for part in parts]
-        return np.concatenate([(self.y - some).astype(np.float32) for some in left])
+        lacks = [self.lacks(*(self.world.add(v) for v in part)).reshape(-1, *self.y.shape) for part in parts]
+        return np.concatenate([(self.y - some).astype(np.float32) for some in lacks])
 
     @property
     def power(self) -> np.ndarray:
@@ -159,7 +173,10 @@ class _Side:
 
 
 def _candidates(world: World, drives: Drives) -> list[Probe]:
-    """Return the effects visible in torques, at every place, with shape parameters estimated from the data."""
+    """Return probes of the effects visible in torques that the world lacks, at every place.
+
+    Shape parameters are estimated from the data.
+    """
     item = drives.items[0]
     predicted = drives.needed([world])[0]
     ends = np.cumsum([len(i.segment.time) for i in drives.items])[:-1]
@@ -178,17 +195,32 @@ def _candidates(world: World, drives: Drives) -> list[Probe]:
 class Linear:
     """The linear model of all candidates, on fitted and held-out recordings, as Gram matrices.
 
+    Sets of effects (`chosen`) are lists of indices into `entries`.
+
     Args:
         candidates: effects with the values at which their columns are evaluated.
         sides: fitted and held-out rows.
         floor: (nj,) standard deviation of the missing torque due to noise, N m.
+
+    Attributes:
+        entries: candidates whose columns are not zero.
+        of: for each entry the indices of its columns.
+        first: for each column the first column of the same entry, that of a magnitude.
+        shift: for each column whether it belongs to a moment.
+        bounds: (2, k) of the coefficients of the k columns.
+        apart: (nentry, nentry) bool, whether two entries may be in one set.
+        prior: (k,) standard deviations P^1/2 of the coefficients.
+        parts: for each side the sums X'X, X'y and y'y of each joint, columns multiplied by `prior`.
+        price: log of the number of entries.
+        gram, slope, total: the fitted sums, weighted and added over joints; `held` has the same of the held-out rows.
+        matrix: A of all columns.
     """
 
     def __init__(self, candidates: Sequence[Probe], sides: tuple[_Side, _Side], floor: np.ndarray):
         self.sides, self.floor, own = sides, floor, sides[0].drives
         variants = [v for probe in candidates for v in probe.variants]
-        first = np.cumsum([0, *(len(p.variants) for p in candidates)])
-        moments = zip(first, candidates, strict=False)
+        starts = np.cumsum([0, *(len(p.variants) for p in candidates)])
+        moments = zip(starts, candidates, strict=False)
         lead = np.concatenate([[-1] * len(p.names) + [k] * len(p.moments) for k, p in moments]).astype(int)
         sums = [_sums(side, variants, lead) for side in sides]
         self.entries: list[Signature] = []
@@ -232,7 +264,7 @@ class Linear:
         self.matrix = self.gram + np.eye(len(self.gram))
 
     def score(self, chosen: Sequence[int]) -> tuple[float, float, np.ndarray]:
-        """Return L and H of a set of entries, and its coefficients in standard deviations of their priors."""
+        """Return L and H of a set of entries, and its coefficients, each over the standard deviation of its prior."""
         if not len(chosen):
             return 0.0, -0.5 * float(self.held[2]), np.zeros(0)
         i = self._rows(chosen)
@@ -243,7 +275,7 @@ class Linear:
         return float(evidence), -0.5 * _left(c, i, gram, slope, float(total)), c
 
     def additions(self, chosen: Sequence[int]) -> list[int]:
-        """Return up to `first_looked` entries to add to the chosen ones, by decreasing rise of L."""
+        """Return up to `first_looked` entries that raise L if added to the chosen ones, by decreasing rise."""
         matrix, slope = self.matrix, self.slope
         if len(chosen):
             i = self._rows(chosen)
@@ -255,8 +287,8 @@ class Linear:
             if len(j) == 1:
                 rise[k] = 0.5 * (slope[j[0]] ** 2 / matrix[j[0], j[0]] - np.log(matrix[j[0], j[0]]))
             else:
-                block = matrix[np.ix_(j, j)]
-                rise[k] = 0.5 * (slope[j] @ np.linalg.solve(block, slope[j]) - np.linalg.slogdet(block)[1])
+                own = matrix[np.ix_(j, j)]
+                rise[k] = 0.5 * (slope[j] @ np.linalg.solve(own, slope[j]) - np.linalg.slogdet(own)[1])
         best = sorted(rise, key=lambda k: -rise[k])[: 4 * RULES.first_looked]
         return [k for k in best if rise[k] > self.price and self.possible([*chosen, k])][: RULES.first_looked]
 
@@ -271,9 +303,9 @@ class Linear:
         return bool(np.all((c >= self.bounds[0, i] * size) & (c <= self.bounds[1, i] * size)))
 
     def search(self) -> tuple[list[int], list[str]]:
-        """Search for the set where no move raises L + H; also return the moves that led to it.
+        """Search for the set of which no move raises L + H; also return the moves that led to it.
 
-        The held-out residual of a joint measures the error of the laws' form there. If it exceeds the variance assumed
+        The held-out residual of a joint measures there the error of the laws' form. If it exceeds the variance assumed
         so far, the search continues with the larger variance.
         """
         chosen: list[int] = []
@@ -282,15 +314,18 @@ class Linear:
             chosen, moves = self.climb(chosen)
             path += moves
             c, i = self.score(chosen)[2], self._rows(chosen)
-            left = np.array([_left(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
-            more = np.maximum(self.variance, left / np.maximum(self.sides[1].moves.sum(axis=0), 1))
+            squares = np.array([_left(c, i, *joint) for joint in zip(*self.parts[1], strict=True)])
+            more = np.maximum(self.variance, squares / np.maximum(self.sides[1].moves.sum(axis=0), 1))
             if np.all(more <= RULES.first_same * self.variance):
                 break
             self.weigh(more)
         return chosen, path
 
     def climb(self, chosen: list[int]) -> tuple[list[int], list[str]]:
-        """Make the best move from a set until none raises L + H; return the set and the moves."""
+        """Add, remove or swap an effect, whichever raises L + H most, until no move raises it by `first_gain`.
+
+        Return the set and the moves.
+        """
         now, path = self.score(chosen), []
         while len(chosen) < RULES.first_most:
             moves = []
@@ -317,7 +352,7 @@ class Linear:
         return chosen, path
 
     def proposal(self, chosen: Sequence[int], path: Sequence[str]) -> Proposal:
-        """Return the proposal of a set of entries, its sizes refined with the exact, nonlinear laws."""
+        """Return the proposal of a set of entries, with sizes refined by the exact, nonlinear laws."""
         c, at, placed = self.score(chosen)[2] * self.prior[self._rows(chosen)], 0, []
         for k in chosen:
             placed.append(self.entries[k].placed(c[at : at + len(self.of[k])].tolist()))
@@ -331,13 +366,13 @@ class Linear:
             named.append(Named(effect_there, shares[k], tuple(keys)))
         named.sort(key=lambda n: -n.share)
         side = self.sides[1]
-        left = side.lacks(side.world.add(*placed))
-        before, after = (np.sqrt((y**2).sum(axis=0) / np.maximum(side.moves.sum(axis=0), 1)) for y in (side.y, left))
+        rest = side.lacks(side.world.add(*placed))
+        before, after = (np.sqrt((y**2).sum(axis=0) / np.maximum(side.moves.sum(axis=0), 1)) for y in (side.y, rest))
         joints = side.drives.items[0].robot.joints
         return Proposal(tuple(named), joints, before, after, self.floor, side.drives.measured, tuple(path))
 
     def _shares(self, chosen: Sequence[int]) -> dict[int, float]:
-        """Return the share of the squared torque that each entry removes, adding the most useful one first."""
+        """Return the share of the squared missing torque that each entry removes, adding the most useful first."""
         inside: list[int] = []
         out, now = {}, self._loss([])
         while len(inside) < len(chosen):
@@ -354,7 +389,7 @@ class Linear:
         return np.concatenate([self.of[k] for k in chosen]) if len(chosen) else np.zeros(0, int)
 
     def _free(self, chosen: Sequence[int]) -> list[int]:
-        """Return the entries compatible with the chosen ones: only one effect of a family per place."""
+        """Return the entries that may be added to the chosen ones: none that describes the same as one of them."""
         return np.flatnonzero(self.apart[list(chosen)].all(axis=0)).tolist()
 
     def _label(self, k: int) -> str:
@@ -367,7 +402,7 @@ def _exclude(a: tuple[str, str], b: tuple[str, str]) -> bool:
 
 
 def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarray:
-    """Return lower and upper bounds (2, k) of the coefficients; for a shape parameter, relative to its magnitude's."""
+    """Return lower and upper bounds (2, k) of the coefficients; for a moment, of its over the magnitude's."""
     params, out = effect(s.probe.effect).params, []
     for m in s.names:
         p = params[m]
@@ -381,7 +416,7 @@ def _bounds(s: Signature, limits: Mapping[str, tuple[float, float]]) -> np.ndarr
 
 
 def _width(s: Signature) -> np.ndarray:
-    """Return the standard deviations of the coefficients' priors."""
+    """Return the standard deviations (k,) of the coefficients' priors."""
     kind = effect(s.probe.effect)
     sizes = [
         RULES.first_typical
@@ -399,9 +434,10 @@ class _Sizes(Freedom):
 
 
 def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -> list[EffectInstance]:
-    """Refine the sizes with the nonlinear laws, in which a mass and its centre multiply, which the columns ignore.
+    """Refine the sizes with the nonlinear laws, in which, unlike in the columns, a mass multiplies its centre.
 
-    Takes up to `STEPS` Gauss-Newton steps on the negative log posterior, as long as they lower it.
+    Takes up to `STEPS` Gauss-Newton steps on the negative log posterior, as long as they lower it. `weight` (nj,) is
+    the inverse variance of each joint's missing torque.
     """
     given = len(side.world.effects)
     start = side.world.add(*placed)
@@ -422,21 +458,21 @@ def _fitted(side: _Side, placed: Sequence[EffectInstance], weight: np.ndarray) -
         ]
     )
 
-    def cost(left: np.ndarray, u: np.ndarray) -> float:
-        return float(np.sum(weight * left**2) + np.sum(((u - null) / width) ** 2))
+    def cost(lacks: np.ndarray, u: np.ndarray) -> float:
+        return float(np.sum(weight * lacks**2) + np.sum(((u - null) / width) ** 2))
 
     u = np.clip(space.start, low, high)
-    left = side.lacks(space.at(u))
+    lacks = side.lacks(space.at(u))
     for _ in range(STEPS):
         steps = space.steps(u)
-        moved = side.lacks(*(space.at(u + step) for step in np.diag(steps))).reshape(len(u), *left.shape)
-        slope = ((left - moved) / steps[:, None, None] * np.sqrt(weight)).reshape(len(u), -1)
-        pull = slope @ (left * np.sqrt(weight)).ravel() - (u - null) / width**2
+        moved = side.lacks(*(space.at(u + step) for step in np.diag(steps))).reshape(len(u), *lacks.shape)
+        slope = ((lacks - moved) / steps[:, None, None] * np.sqrt(weight)).reshape(len(u), -1)
+        pull = slope @ (lacks * np.sqrt(weight)).ravel() - (u - null) / width**2
         new = np.clip(u + np.linalg.solve(slope @ slope.T + np.diag(width**-2.0), pull), low, high)
         after = side.lacks(space.at(new))
-        if cost(after, new) >= cost(left, u):
+        if cost(after, new) >= cost(lacks, u):
             break
-        u, left = new, after
+        u, lacks = new, after
     return list(space.at(u).effects[given:])
 
 
@@ -444,8 +480,8 @@ def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> 
     """Return X'X (nj, k, k), X'y (nj, k) and y'y (nj,) of the effects' columns, (N m)^2, summed recording by recording
     to save memory.
 
-    Where `lead` is not -1, the column belongs to a shape parameter: the column of variant `lead`, the unshifted one, is
-    subtracted.
+    `lead` has an entry for each variant: -1 for a magnitude; for a moment the index of the unshifted variant, whose
+    column is subtracted.
     """
     nj, k = side.y.shape[1], len(variants)
     gram, slope, total = np.zeros((nj, k, k)), np.zeros((nj, k)), np.zeros(nj)
@@ -464,5 +500,5 @@ def _sums(side: _Side, variants: Sequence[EffectInstance], lead: np.ndarray) -> 
 
 
 def _left(c: np.ndarray, i: np.ndarray, gram: np.ndarray, slope: np.ndarray, total: float) -> float:
-    """Return the squared residual with coefficients `c` for the columns `i`."""
+    """Return y'y - 2 c'X'y + c'X'X c, the squared residual with coefficients `c` for the columns `i`."""
     return float(total - 2.0 * c @ slope[i] + c @ gram[np.ix_(i, i)] @ c)

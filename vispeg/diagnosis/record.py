@@ -1,4 +1,8 @@
-"""The parts of a diagnosis record: effects, ladder, candidates, channels, and the arrays behind the pictures."""
+"""Build the parts of diagnosis.json: effects, ladder, candidates, channels, correlations, notes on encoders.
+
+In all of them the effects after the first `n_fixed` of a world were added by the search; the ladder is the list of
+models from the user's to the final one, with their errors.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,7 @@ from vispeg.worlds.world import World
 
 
 def screening(state: State) -> list[Score]:
-    """Return the ranking of the first step's candidates and of the last screening."""
+    """Return the candidates tried in the first step, then the 20 best of the last screening, with their scores."""
     first = state.steps[0][1] if state.steps else []
     return [t.score for t in first] + state.screening[:20]
 
@@ -37,9 +41,15 @@ def with_origin(
     partial: bool,
     unsure: Collection[str] = (),
 ) -> World:
-    """Return the world with effects after the first `n_fixed` marked with the recordings of fit and judgement.
+    """Return the world with its added effects marked: their origin, whether they are partial, whether tentative.
 
-    `unsure` has the labels of tentative effects. An encoder's step is never partial: no fit moves it.
+    Args:
+        world: the final model.
+        n_fixed: number of effects that stay as they are.
+        fitted, held_out: the recordings.
+        before, after: held-out error of the user's model and of the final one.
+        partial: whether part of the error remains. An encoder's resolution is never marked so, as no fit moves it.
+        unsure: labels of the tentative effects.
     """
     origin = {
         "fitted_on": [r.name for r in fitted],
@@ -61,9 +71,10 @@ def with_origin(
 
 
 def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World) -> list[FoundEffect]:
-    """Return the effects found, each with those confounded with it in these recordings.
+    """Return the effects found, each with those that these recordings cannot tell from it.
 
-    `fitted` has the intervals that statistics alone give; those of `world` count the error of the model's form too.
+    `fitted` is the same model with intervals due to noise alone; those of `world` count the error of the model's form
+    too.
     """
     by_label = {r.label: r for r in rivals}
     out = []
@@ -87,9 +98,9 @@ def effects(world: World, n_fixed: int, rivals: Sequence[Rivals], fitted: World)
 def ladder(
     evidence: Evidence, judged: Evidence, state: State, nominal: World, read: tuple[str, World] | None = None
 ) -> list[Rung]:
-    """Return the error of each model on the way, fitted and held out, from the `nominal` one.
+    """Return the error of each model from the user's (`nominal`) to the final one, fitted and held out.
 
-    `read` is the model with effects read directly from the data, and that step's label, if there are any.
+    `read` is the label and the model of the step that reads effects directly from the data; None if there are none.
     """
     models = [("nominal", nominal)]
     models += [] if read is None else [read]
@@ -108,7 +119,7 @@ def ladder(
 
 
 def candidates(state: State, rivals: Sequence[Rivals], n_fixed: int) -> list[Candidate]:
-    """Return the rejected candidates and the reasons."""
+    """Return the rejected candidates of the search and all tried rivals, with the reasons."""
     out = []
     for best, trials in state.steps:
         for t in trials:
@@ -144,7 +155,10 @@ def _candidate(t: Trial, why: str, n_fixed: int) -> Candidate:
 
 
 def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]:
-    """Return messages on joints with encoder steps wider than the noise that the world lacks."""
+    """Return messages on joints of a recording that are read in steps above twice the stated noise.
+
+    Joints for which the world has an encoder resolution are left out.
+    """
     steps = {joint: quantization(rec.q[:, j]) for j, joint in enumerate(rec.joints)}
     sigma = judged.items[0].recording.noise.get("q", 0.0)
     said = {e.where for e in world.effects if effect(e.effect).overrides("resolution")}
@@ -158,7 +172,7 @@ def coarse_encoders(rec: Recording, judged: Evidence, world: World) -> list[str]
 
 
 def correlations(state: State) -> Correlations | None:
-    """Return the correlations between the estimates of the final fit."""
+    """Return the correlations between the estimates of the final fit; None if nothing was fitted."""
     if state.fit is None:
         return None
     labels = [f"{state.world.effects[a.index].label}.{a.name}" for a in state.fit.space.axes]
@@ -186,7 +200,13 @@ def moved(state: State) -> list[Moved]:
 
 
 def channels(evidence: Evidence, predicted: list[np.ndarray], least: list[np.ndarray] | None) -> list[Channel]:
-    """Return each channel's floor and held-out errors by the first and the last model; of torques also `least`'s."""
+    """Return the floor and the held-out errors of each column of each channel.
+
+    Args:
+        evidence: held out.
+        predicted: for each item (nworld, m, nch); the first and the last world are the models before and after.
+        least: for each item the residuals (m, nj) of the least squares of base parameters; None if there are none.
+    """
     out, names = [], evidence.items[0].robot.joints
     for j, (kind, unit) in enumerate((c.kind, c.unit) for c in evidence.items[0].channels for _ in names):
         column = [(i.measured[:, j], y[:, :, j], i.valid[:, j]) for i, y in zip(evidence.items, predicted, strict=True)]

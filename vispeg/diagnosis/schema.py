@@ -1,4 +1,8 @@
-"""Types of diagnosis.json; docs/formats.md describes the values."""
+"""Types of diagnosis.json and compare.json; docs/formats.md describes the values.
+
+`where` is always the place of an effect: a joint, a body, a camera, or `all`. The noise floor is the error that noise
+alone makes.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,10 @@ class FoundEffect(Place):
 
 
 class Rung(TypedDict):
-    """RMS error of one model on the way; None where nothing was fitted, or every rollout diverged."""
+    """RMS error of one model of the ladder, from the user's to the final one.
+
+    `fit_error` is None if nothing was fitted, `heldout_error` if every rollout diverged.
+    """
 
     model: str
     fit_error: float | None
@@ -38,7 +45,7 @@ NoiseFloor = TypedDict("NoiseFloor", {"value": float, "unit": str, "from": str})
 
 
 class Failure(TypedDict):
-    """Share of the excess over noise in one regime of one joint."""
+    """Share of the squared missing torque above noise that lies in one joint and regime (`localise.regimes`)."""
 
     joint: str
     regime: str
@@ -59,7 +66,10 @@ Peak = TypedDict(
 
 
 class Channel(TypedDict):
-    """Held-out RMS error of one joint in one kind of measurement, with the user's model and with the final one."""
+    """Held-out RMS error of one joint in one kind of measurement, by the user's model and by the final one.
+
+    `least_squares` is the error of the best rigid arm with plain friction (`base_parameters`), if torques are compared.
+    """
 
     channel: str
     joint: str
@@ -71,7 +81,7 @@ class Channel(TypedDict):
 
 
 class Candidate(Place):
-    """A rejected candidate and the reason."""
+    """A rejected candidate and the reason; `tried_beside` are the added effects that its model also had."""
 
     tried_beside: NotRequired[list[Place]]
     heldout_gain: float
@@ -80,7 +90,7 @@ class Candidate(Place):
 
 
 class Screened(Place):
-    """A candidate's score."""
+    """A candidate's score: the predicted drop of the squared whitened residual."""
 
     score: float
 
@@ -94,14 +104,14 @@ class Moved(Place):
 
 
 class Correlations(TypedDict):
-    """How the estimates of the final fit depend on each other: matrix (n, n) of the n labels."""
+    """Correlation matrix (n, n) of the final fit's n parameters, named by `labels`."""
 
     labels: list[str]
     matrix: list[list[float]]
 
 
 class Remainder(TypedDict):
-    """RMS torque that is still missing in a joint, and that it needed."""
+    """RMS torque of a joint that the final model still lacks, and RMS torque that the joint needed in all."""
 
     joint: str
     rms: float
@@ -110,7 +120,7 @@ class Remainder(TypedDict):
 
 
 class Recordings(TypedDict):
-    """Names of what was fitted and of what was judged on."""
+    """Names of the fitted recordings and of the held-out ones (`validate`)."""
 
     fit: list[str]
     validate: list[str]
@@ -146,13 +156,13 @@ class Allowed(TypedDict):
 
 
 class ShowsFrom(Place):
-    """An effect and `between` which values each of its parameters does not show; None where it does at no size."""
+    """The values of each parameter of an effect `between` which it would go unnoticed; None if every value would."""
 
     between: dict[str, tuple[float, float] | None]
 
 
 class Summary(TypedDict):
-    """Fields common to every diagnosis, and to the baseline of a change."""
+    """Fields common to every diagnosis, and to the baseline of a change; `of` says what the ladder's errors are of."""
 
     verdict: str
     reason: str
@@ -164,7 +174,7 @@ class Summary(TypedDict):
 
 
 class Lost(TypedDict):
-    """A recording whose rollout left every bound, and when, s from its start."""
+    """A compared piece of a recording whose rollout diverged, and when, s from the start of that piece."""
 
     recording: str
     time_s: float
@@ -215,7 +225,9 @@ class Likely(Place):
 
 
 class LeftTorque(TypedDict):
-    """RMS torque that one joint lacks in the held-out recordings, N m: given, with what is likely, and by noise."""
+    """RMS torque missing in one joint of the held-out recordings, N m: `before` with the user's model, `after` with the
+    proposed effects, and due to `noise` alone.
+    """
 
     joint: str
     before: float
@@ -224,7 +236,7 @@ class LeftTorque(TypedDict):
 
 
 class ProposalRecord(TypedDict):
-    """Effects proposed from torques, found in seconds, not yet confirmed; `torque` is the origin of the torques."""
+    """Effects proposed from torques, not confirmed by rollouts; `torque` says where the torques come from."""
 
     effects: list[Likely]
     torque: str
@@ -235,7 +247,7 @@ class ProposalRecord(TypedDict):
 
 
 class ChannelRecord(TypedDict):
-    """Result of one of several channels: its name, effects given by the other channels, and its own record."""
+    """Result of one of several channels: its name, effects taken from the other channels, and its own record."""
 
     channel: str
     given: list[Place]
@@ -243,8 +255,10 @@ class ChannelRecord(TypedDict):
 
 
 class Trial(TypedDict):
-    """One run of an insertion: N, s, how it ended in the words of an outcome, and how far the tip was off the measured
-    way in free air above the goal (RMS, m; absent where it began inside).
+    """One run of an insertion: its greatest force in N, its time in contact in s, and how it ended.
+
+    `free_off` is the tip's RMS distance from the measured path in free air above the goal, m; absent if the run began
+    inside the goal.
     """
 
     peak_force: float
@@ -254,14 +268,14 @@ class Trial(TypedDict):
 
 
 class Replayed(TypedDict):
-    """An insertion, measured and run again in models: trials by name."""
+    """An insertion, measured and run again in models: for each of these, by name, the run."""
 
     recording: str
     trials: dict[str, Trial]
 
 
 class DiagnosisRecord(Summary):
-    """The record. Keys that are not required are of robots in joint or torque space, or of free objects."""
+    """diagnosis.json. Keys that are not required belong to some channels only."""
 
     format: str
     unexplained: Mapping[str, object] | None

@@ -1,4 +1,7 @@
-"""Measured values and model predictions: the one type behind reports, pages, evidence.npz and notebooks."""
+"""Measured values with model predictions over time: the one type behind reports, pages, evidence.npz and notebooks.
+
+A trace is one kind of measured value in one stretch of a recording, with the predictions of up to two models.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +12,24 @@ import numpy as np
 
 from vispeg.identify.channels import Item
 
-BESIDE = {"torque": "_tau", "moment": "_tau"}  # columns next to the principal ones -> suffix of their keys
+BESIDE = {"torque": "_tau", "moment": "_tau"}  # channel that is compared beside the first one -> suffix of its keys
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One kind of measured value of one stretch of a recording; arrays (n, k), a column a joint or an axis, in `unit`.
+    """One kind of measured value in one stretch of a recording; arrays (n, k) in `unit`, a column per joint or axis.
 
     Attributes:
         name: the recording's name, and where in it the stretch begins.
         unit: of the values.
         time: (n,) s; episodes are laid end to end.
-        measured, before, after: measured, given model, final model; NaN where nothing is compared. `after` is None
-            where no model was added.
-        posture: (n, nj) rad, where what is compared is no angle and the angles were kept.
-        noise: (k,) or (n, k) 1-sigma of a reading, where it is known.
-        regime: (n,) index into the names of regimes, as of phases of contact; None where there are none.
-        channel: what was measured: `angle`, `torque`, `force`, ...; empty where an earlier version wrote it.
+        measured: measured values.
+        before, after: predictions of the first and of the final model, NaN where nothing is compared; `after` is None
+            if there is one model only.
+        posture: (n, nj) measured angles, rad, if the trace itself is not of angles and they were kept; else None.
+        noise: (k,) or (n, k) standard deviation of a reading; None if unknown.
+        regime: (n,) index into a list of names, such as phases of contact; None if there is no such list.
+        channel: what was measured: `angle`, `torque`, `force`, ...; empty in files of earlier versions.
     """
 
     name: str
@@ -46,12 +50,12 @@ class Trace:
 
 
 def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequence[np.ndarray] = ()) -> list[Trace]:
-    """Return the traces of items: for each, the principal columns, then the additional ones.
+    """Return the traces of items: one for each channel of each item, in the items' order.
 
     Args:
         items: of an evidence.
-        predicted: of each item (nworld, m, nch), by the given model and by the final one if there are two.
-        regimes: of each item (m,).
+        predicted: for each item (nworld, m, nch), by the first model and, if there are two, by the final one.
+        regimes: for each item (m,), the index of each sample's regime; empty if there are none.
     """
     out = []
     for r, (item, y) in enumerate(zip(items, predicted, strict=True)):
@@ -79,9 +83,10 @@ def traces(items: Iterable[Item], predicted: Sequence[np.ndarray], regimes: Sequ
 
 
 def arrays(drawn: Sequence[Trace], columns: Sequence[str], regimes: Sequence[str] = ()) -> dict[str, np.ndarray]:
-    """Return traces as arrays of evidence.npz: `R/KEY` of each stretch R, and the names of columns and regimes.
+    """Return traces as arrays of evidence.npz: `R/KEY` for stretch number R, and the names of columns and regimes.
 
-    A servo's load, which has no unit, is left out.
+    Keys of a stretch's second channel end in `_tau`. A channel that is neither first nor in `BESIDE`, such as a servo's
+    load, is left out.
     """
     out: dict[str, np.ndarray] = {"joints": np.array(columns), "unit": np.array(drawn[0].unit)}
     out |= {"phases": np.array(regimes)} if len(regimes) else {}

@@ -1,4 +1,7 @@
-"""Profile of a parameter from windows of one length, with an interval by bootstrap over tosses."""
+"""Profile of a contact parameter: the error of toss windows of one length over its values.
+
+An interval by bootstrap over tosses says whether windows of that length determine the parameter.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,19 @@ from vispeg.identify.restarts import Restarts
 from vispeg.identify.surface import DRAWS, cost, lowest
 from vispeg.worlds.world import World
 
-SPAN, POINTS = 6.0, 13  # factor of the profile's range to either side; number of its points
+SPAN, POINTS = 6.0, 13  # factor from the value to either end of a scale's profile; most points of a profile
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The error of windows over one parameter, the others held.
+    """The error of windows over one parameter, all others held fixed.
 
     Attributes:
-        label: `contact_friction(cube).scale`.
-        values: (POINTS,) of the parameter.
-        error: (POINTS,) mean squared whitened residual.
-        best, low, high: the least error's value with its 95 % interval.
-        determined: whether these windows determine it.
+        label: such as `contact_friction(cube).scale`.
+        values: (n,) of the parameter, increasing; at most POINTS.
+        error: (n,) mean squared whitened residual at each.
+        best, low, high: value of least error, and the ends of its 95 % interval.
+        determined: whether these windows determine the parameter.
     """
 
     label: str
@@ -38,10 +41,11 @@ class Profile:
 
 
 def sizes(param: Param) -> list[float]:
-    """Return trial values of a parameter over its range without null, in both directions if it is a scale.
+    """Return values of a parameter to try, on both sides of null and without it.
 
-    Each is about half as far from null as the next. To first order a size lowers the error of any effect at least
-    half as large, so one of them detects any visible effect.
+    Null is the value at which the effect does nothing; a parameter with a positive null is a scale. On each side a
+    value is about half as far from null as the next. To first order a tried size lowers the error if the true one is
+    more than half as large, so one of them detects any visible effect.
     """
     if param.null > 0:
         away = np.log(12) / 2.0 ** np.arange(6)
@@ -53,7 +57,10 @@ def sizes(param: Param) -> list[float]:
 
 
 def profile(evidence: Restarts, world: World, placed: EffectInstance, name: str, rng: np.random.Generator) -> Profile:
-    """Return the profile of one parameter of an effect in `world`, around its value there."""
+    """Return the profile of the parameter `name` of an effect in `world`.
+
+    Of a scale it extends by the factor `SPAN` around the effect's value, else over the parameter's whole range.
+    """
     param = effect(placed.effect).params[name]
     centre = placed.params[name].value
     if param.null > 0:
