@@ -28,7 +28,7 @@ from vispeg.learn.settings import SacSettings
 from vispeg.learn.train import resume, train
 from vispeg.task.peg.config import PegConfig
 from vispeg.worlds.distribution import Uniform
-from vispeg.worlds.randomized import RandomizedEffect
+from vispeg.worlds.randomized import RandomizedEffect, RandomizedWorld
 
 ROOT = Path(__file__).resolve().parents[2]
 SAC = SacSettings(batch=32, hidden=(16, 16), warmup=80, replay=600, horizon=12, utd=0.25)
@@ -451,13 +451,13 @@ def test_ranges_of_looks_widen_and_those_that_nothing_sees_do_not_count(tmp_path
 
 def test_ranges_are_whole_while_actions_are_random_and_a_prolonged_run_keeps_its_schedule():
     env = Sb3Env(Drawn(2))
-    opening = Opening("schedule", Drawn.world, 100, random=10)
+    opening = Opening("schedule", RandomizedWorld(Drawn.ranges), 100, random=10)
     seen = []
     for step in (0, 8, 10, 25, 50, 90):
         opening.begin(env, step)
         seen.append(env.env.level)
     assert seen == [1, 1, 0.2, 0.5, 1, 1]
-    longer = Opening("schedule", Drawn.world, 1000, random=10)
+    longer = Opening("schedule", RandomizedWorld(Drawn.ranges), 1000, random=10)
     longer.restore(json.loads(json.dumps(opening.state())))
     longer.begin(env, 25)
     assert longer.level == 0.5
