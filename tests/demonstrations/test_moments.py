@@ -83,7 +83,7 @@ def test_check_finds_labels_of_another_moment(late, tmp_path):
     wrong = shifted(rendered(tmp_path, []), tmp_path / "wrong")
     write_bop(wrong, tmp_path / "bop")
     for folder in (wrong, tmp_path / "bop"):
-        found = [line for line in check(folder) if "labels of the frame before" in line]
+        found = [line for line in check(folder) if "labels of the previous frame" in line]
         assert all(any(f"{c} shows the fixture" in line for line in found) for c in CAMERAS), folder
     write_bop(late, tmp_path / "right")
     assert check(tmp_path / "right") == []
