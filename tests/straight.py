@@ -70,8 +70,8 @@ def blocks(
     wrench, (scene, springs) = np.zeros((m, 6)), held()
     segment = Segment(rec.control, RULES.contact_block, {}, rec.q, rec.q, rec.q, rec.time, np.arange(m))
     return ContactItem(
-        rec, segment, scene, sides, path=way, phase=phase, source=Touching(rec, SCENE, wrench), hand=scene,
-        grasp=springs, answer=np.zeros((6, m, 6)), response=np.zeros((m, 6, 6)),
+        rec, segment, scene, sides, path=way, phase=phase, source=Touching(rec, SCENE, wrench), armless=scene,
+        springs=springs, path_response=np.zeros((6, m, 6)), reading_response=np.zeros((m, 6, 6)),
     )  # fmt: skip
 
 

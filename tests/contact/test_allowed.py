@@ -22,10 +22,10 @@ def test_a_contact_takes_up_what_a_sensor_misreads():
     """In free air all of a wrong reading is left; against a surface next to nothing; along it, where it slides, all."""
     item = evidence_of([recorded()]).items[0]
     used = item.phase.valid & ~item.phase.resting
-    free, press = (np.median(item.response[item.phase.of(name) & used], axis=0) for name in ("free", "press"))
+    free, press = (np.median(item.reading_response[item.phase.of(name) & used], axis=0) for name in ("free", "press"))
     np.testing.assert_allclose(free, np.eye(6), atol=0.05)
     assert abs(press[2, 2]) < 0.1
-    slide = item.response[item.phase.of("slide") & used]
+    slide = item.reading_response[item.phase.of("slide") & used]
     assert np.median(slide[:, 2, 2]) < 0.3 and np.median(np.abs(slide[:, :2, :2]).sum(axis=(1, 2))) > 0.7
 
 

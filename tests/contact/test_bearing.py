@@ -13,7 +13,7 @@ from vispeg.core.rules import RULES
 def test_the_correction_holds_the_couple_about_the_tip_and_the_tip_stays():
     evidence = evidence_of([recorded()])
     (item,) = evidence.items
-    columns, stiffness = bearing(item), item.grasp.stiffness
+    columns, stiffness = bearing(item), item.springs.stiffness
     pressed = item.phase.sticks
     assert pressed.any() and len(columns) % 2 == 0
     lever = np.array([0.0, 0.0, item.source.scene.tip])

@@ -94,10 +94,10 @@ def test_what_happens_in_the_arm_does_not_leak_into_contact():
 def test_contacts_of_the_hand_are_as_soft_as_those_of_the_arm():
     """MuJoCo regularizes a contact by the inverse weights of its bodies: at the same force the same depth, to 0.1 %."""
     item = evidence_of([recorded()]).items[0]
-    batch = hands(item.hand, item.source.scene, item.path, [World()])
+    batch = hands(item.armless, item.source.scene, item.path, [World()])
     whole = SCENE.compile()
     for name in ("tool", "peg"):
-        hand_, arm = (m.body(name).id for m in (item.hand.compile(), whole))
+        hand_, arm = (m.body(name).id for m in (item.armless.compile(), whole))
         np.testing.assert_allclose(batch.expand("body_invweight0")[0, hand_], whole.body_invweight0[arm], rtol=1e-3)
 
 

@@ -25,6 +25,6 @@ def test_what_a_path_is_off_by_costs_no_less_where_the_sensor_reads_less():
         even, off = predicted(item, driven(item, worlds), worlds)
         presses = item.phase.of("press") & item.phase.valid & ~item.phase.resting
         left.append(np.median((off - even)[presses], axis=0))
-    assert np.linalg.norm(left[0][:3]) > 0.8 * item.grasp.stiffness[2] * MM
+    assert np.linalg.norm(left[0][:3]) > 0.8 * item.springs.stiffness[2] * MM
     for other in left[1:]:
         np.testing.assert_allclose(other[:3], left[0][:3], atol=0.1 * np.linalg.norm(left[0][:3]))

@@ -8,7 +8,7 @@ import pytest
 
 from vispeg.contact.run import evidence_of
 from vispeg.contact.selection.search import ContactSearch
-from vispeg.contact.selection.weighed import asked, beside, judged, of_tool, weighed
+from vispeg.contact.selection.weighed import equivalent_tool, judged, separating, tool_instead, with_tool
 from vispeg.core.effect import EffectInstance
 from vispeg.core.seeds import stream
 from vispeg.diagnosis.findings import Verdict
@@ -36,7 +36,7 @@ def test_a_tool_of_that_mass_and_centre_weighs_as_the_part():
     site = data.site(FOUND.scene.flange)
     tool, part = (model.body(name).id for name in ("tool", "peg"))
     place = (data.xipos - site.xpos) @ site.xmat.reshape(3, 3)
-    mass, z = of_tool(FOUND.scene, 1.8)
+    mass, z = equivalent_tool(FOUND.scene, 1.8)
     moment = model.body_mass[tool] * place[tool] + 1.8 * model.body_mass[part] * place[part]
     other = (model.body_mass[tool] + mass) * (place[tool] + [0, 0, z]) + model.body_mass[part] * place[part]
     assert mass == pytest.approx(0.8 * model.body_mass[part])
@@ -69,9 +69,9 @@ def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
     """Also beside a centre of which one axis alone was named; the fits that follow free what they did before."""
     search, state = named((PART, *beside_it))
     absent = set(search.evidence.absent)
-    alike = weighed(search, state, 0)
+    alike = tool_instead(search, state, 0)
     assert {e.effect for e in alike} == {"object_mass", "tool_mass", "tool_com"} and search.evidence.absent == absent
-    mass, z = of_tool(FOUND.scene, 1.8)
+    mass, z = equivalent_tool(FOUND.scene, 1.8)
     by_name = {e.effect: e.params for e in alike}
     assert by_name["tool_mass"]["mass"].value == pytest.approx(mass, rel=0.2)
     assert by_name["tool_com"]["z"].value == pytest.approx(z, abs=3e-3)
@@ -80,7 +80,7 @@ def test_the_tools_mass_and_centre_do_as_well_in_the_parts_place(beside_it):
 def test_what_a_tool_of_its_own_mass_reads_is_not_called_the_parts():
     """The tool's mass is named by itself: no one number of the part does that."""
     search, state = named((EffectInstance.of("tool_mass", "gripper", mass=0.2),))
-    assert weighed(search, state, 0) == ()
+    assert tool_instead(search, state, 0) == ()
 
 
 def test_a_record_says_what_weighs_alike_and_how_to_tell():
@@ -89,15 +89,15 @@ def test_a_record_says_what_weighs_alike_and_how_to_tell():
     verdict = judged(Verdict("identified", ""), alike)
     assert verdict.verdict == "ambiguous" and all(e.label in verdict.reason for e in alike)
     assert judged(Verdict("unexplained", "why"), alike).verdict == "unexplained"
-    assert judged(Verdict("identified", ""), ()).verdict == "identified" and asked(()) is None
+    assert judged(Verdict("identified", ""), ()).verdict == "identified" and separating(()) is None
     entry = {
         "effect": "object_mass",
         "where": "peg",
         "indistinguishable_from": [{"effect": "tool_mass", "where": "gripper"}],
     }
-    (row,) = beside([entry], alike)
+    (row,) = with_tool([entry], alike)
     assert [e["effect"] for e in row["indistinguishable_from"]] == ["tool_mass", "tool_com"]
-    assert "with and without the held part" in asked(alike)["motion"]
+    assert "with and without the held part" in separating(alike)["motion"]
     named = {"effect": "tool_com", "where": "gripper", "indistinguishable_from": []}
-    row, _ = beside([{**entry, "indistinguishable_from": []}, named], alike)
+    row, _ = with_tool([{**entry, "indistinguishable_from": []}, named], alike)
     assert [e["effect"] for e in row["indistinguishable_from"]] == ["tool_mass"], "a named effect is no other one"

@@ -264,6 +264,16 @@ def test_motions_of_the_plan_stay_in_range_and_show_what_they_say(tmp_path):
     assert speeds[0] == 0.004 and len(speeds) == 7
 
 
+def test_a_step_that_does_not_fit_names_what_is_wrong():
+    """A joint at the end of its range can take no step, however small, so the posture is wrong and not the size."""
+    robot = load("iiwa14")
+    with pytest.raises(UserError, match="posture: joint1 has no room to move both ways"):
+        plan(robot, "joint1", float(robot.range[0, 1]), 0.1, RATE, rng())
+    for size in (0.0, 9.0):
+        with pytest.raises(UserError, match="size: not a possible step"):
+            plan(robot, "joint1", 0.0, size, RATE, rng())
+
+
 def test_a_table_in_degrees_is_refused(tmp_path):
     t = np.arange(500) / RATE
     rows = np.stack([t, 20 * np.sin(t), 20 * np.sin(t)], axis=1)

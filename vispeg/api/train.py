@@ -25,8 +25,8 @@ class TrainedPolicy:
     Attributes:
         run: folder of the run: config.yaml, progress.csv, tensorboard/, checkpoints/.
         best: folder of the policy that was best in the run's evaluations.
-        world: the training world.
-        settings: settings of the task, in place of the world's.
+        world: name or file of the training world.
+        settings: fields of the task's configuration that replace the world's.
     """
 
     run: Path
@@ -40,19 +40,19 @@ class TrainedPolicy:
 
     @property
     def history(self) -> list[dict[str, str]]:
-        """The run's evaluations in order: rows of progress.csv, whose columns docs/learning.md explains."""
+        """The run's evaluations in order, as rows of progress.csv: column -> text; see docs/learning.md."""
         from vispeg.learn.curves.progress import Table
 
         return Table(self.run / "progress.csv", sys.maxsize).rows
 
     @property
     def record(self) -> dict[str, object]:
-        """The output of `vispeg train --json`, without the films."""
+        """The output of `vispeg train --json`, but for the films that the command makes."""
         return {"run": str(self.run), "best": str(self.best)}
 
     @property
     def summary(self) -> list[Block]:
-        """Folder of the policy, and results of the last evaluation."""
+        """Success rate of the run's last evaluation, and folder of the best policy."""
         last = [f"success {float(row['success']):.0%} after {row['steps']} steps" for row in self.history[-1:]]
         return [*(Line(text) for text in last), Line(f"best policy: {self.best}", path=True)]
 
@@ -93,20 +93,22 @@ def train(
     out: str | Path | None = None,
     show: bool = False,
 ) -> TrainedPolicy:
-    """Train a policy for the task of a world, or continue a stopped run in `out`; see docs/learning.md.
+    """Train a policy for the task of a world; see docs/learning.md.
+
+    If `out` holds a stopped run of the same configuration, that run is continued.
 
     Args:
-        task: the task and what the policy sees, such as LABEL-depth; not needed with `resume`.
+        task: label of the world's task and what the policy sees, such as LABEL-depth; not needed with `resume`.
         world: a built-in world's name or a world file.
         recipe: reinforcement learning, imitation of a teacher, or imitation and then reinforcement.
         settings: fields of the task's configuration that replace the world's, such as `stack`, `dof`, `reward`.
         curriculum: wider tolerances to begin with, mm, widest first; the next stage begins at 80 % success.
-        start_radius: lateral ranges of starts in these stages, m, nearest first.
+        start_radius: lateral distances from the goal within which these stages start, m, nearest first.
         ranges: randomization: full from the first step, growing over the first half of the steps (schedule), or range
             by range with success (adaptive).
         steps: total number of environment steps; default: 100000. With `resume`: the new total.
-        target: success rate that ends imitation or reinforcement early if two successive evaluations reach it; 2 for
-            never.
+        target: success rate that ends imitation or reinforcement early if two successive evaluations reach it; 2 is
+            never reached.
         seed: seed of networks, exploration and episodes.
         envs: number of environments in one batch.
         threads: number of threads for physics and for networks.
@@ -119,7 +121,8 @@ def train(
         dataset: demonstrations in LeRobot's layout, such as by `vispeg render`, in place of a teacher (distill), or as
             half of each batch (sac). Only successful episodes are used. FOLDER?action=KIND states the kind of its
             actions.
-        distill: `steps` and `updates` of a round of imitation, and `looks` of each state, if not the defaults.
+        distill: settings of the imitation that replace the defaults, such as `steps` and `updates` of each round, and
+            `looks`, the number of looks in which each state is stored; without meaning for the recipe `sac`.
         every: environment steps between evaluations and checkpoints.
         episodes: number of episodes of an evaluation.
         device: where networks run.
@@ -128,9 +131,10 @@ def train(
         show: show progress on standard error.
 
     Raises:
-        UserError: no such task, world or teacher; impossible numbers; or `out` holds other files.
+        UserError: no such world or teacher, `task` is not the world's, an impossible number, or `out` holds anything
+            but a stopped run of this configuration.
     """
-    if wandb is not None:  # checked before torch, so that both are reported, one after the other
+    if wandb is not None:  # before torch is imported, so that a missing wandb is reported at once
         require("wandb", "--wandb")
     require("torch", "training")
     from vispeg.learn import train as running
@@ -145,8 +149,8 @@ def train(
         expected = "one of them, as the LSTM replaces the stack"
         raise UserError("an LSTM and stacked observations", key="--stack", expected=expected, got=chosen["stack"])
     world = str(world)
-    asked = world_of(world, dict(chosen))[1]
-    sac = defaults(bool(modality(_modality(task, asked, world)).kinds))
+    task_config = world_of(world, dict(chosen))[1]
+    sac = defaults(bool(modality(_modality(task, task_config, world)).kinds))
     sac = replace(sac, recurrent=recurrent, utd=sac.utd if utd is None else utd, symmetric=symmetric)
     sac = sac if replay is None else replace(sac, replay=replay)
     config = TrainConfig(
@@ -159,7 +163,7 @@ def train(
         every,
         episodes,
         target,
-        stages=stages(curriculum, start_radius, asked),
+        stages=stages(curriculum, start_radius, task_config),
         settings=chosen,
         sac=sac,
         teacher=None if teacher is None else str(teacher),
@@ -183,7 +187,7 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
         show: show progress on standard error.
 
     Raises:
-        UserError: there is no run, its last checkpoint is missing or damaged, or another process trains in it.
+        UserError: `run` holds no run, its last checkpoint is missing or damaged, or another process trains in it.
     """
     require("torch", "training")
     from vispeg.learn import train as running
@@ -195,13 +199,17 @@ def resume(run: str | Path, steps: int | None = None, *, show: bool = False) -> 
     return TrainedPolicy(folder, best, config.world, config.settings)
 
 
-def _modality(task: str, asked: Any, world: str) -> str:
-    """Return the modality of LABEL-MODALITY. Raises UserError if the label is not that of the world's task."""
+def _modality(task: str, task_config: Any, world: str) -> str:
+    """Return the modality of `task`, a text LABEL-MODALITY.
+
+    Raises:
+        UserError: `task` has no hyphen, or its label is not that of the world's task.
+    """
     from vispeg.learn.modalities import names
     from vispeg.task.registry import task_of
 
     label, _, name = task.partition("-")
-    if not name or label != task_of(asked).label:
-        choices = [f"{task_of(asked).label}-{name}" for name in names()]
-        raise UserError("no such task", got=task, expected=f"one of the world {world}", choices=choices)
+    own = task_of(task_config).label
+    if not name or label != own:
+        raise UserError(f"the world {world} has no such task", got=task, choices=[f"{own}-{m}" for m in names()])
     return name

@@ -1,4 +1,4 @@
-"""Inputs of the contact comparison: the nominal cell, the wrench in flange axes, and its episodes in blocks."""
+"""Inputs of the contact comparison: a recording with its believed cell and its wrench, and one episode in blocks."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Touching:
-    """A recording of contact.
+    """A recording with a wrench at the wrist, measured or estimated.
 
     Attributes:
-        recording: with measured angles.
-        scene: the cell as the user believes it.
-        believed: effects that are part of that belief.
-        wrench: (n, 6) N, N m: what the flange puts on the tool, flange axes.
-        torques: its estimate from joint torques if there was no sensor; None if there was.
+        recording: the recording; its `ft` is the estimate if no wrench was measured.
+        scene: the cell that the recording states, without its believed effects.
+        wrench: (n, 6) N and N m, wrench of the flange on the tool about the flange's origin, flange axes.
+        believed: the effects that the recording states for its cell.
+        torques: the estimate from joint torques with its accuracy; None if a wrench was measured.
     """
 
     recording: Recording
@@ -45,40 +45,46 @@ class Touching:
 
 @dataclass(frozen=True, kw_only=True)
 class ContactItem(Item):
-    """One episode: two channels, force and torque, three columns each, one row per block.
+    """One episode of a recording, in m blocks of time.
+
+    Its two channels are force and torque, flange axes: three columns each, one row per block.
 
     Attributes:
-        path, phase: of the flange, and its contact.
+        path: measured motion of the flange, resampled to physics steps.
+        phase: the blocks, and the phase of contact of each.
         source: the recording.
-        hand, grasp: what is driven along the path, and its springs.
-        answer: (6, m, 6), see `vispeg.contact.items.displaced`.
-        response: (m, 6, 6), see `vispeg.contact.items.pushed`.
+        armless: the cell without its arm, whose flange is held to the path by springs (`vispeg.contact.hand`).
+        springs: stiffness and damping of these springs.
+        path_response: (6, m, 6) N and N m, change of the predicted wrench due to an error of the path: axis of the
+            error, block, component; see `vispeg.contact.items.path_response`.
+        reading_response: (m, 6, 6), share of a reading error that remains in the residual: block, component of the
+            residual, component of the error; see `vispeg.contact.items.reading_response`.
     """
 
     path: Path
     phase: Phases
     source: Touching
-    hand: Scene
-    grasp: Grasp
-    answer: np.ndarray
-    response: np.ndarray
+    armless: Scene
+    springs: Grasp
+    path_response: np.ndarray
+    reading_response: np.ndarray
 
     @property
     def nj(self) -> int:
-        """Axes."""
+        """Number of columns of each channel."""
         return 3
 
     @property
     def period(self) -> float:
-        """Time between blocks, s."""
+        """Duration of a block, s."""
         return RULES.contact_block
 
 
 def touching(rec: Recording) -> Touching:
-    """Return a recording of contact; without a recorded wrench, with one estimated from joint torques.
+    """Return a recording with its cell and its wrench, which is estimated from joint torques if none was recorded.
 
     Raises:
-        UserError: neither a wrench nor joint torques were recorded, or a cell that cannot be built.
+        UserError: neither a wrench nor joint torques were recorded, or the cell cannot be built.
     """
     cell = recorded_cell(rec)
     if rec.ft is None or not sensed(rec):
@@ -93,9 +99,9 @@ def touching(rec: Recording) -> Touching:
 
 
 def _weight(scene: Scene, turn: Rotation) -> np.ndarray:
-    """Return the wrench (n, 6) that holds the tool at rest in these orientations, flange axes.
+    """Return the wrench (n, 6) N and N m that holds tool and held part at rest, flange axes.
 
-    The robot subtracted it from its readings.
+    A robot whose readings are tared by `weight` has subtracted it. `turn` holds n rotations from flange to base axes.
     """
     model = scene.compile()
     data = mujoco.MjData(model)

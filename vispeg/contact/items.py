@@ -1,4 +1,8 @@
-"""Make the episodes of a contact recording ready for comparison, and drive hands of worlds along them."""
+"""Prepare the episodes of a contact recording for comparison, and predict their wrenches in other worlds.
+
+For a prediction, the cell without its arm is simulated: springs hold its flange to the measured path, the measured
+wrench acts on it, and the correction is the wrench that the springs add (`vispeg.contact.drive`).
+"""
 
 from __future__ import annotations
 
@@ -28,81 +32,115 @@ from vispeg.sim.segments.segment import Segment
 from vispeg.sim.touch import touch
 from vispeg.worlds.world import World
 
-PUSH, LEVER = 0.2, 0.1  # N, m: test error for sensor responses; converts it to torque
+PUSH, LEVER = 0.2, 0.1  # N, m: reading error in `reading_response`; factor from its force to its torque
 
 
 def driven(
     item: ContactItem, worlds: Sequence[World], nthread: int = 1, windows: Sequence[slice] | None = None
 ) -> Driven:
-    """Drive hands of worlds with one structure along an item's path, or along some windows of it."""
+    """Simulate an item's cell without its arm along its path, once for each world.
+
+    Args:
+        item: one episode.
+        worlds: effects besides the believed ones; all worlds compile to the same model (see `built_alike`).
+        nthread: threads of the simulation.
+        windows: ranges of the path's samples; None for those of the item.
+    """
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
-    wrench = np.stack([readings(item.path, item.hand, w) for w in hand_worlds])
+    wrench = np.stack([readings(item.path, item.armless, w) for w in hand_worlds])
     windows = item.phase.windows if windows is None else windows
     cell, rest, way = item.source.scene, item.phase.rest, given_way(item, hand_worlds, wrench)
-    stands = _stands(item, worlds)
-    return drive(item.hand, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way, stands=stands)
+    stands = _true_per_read(item, worlds)
+    return drive(item.armless, cell, item.path, hand_worlds, wrench, rest, windows, nthread, way=way, stands=stands)
 
 
-def _stands(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
-    """Return the true force change per newton read, (nworld,)."""
+def _true_per_read(item: ContactItem, worlds: Sequence[World]) -> np.ndarray:
+    """Return for each world the change of the true force per newton of change in the reading, (nworld,)."""
     hand_worlds = [hand_world(item.source.believed, w) for w in worlds]
-    return np.array([stands_for(item.path, item.hand, w) for w in hand_worlds])
+    return np.array([stands_for(item.path, item.armless, w) for w in hand_worlds])
 
 
-def displaced(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """Return (6, m, 6) response of the wrench to a kinematic error of the hand's path, one axis each.
+def path_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
+    """Return the change of the predicted wrench if the path is off by `kinematics_place` or `kinematics_turn`.
 
-    Along the tool's axis a positive error is deeper. `nominal` is the drive of the believed model along the path
-    itself.
+    Args:
+        item: one episode.
+        nominal: result of driving the believed model along the measured path.
+        nthread: threads of the simulation.
+
+    Returns:
+        (6, m, 6) N and N m as read: axis of the error (x, y, z, rx, ry, rz of the flange at the path's start; +z points
+        out of the flange, so deeper), block, and component of the wrench; 0 in blocks that were not driven.
     """
     off = np.diag(np.repeat([RULES.kinematics_place, RULES.kinematics_turn], 3))
     world = hand_world(item.source.believed, World())
-    wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
-    phase, scenes = item.phase, (item.hand, item.source.scene)
-    stands = _stands(item, [World()] * 6)
+    wrench = np.repeat(readings(item.path, item.armless, world)[None], 6, axis=0)
+    phase, scenes = item.phase, (item.armless, item.source.scene)
+    stands = _true_per_read(item, [World()] * 6)
     out = drive(*scenes, item.path, [world] * 6, wrench, phase.rest, phase.windows, nthread, off, stands=stands)
     return np.nan_to_num(phase.means(out.correction) - phase.means(nominal.correction)) / stands[0]
 
 
-def pushed(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
-    """Return what remains of the wrench, by row, if one channel, by column, reads one unit too much, (m, 6, 6).
+def reading_response(item: ContactItem, nominal: Driven, nthread: int = 1) -> np.ndarray:
+    """Return the share of a constant reading error that remains in the residual.
 
-    In free air all of it remains. A contact absorbs forces that push against it, so there a wrong reading hardly
-    moves the hand, and a displaced hand has another cause. `nominal` is the drive of the believed model; where it
-    touches and the tool did not, nothing is absorbed.
+    In free air the springs must bear a wrong force, so all of the error remains. In contact the surface bears a force
+    that presses against it, so little remains. The shares are simulated in the measured phases press, slide and inside;
+    in other phases, and in blocks that were not driven, all remains, even if the model is in contact there.
+
+    Args:
+        item: one episode.
+        nominal: result of driving the believed model along the measured path.
+        nthread: threads of the simulation.
+
+    Returns:
+        (m, 6, 6): block, component of the residual, component of the wrench that is read too large after the rest.
     """
     size, world = np.repeat([PUSH, LEVER * PUSH], 3), hand_world(item.source.believed, World())
-    wrench = np.repeat(readings(item.path, item.hand, world)[None], 6, axis=0)
-    stands, phase = _stands(item, [World()] * 6), item.phase
+    wrench = np.repeat(readings(item.path, item.armless, world)[None], 6, axis=0)
+    stands, phase = _true_per_read(item, [World()] * 6), item.phase
     more = np.zeros_like(wrench)
     more[:, phase.rest.stop :] = (np.diag(size) * stands[0])[:, None]
     out = drive(
-        item.hand, item.source.scene, item.path, [world] * 6, wrench + more, phase.rest, phase.windows, nthread,
+        item.armless, item.source.scene, item.path, [world] * 6, wrench + more, phase.rest, phase.windows, nthread,
         stands=stands,
     )  # fmt: skip
     change = (phase.means(nominal.correction) - phase.means(out.correction)) / stands[0] / size[:, None, None]
-    left = np.moveaxis(change, 0, 2)
-    takes_up = phase.of(REGIMES[PRESS]) | phase.of(REGIMES[SLIDE]) | phase.of(REGIMES[INSIDE])
-    return np.where((takes_up & np.isfinite(left).all(axis=(1, 2)))[:, None, None], left, np.eye(6))
+    remains = np.moveaxis(change, 0, 2)
+    contact = phase.of(REGIMES[PRESS]) | phase.of(REGIMES[SLIDE]) | phase.of(REGIMES[INSIDE])
+    return np.where((contact & np.isfinite(remains).all(axis=(1, 2)))[:, None, None], remains, np.eye(6))
 
 
 def predicted(item: ContactItem, out: Driven, worlds: Sequence[World]) -> np.ndarray:
-    """(nworld, m, 6): measured wrench, less the zero found in free air, plus the correction, as the sensor reads it.
+    """Return the wrench that the sensor would read in each world, (nworld, m, 6) N and N m, flange axes.
 
-    While the hand rests at the start, the zero itself is what is compared. Forces are told as readings, whatever a
-    world says that these stand for: with readings `y = G w + n` of a wrench w and a path that is off by e, what is left
-    is `n + G K e`, and the hold K goes as `1 / G` (`drive`). So noise and path weigh the same in every world, their
-    covariance is the same constant for all, and what reads less does not seem to fit them better.
+    It is the measured wrench plus the correction; in the rest at the start it is the measured wrench minus the sensor's
+    zero, so that the residual there is the zero. Both are converted from true forces to readings, for the following
+    reason. With readings `y = G w + n` of a wrench w, and a path that is off by e, the residual of readings is
+    `n + G K e`, where `drive` sets the stiffness K of the springs proportional to `1 / G`. Its covariance is therefore
+    the same in all worlds, and a world whose sensor reads less does not seem to fit better.
+
+    Args:
+        item: one episode.
+        out: result of `driven` for these worlds.
+        worlds: effects besides the believed ones.
     """
     correction = np.where(item.phase.resting[None, :, None], -out.zero[:, None], item.phase.means(out.correction))
-    return item.measured[None] + correction / _stands(item, worlds)[:, None, None]
+    return item.measured[None] + correction / _true_per_read(item, worlds)[:, None, None]
 
 
-def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: int) -> list[ContactItem]:
-    """One item an episode of a recording, of which `seconds` of contact are driven.
+def items_of(t: Touching, armless: Scene, seconds: float, springs: Grasp, nthread: int) -> list[ContactItem]:
+    """Return one item for each episode of a recording that begins at rest in free air, with readings there.
+
+    Args:
+        t: the recording.
+        armless: its cell without the arm, held by springs.
+        seconds: duration of contact to simulate, s, shared equally among all episodes.
+        springs: stiffness and damping of these springs.
+        nthread: threads of the simulation.
 
     Raises:
-        UserError: no episode begins in free air, or the wrench there is not what the tool weighs.
+        UserError: there is no such episode, or the wrench at rest is not the tool's weight.
     """
     rec = t.recording
     calmed = rec if t.torques is None else calm(rec, t.torques)
@@ -110,16 +148,17 @@ def items_of(t: Touching, scene: Scene, seconds: float, hold: Grasp, nthread: in
     assert felt is not None  # `touching` refused a recording without a wrench
     begun = beginnings(t, felt)
     each = seconds / len(np.unique(episode_numbers(rec)))
-    out = [_item(t, path, phase, scene, each, hold, nthread) for path, phase in begun]
-    found = [i for i in out if i is not None]
+    items = [_item(t, path, phase, armless, each, springs, nthread) for path, phase in begun]
+    found = [i for i in items if i is not None]
     if not found:
         raise no_free_air(t)
     return found
 
 
 def _item(
-    t: Touching, path: Path, phase: Phases, scene: Scene, seconds: float, hold: Grasp, nthread: int
+    t: Touching, path: Path, phase: Phases, armless: Scene, seconds: float, springs: Grasp, nthread: int
 ) -> ContactItem | None:
+    """Return the item of one episode; None if wrench or angles were not read at its start. `seconds` are its own."""
     rec, rows = t.recording, path.rows
     phase = without(thinned(phase, seconds), _read(t, path))
     if not phase.resting.any():
@@ -137,7 +176,7 @@ def _item(
         rows[phase.rows(path.clock)],
     )
     measured = phase.means(path.wrench[None])[0]
-    still, rigid = np.zeros((6, *measured.shape)), np.tile(np.eye(6), (len(measured), 1, 1))
+    unmoved, all_remains = np.zeros((6, *measured.shape)), np.tile(np.eye(6), (len(measured), 1, 1))
     item = ContactItem(
         rec,
         segment,
@@ -146,23 +185,23 @@ def _item(
         path=path,
         phase=phase,
         source=t,
-        hand=scene,
-        grasp=hold,
-        answer=still,
-        response=rigid,
+        armless=armless,
+        springs=springs,
+        path_response=unmoved,
+        reading_response=all_remains,
     )
     nominal = driven(item, [World()], nthread)
     sigma = floors(item, nominal, nthread)
-    answer, response = displaced(item, nominal, nthread), pushed(item, nominal, nthread)
-    counts = phase.valid & ~(phase.resting & tared(rec))  # a tared zero is not informative
+    of_path, of_reading = path_response(item, nominal, nthread), reading_response(item, nominal, nthread)
+    counts = phase.valid & ~(phase.resting & tared(rec))  # a sensor zeroed at rest reads 0 there in every world
     valid = np.isfinite(measured) & counts[:, None]
     parts = (("force", slice(0, 3)), ("moment", slice(3, 6)))
     channels = tuple(Channel(name, measured[:, p], sigma[:, p], valid[:, p]) for name, p in parts)
-    return replace(item, channels=channels, answer=answer, response=response)
+    return replace(item, channels=channels, path_response=of_path, reading_response=of_reading)
 
 
 def _read(t: Touching, path: Path) -> np.ndarray:
-    """Return steps of the path whose nearest sample has a wrench and all angles, (n,) bool; gaps are bridged."""
+    """Return for each step of the path whether the nearest sample has a wrench and all angles, (n,) bool."""
     rows = path.rows[np.rint(np.interp(path.time, path.clock, np.arange(len(path.clock)))).astype(int)]
     read = np.concatenate([t.wrench[rows], t.recording.q[rows]], axis=1)
     return np.isfinite(read.sum(axis=1))

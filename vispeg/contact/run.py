@@ -81,7 +81,7 @@ def diagnose_contact(
     before_held = judged.residuals([world])[0]
     search.least = shows = least_sizes(search, world)
     state = search.run(world, n_fixed)
-    tool = weighed.weighed(search, state, n_fixed)
+    tool = weighed.tool_instead(search, state, n_fixed)
     rivals = find_rivals(search, state, n_fixed, say) if len(state.world.effects) > n_fixed else []
     errors = judged.errors([world, state.world])
     before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
@@ -118,7 +118,7 @@ def diagnose_contact(
         "evidence": "contact",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": weighed.beside(entangled.beside(effects(final, n_fixed, rivals, fitted_world), together), tool),
+        "effects": weighed.with_tool(entangled.beside(effects(final, n_fixed, rivals, fitted_world), together), tool),
         "ladder": ladder(evidence, judged, state, world),
         "noise_floor": {"value": judged.floor, "unit": "N RMS", "from": judged.floor_from},
         "where_it_fails": where_it_fails(judged, predicted),
@@ -130,7 +130,7 @@ def diagnose_contact(
         "shows_from": shows_from(shows),
         "allowed": taken,
         "closed_loop": replayed,
-        "next_experiment": weighed.asked(tool) or separating(fitted_world, rivals, unseen, together, recorded),
+        "next_experiment": weighed.separating(tool) or separating(fitted_world, rivals, unseen, together, recorded),
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],

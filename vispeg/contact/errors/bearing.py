@@ -18,7 +18,7 @@ def bearing(item: ContactItem) -> list[np.ndarray]:
     """Return, for each sticking press and both axes across the tool, the correction (m, 6) of the hand if its tip bears
     that far off the axis.
     """
-    scene, phase, hold = item.source.scene, item.phase, item.grasp
+    scene, phase, hold = item.source.scene, item.phase, item.springs
     radius, tip = scene.config.diameter / 2, scene.tip
     couple = RULES.bears_aside * radius * np.abs(phase.contact[:, 2])  # N m
     turn = couple / (hold.stiffness[3] + hold.stiffness[0] * tip**2)  # rad, about the tip

@@ -36,7 +36,7 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     """
     path, phase, rec = item.path, item.phase, item.recording
     world = hand_world(item.source.believed, World())
-    wrench = readings(path, item.hand, world)[None]
+    wrench = readings(path, item.armless, world)[None]
     rng = stream(0, "contact floor")
     place, rate = _noisy(once.place[0], path.time, path.clock, float(np.mean(noise_of(rec)["q"])) * REACH, rng)
     read = wrench[0] - once.zero + np.nan_to_num(once.correction[0])
@@ -44,7 +44,9 @@ def floors(item: ContactItem, once: Driven, nthread: int) -> np.ndarray:
     read = read + _on_steps(sigma * rng.standard_normal((len(path.clock), 6)), path)
     again = replace(path, place=place, rate=rate)
     residual = phase.means(
-        drive(item.hand, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread).correction
+        drive(
+            item.armless, item.source.scene, again, [world], read[None], phase.rest, phase.windows, nthread
+        ).correction
     )[0]
     out = np.empty_like(residual)
     ends = np.convolve(phase.of("slide"), np.ones(2 * RULES.floor_loose + 1), "same") > 0

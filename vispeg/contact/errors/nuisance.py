@@ -113,7 +113,7 @@ def _whitened(item: ContactItem, columns: Sequence[np.ndarray]) -> np.ndarray:
 
 def _taken_up(item: ContactItem, errors: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return the part of reading errors, (m, 6) each, that remains in the compared wrench: contact absorbs the rest."""
-    return [np.einsum("mij,mj->mi", item.response, error) for error in errors]
+    return [np.einsum("mij,mj->mi", item.reading_response, error) for error in errors]
 
 
 def _drifts(item: ContactItem) -> list[np.ndarray]:
@@ -169,7 +169,7 @@ def _bound(item: ContactItem) -> tuple[np.ndarray, np.ndarray]:
     force = np.linalg.norm(contact[:, :3], axis=1)
     w = contact / np.maximum(force, TOUCH)[:, None]
     w[force < TOUCH] = 0.0
-    gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / item.grasp.stiffness, w), 1e-12)
+    gain = 1 / np.maximum(np.einsum("bi,i,bi->b", w, 1 / item.springs.stiffness, w), 1e-12)
     return w, w * gain[:, None]
 
 
@@ -201,7 +201,7 @@ def _misplaced(item: ContactItem, smooth: np.ndarray) -> list[np.ndarray]:
     axes = _turn(item).inv().as_matrix()
     w, held = _bound(item)
     start = Rotation.from_quat(item.path.frame, scalar_first=True).as_matrix()
-    model = np.einsum("aj,jmc->amc", start, item.answer[:3])
+    model = np.einsum("aj,jmc->amc", start, item.path_response[:3])
     measured = held[None] * (RULES.kinematics_place * np.einsum("bij,bi->jb", axes, w[:, :3]))[:, :, None]
     some = _larger(model, measured)
     bent = np.gradient(np.gradient(smooth, item.period, axis=0), item.period, axis=0)  # 1/s^2: false acceleration
@@ -218,7 +218,7 @@ def _turned(item: ContactItem) -> list[np.ndarray]:
     """Return the wrench due to rotation errors of the hand, one constant error per recording."""
     w, held = _bound(item)
     measured = held[None] * (RULES.kinematics_turn * w[:, 3:]).T[:, :, None]
-    return list(_larger(item.answer[3:], measured))
+    return list(_larger(item.path_response[3:], measured))
 
 
 def _gives(item: ContactItem) -> np.ndarray:
@@ -243,8 +243,8 @@ def _late(item: ContactItem) -> np.ndarray:
 
 def _tool(item: ContactItem) -> tuple[float, np.ndarray]:
     """Return mass, kg, and centre of mass (3,) m, flange axes, of the load at the flange."""
-    model = compiled(item.hand)
-    tool = model.body(item.hand.base).id
+    model = compiled(item.armless)
+    tool = model.body(item.armless.base).id
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     site = data.site("flange")
@@ -262,7 +262,7 @@ def _stuck(item: ContactItem) -> list[np.ndarray]:
     out = []
     for a, b in runs(phase.sticks):
         size = np.hypot(
-            RULES.kinematics_place * item.grasp.stiffness[0],
+            RULES.kinematics_place * item.springs.stiffness[0],
             RULES.slide_blows * blows[max(a - RULES.stick_blocks, 0) : a].max(initial=0.0),
         )
         for along in np.eye(3)[:2]:
@@ -296,7 +296,7 @@ def _slipped(item: ContactItem) -> list[np.ndarray]:
     """Return the wrench of a part that slips in the grip, from each impact or press near the grip's limit on."""
     phase, block = item.phase, item.phase.size
     along = np.abs(item.path.wrench[: len(phase.time) * block, 2].reshape(-1, block)).max(axis=1)
-    hard = along > RULES.grip_nearly * _grip(item.hand)
+    hard = along > RULES.grip_nearly * _grip(item.armless)
     w, held = _bound(item)
     starts = np.flatnonzero(hard & ~np.r_[False, hard[:-1]])
     return [held * (RULES.grip_slip * w[:, 2] * (np.arange(len(w)) >= a))[:, None] for a in starts]

@@ -1,9 +1,9 @@
-"""Structural confounding of masses: a wrist sensor cannot tell a heavier part from a heavier tool with another centre.
+"""Structural confounding of masses: a wrist sensor cannot distinguish a heavier held part from a heavier tool.
 
-In whatever attitudes it is held, it determines mass, centre and inertia of all that it carries, and not how these are
-shared. A part's mass is one number; a tool's with its centre can always make up for it, and its inertia is felt too
-little to tell. Source: Atkeson, An and Hollerbach 1986, Estimation of inertial parameters of manipulator loads and
-links, Int. J. Robotics Research 5(3).
+In any orientations, its readings determine mass, centre of mass and inertia of tool and part together, not the share of
+each. So a change of the tool's mass and centre of mass can always replace a change of the part's mass; the two differ
+in inertia alone, by less than the readings show. Source: Atkeson, An and Hollerbach 1986, Estimation of inertial
+parameters of manipulator loads and links, Int. J. Robotics Research 5(3).
 """
 
 from __future__ import annotations
@@ -25,40 +25,43 @@ from vispeg.sim.compiled import compiled
 if TYPE_CHECKING:
     from vispeg.contact.selection.search import ContactSearch
 
-PART, MASS, CENTRE = "object_mass", "tool_mass", "tool_com"
+PART_MASS, TOOL_MASS, TOOL_CENTRE = "object_mass", "tool_mass", "tool_com"  # names of effects
 
 
-def weighed(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
-    """Return the named effect of the part's mass and the tool's mass and centre that fit as well; empty if they do not,
-    or if the tool's mass is named as well.
+def tool_instead(search: ContactSearch, state: State, n_fixed: int) -> tuple[EffectInstance, ...]:
+    """Return the part's mass that a search added, followed by the tool's mass and centre that explain as much.
+
+    Empty if the search did not add the part's mass, if the model has the tool's mass as well, or if the held-out
+    recordings distinguish the two explanations. The first `n_fixed` effects of the state's world were given.
     """
     added = {e.effect: e for e in state.world.effects[n_fixed:]}
     scene = search.evidence.items[0].source.scene
-    where = place_of(effect(MASS), scene)
-    if PART not in added or not where or any(e.effect == MASS for e in state.world.effects):
+    where = place_of(effect(TOOL_MASS), scene)
+    if PART_MASS not in added or not where or any(e.effect == TOOL_MASS for e in state.world.effects):
         return ()
-    part, world = added[PART], state.world.without(PART, added[PART].where)
-    search.say(f"fitting {MASS}({where}) and {CENTRE}({where}) in the place of {part.label}")
+    part, world = added[PART_MASS], state.world.without(PART_MASS, added[PART_MASS].where)
+    search.say(f"fitting {TOOL_MASS}({where}) and {TOOL_CENTRE}({where}) in the place of {part.label}")
     if len(added) > 1:
         world = search.reduced([world], n_fixed)[0].world
     without = search.judge.mean(search.judge.losses([world])[0])
     absent = search.evidence.absent
-    search.evidence.absent = {(name, k) for name, k in absent if name not in (MASS, CENTRE)}
-    mass, z = of_tool(scene, part.params["scale"].value)
-    world = world.add(EffectInstance.of(MASS, where, mass=mass))
-    if CENTRE not in added:
-        world = world.add(EffectInstance.of(CENTRE, where, z=z))
+    search.evidence.absent = {(name, k) for name, k in absent if name not in (TOOL_MASS, TOOL_CENTRE)}
+    mass, z = equivalent_tool(scene, part.params["scale"].value)
+    world = world.add(EffectInstance.of(TOOL_MASS, where, mass=mass))
+    if TOOL_CENTRE not in added:
+        world = world.add(EffectInstance.of(TOOL_CENTRE, where, z=z))
     (fit,) = search.fits([world], n_fixed)
     search.evidence.absent = absent
     (loss,) = search.judge.losses([fit.world])
     if not equal(search.judge, loss, state.loss, without, search.evidence.alike, remaining=True):
         return ()
-    return part, *(e for name in (MASS, CENTRE) for e in fit.world.effects if e.effect == name)
+    return part, *(e for name in (TOOL_MASS, TOOL_CENTRE) for e in fit.world.effects if e.effect == name)
 
 
-def of_tool(scene: Scene, scale: float) -> tuple[float, float]:
-    """Return mass (kg) and centre shift (m, along the flange's z) of a tool that match the weight of a part with a
-    scaled mass.
+def equivalent_tool(scene: Scene, scale: float) -> tuple[float, float]:
+    """Return changes of the tool that act on the wrist as the held part does if its mass is multiplied by `scale`.
+
+    These are an added mass (kg), and a shift of the centre of mass (m, along the flange's z) within its bounds.
     """
     model = compiled(scene)
     data = mujoco.MjData(model)
@@ -67,25 +70,28 @@ def of_tool(scene: Scene, scale: float) -> tuple[float, float]:
     tool, part = (model.body(name).id for name in ("tool", scene.held))
     height = (data.xipos - flange.xpos) @ flange.xmat.reshape(3, 3)[:, 2]
     mass = float((scale - 1.0) * model.body_mass[part])
-    limits = effect(CENTRE).params["z"]
+    limits = effect(TOOL_CENTRE).params["z"]
     z = mass * (height[part] - height[tool]) / (model.body_mass[tool] + mass)
     return mass, float(np.clip(z, limits.low, limits.high))
 
 
 def judged(verdict: Verdict, alike: tuple[EffectInstance, ...]) -> Verdict:
-    """Change `identified` to `ambiguous` if, by `weighed`, a heavier tool would explain the named part's mass."""
+    """Return the verdict, changed from `identified` to `ambiguous` if `alike`, from `tool_instead`, is not empty."""
     if verdict.verdict != "identified" or not alike:
         return verdict
     part, *tool = alike
     text = (
-        f"{part.label} weighs as {' with '.join(e.label for e in tool)} does: these recordings know what the part and "
-        "the tool weigh together"
+        f"{part.label} cannot be distinguished from {' with '.join(e.label for e in tool)}: these recordings show only "
+        "the mass of part and tool together"
     )
     return Verdict("ambiguous", text, partial=verdict.partial)
 
 
-def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
-    """Return the effects of a record, with the confounded effects that were not named added to the part's mass."""
+def with_tool(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> list[FoundEffect]:
+    """Return a record's `effects`, in which the part's mass lists those of the tool as indistinguishable from it.
+
+    Effects that have an entry of their own are not listed. `alike` is the result of `tool_instead`.
+    """
     named = {e["effect"] for e in effects}
     for entry in effects:
         if alike and (entry["effect"], entry["where"]) == (alike[0].effect, alike[0].where):
@@ -95,10 +101,10 @@ def beside(effects: list[FoundEffect], alike: tuple[EffectInstance, ...]) -> lis
     return effects
 
 
-def asked(alike: tuple[EffectInstance, ...]) -> NextMotion | None:
-    """Return the motion that distinguishes them; None if nothing is confounded."""
+def separating(alike: tuple[EffectInstance, ...]) -> NextMotion | None:
+    """Return the motion that distinguishes part and tool; None if `alike`, from `tool_instead`, is empty."""
     if not alike:
         return None
     part, *tool = alike
-    why = f"tells {part.label} from {' with '.join(e.label for e in tool)}; so does weighing the part by itself"
+    why = f"distinguishes {part.label} from {' with '.join(e.label for e in tool)}; so does weighing the part by itself"
     return {"motion": "free, with and without the held part", "why": why}

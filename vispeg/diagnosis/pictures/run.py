@@ -70,7 +70,7 @@ def diagnose_pictures(
     (mine, theirs), blind = seeing(scene, (sights_of(fitted), sights_of(held_out)), world)
     if not mine:
         raise UserError(f"no camera sees the cell: {'; '.join(blind)}", file=fitted[0].path)
-    say("bringing the predicted borders onto the pictures")
+    say("aligning the predicted borders with the pictures")
     progress = Progress() if progress is None else progress
     borders = border_evidence(scene, mine, theirs, world, recall=progress.recall)
     search, n_fixed = BorderSearch(*borders, say, progress), len(world.effects)

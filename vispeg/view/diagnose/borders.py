@@ -1,4 +1,4 @@
-"""The pictures channel: how far image edges lie from where the model predicts the borders of parts."""
+"""The pictures channel on the diagnosis page: distances of image edges from the predicted borders of parts."""
 
 from __future__ import annotations
 
@@ -18,12 +18,17 @@ from vispeg.worlds.world import World
 
 
 class Borders(Subject):
-    """Compare the edges in recorded pictures with the model; arguments as for `Joints`."""
+    """Compare the edges in recorded pictures with the borders of parts in the model; arguments as for `Joints`.
 
-    unit, shows = "px", "How far borders lie from where the model puts them"
+    Attributes:
+        judged: the held-out pictures; the fitted ones if there is no `progress`, so no search.
+        recordings: name -> recording of these pictures.
+    """
+
+    unit, shows = "px", "Distance of edges from the borders that the model predicts"
 
     def __init__(self, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
-        say("bringing the predicted borders onto the pictures")
+        say("aligning the predicted borders with the pictures")
         evidence, judged = border_evidence_of(
             inputs.world, inputs.fitted, inputs.held_out if progress else (), progress
         )
@@ -44,11 +49,14 @@ class Borders(Subject):
         return self.judged.scene
 
     def error(self, world: World) -> float:
-        """Return RMS edge error, px."""
+        """Return the RMS distance of the judged edges from the borders that a world predicts, px."""
         return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Return one track per recording and camera, with one row per frame: the frame's RMS edge error, px."""
+        """Return one track per recording and camera; its rows are the frames with borders, its values RMS edge errors.
+
+        The errors, px, stand in the camera's column; other columns are NaN.
+        """
         out = []
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
@@ -61,32 +69,33 @@ class Borders(Subject):
         return tuple(out)
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Map the edge errors, as multiples of their noise, over time and by the part that the border belongs to."""
+        """Return the edge errors, as multiples of their noise, over time and by the nearer part at each border."""
         rows: list[list[np.ndarray]] = [[], [], [], []]
         misplaced = zip(self.judged.items, self.judged.misplaced(first), self.judged.misplaced(now), strict=True)
         for k, (item, before, after) in enumerate(misplaced):
-            white = [np.where(item.valid[:, 0], away / item.sigma[0], np.nan) for away in (before, after)]
+            scaled = [np.where(item.valid[:, 0], away / item.sigma[0], np.nan) for away in (before, after)]
             time = self._time(k)[item.points.frame]
             moment = np.column_stack([np.full(len(time), float(k)), time])
-            new = (*(self._placed(item, w) for w in white), moment, item.points.parts[:, 0])
+            new = (*(self._placed(item, s) for s in scaled), moment, item.points.parts[:, 0])
             for column, values in zip(rows, new, strict=True):
                 column.append(values)
         before, after, moment, part = (np.concatenate(r) for r in rows)
         names = ("nothing", *self.body.parts)
-        there = np.unique(part)
-        edges = np.arange(len(there) + 1, dtype=float)
-        labels = tuple(names[int(p)] for p in there)
+        present = np.unique(part)
+        edges = np.arange(len(present) + 1, dtype=float)
+        labels = tuple(names[int(p)] for p in present)
         return {
             "time": over_time(before, after, moment),
-            "part": field(edges, np.searchsorted(there, part), before, after, moment, labels),
+            "part": field(edges, np.searchsorted(present, part), before, after, moment, labels),
         }
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Return a track's recording, and the recording's time (s) at the track's zero."""
+        """Return the recording of a track, given by its index, and the time of its first sample, s: the track's 0."""
         rec = self.recordings[self.judged.items[track].name]
         return rec, float(rec.time[0])
 
     def _time(self, track: int) -> np.ndarray:
+        """Return the times of a track's frames, (nframe,) s from the first sample of its recording."""
         return self.judged.items[track].sight.time - self.recorded(track)[1]
 
     def _placed(self, item: Item, values: np.ndarray) -> np.ndarray:
@@ -97,7 +106,10 @@ class Borders(Subject):
 
 
 def _per_frame(item: Item, away: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Return each frame's RMS edge error (frames,), px, weighted by the trust in each edge."""
+    """Return the RMS edge error of each of `frames`, (len(frames),) px, weighted by the trust in each edge.
+
+    `away` (n,) px are the errors at the item's border points, NaN without an edge; a frame without edges gives 0.
+    """
     good = np.isfinite(away)
     trust, at = np.where(good, item.trust, 0.0), np.searchsorted(frames, item.points.frame)
     square = np.bincount(at, trust * np.where(good, away, 0.0) ** 2, len(frames))
