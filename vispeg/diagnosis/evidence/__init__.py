@@ -1,1 +1,1 @@
-"""Evidence before any fit: where the model fails, and how much each effect would explain."""
+"""What the recordings show before an effect is fitted: where the model fails, how much each effect would explain."""

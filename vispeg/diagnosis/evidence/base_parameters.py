@@ -1,10 +1,10 @@
-"""Residual of linear least squares over all links' inertial parameters, with friction and bias in every joint.
+"""Benchmark of a torque diagnosis: linear least squares over all links' inertial parameters, friction and bias.
 
 Torque along a measured motion is linear in a link's mass, mass times centre, and inertia about the link's frame, so the
-best rigid arm with Coulomb and viscous friction is one linear fit. Its held-out error is a benchmark for a diagnosis:
-a rigid arm with plain friction cannot do better. Its parameters are not a model, since most are not identifiable one
-by one, and masses may be negative. Source: Gautier and Khalil, IEEE
-Transactions on Robotics and Automation 6(3), 1990, on base parameters.
+best rigid arm with Coulomb and viscous friction, rotor inertia and bias in every joint is one linear fit. No arm of
+that form fits the fitted recordings better; its held-out error is the mark for a diagnosis. Its parameters are not a
+model, since most are not identifiable one by one, and masses may be negative. Source: Gautier and Khalil, IEEE
+Transactions on Robotics and Automation 6(3), 1990, on base parameters: the identifiable combinations.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from vispeg.sim.nominal import dense
 from vispeg.sim.state import Fields
 from vispeg.worlds.world import World
 
-RANK = 1e-4  # of the greatest singular value of the scaled columns; below it a direction is not determined
+RANK = 1e-4  # times the greatest singular value of the scaled columns: below it a direction counts as undetermined
 QUARTER = np.array([[np.cos(np.pi / 8), *(np.sin(np.pi / 8) * e)] for e in np.eye(3)])  # 45 degrees about x, y, z
 
 
 def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: World) -> list[np.ndarray]:
-    """Return the held-out residuals (m, nj) N m after a fit of all base parameters in addition to `world`.
+    """Return for each held-out item the residual (m, nj) N m after a fit of all base parameters in addition to `world`.
 
-    Rows of invalid samples are 0.
+    The fit is on the fitted recordings. Invalid samples are 0.
     """
     x, y = _system(fitted, world)
     scale = np.maximum(np.linalg.norm(x, axis=0), 1e-12)
@@ -40,6 +40,7 @@ def base_parameters(fitted: TorqueEvidence, held_out: TorqueEvidence, world: Wor
 
 
 def _system(evidence: TorqueEvidence, world: World) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns (n, k) and residual (n,) of all valid samples."""
     parts = [
         (columns(item)[item.valid.ravel()], residual[item.valid])
         for item, residual in zip(evidence.items, _residuals(evidence, world), strict=True)
@@ -53,7 +54,11 @@ def _residuals(evidence: TorqueEvidence, world: World) -> list[np.ndarray]:
 
 
 def columns(item: Item) -> np.ndarray:
-    """Return the derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion."""
+    """Return the derivatives (m nj, 10 nlink + 4 nj) of the joint torques along an item's motion.
+
+    They are by ten inertial states of each link, then by Coulomb and viscous friction, rotor inertia and bias of each
+    joint.
+    """
     seg, nj = item.segment, item.nj
     ddq = seg.cache["ddq"]
     rigid = _rigid(item, ddq)  # (m, nj, 10 nlink)

@@ -1,11 +1,13 @@
-"""Whether a fitted effect is constant over time and position; if not, it imitates another one.
+"""Test whether a fitted effect is constant over time and position; if not, it imitates another one.
 
 Library effects are constant. Friction that falls as a gear warms up, or that exists at one angle only, is not in the
-library, and a constant one fits a part of it. So the magnitudes of each joint's effect may differ between quarters of
-the recordings, and between quarters of the joint's range, in the linear model of the fit, with all other parameters
-free. If that removes a visible share of the error left in the joint's own channels, and the values differ much, the
-effect is not named. Improvement in other joints does not count, because under torque control an error in one joint
-moves all. Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
+library, and a constant one fits a part of it. So in the linear model of the fit the magnitudes of each joint's effect
+may take other values in each quarter of a recording, or in each quartile of the joint's angles, with all other
+parameters free. If that removes a visible share of the error left in the joint's own channels, and the values differ
+much, the effect is not named. Improvement in other joints does not count, because under torque control an error in one
+joint moves all. Source: Chow, Econometrica 28(3), 1960 (coefficients of parts against those of the whole).
+
+A magnitude is a parameter whose null, a value such as 0, removes the effect.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from vispeg.diagnosis.evidence.dictionary import null_of
 from vispeg.identify.channels import Item
 from vispeg.identify.fit import Fit
 
-RIDGE = 1e-9  # of each column's squared norm; keeps undetermined directions fixed
+RIDGE = 1e-9  # times each column's squared norm, added to it: keeps undetermined directions fixed
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class Change:
     Attributes:
         label: of the effect.
         over: `time` or `position`.
-        parts: (nparts,) its first magnitude in each part, over the fitted one.
-        share: of the squared error left in its joint, that such values remove there.
+        parts: (nparts,) distance of its first magnitude from null in each part, over that of the constant fit.
+        share: share of the squared error left in its joint that such values remove there.
     """
 
     label: str
@@ -48,9 +50,9 @@ class Change:
 
 
 def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, float]) -> list[Change]:
-    """Return the joint effects after the first `n_fixed` of a fit that are not constant.
+    """Return the effects of single joints, after the first `n_fixed` of a fit, that are not constant.
 
-    `excess` is the squared residual over the noise that is left in each joint.
+    `excess` is for each joint the squared whitened residual above noise.
     """
     joints, null, out = items[0].robot.joints, null_of(fit), []
     times, channel = _entries(items, _times(items)), _channels(items)
@@ -77,7 +79,10 @@ def changes(items: Sequence[Item], fit: Fit, n_fixed: int, excess: Mapping[str, 
 
 
 def _magnitudes(fit: Fit, index: int) -> list[int]:
-    """Return the axes of an effect's linear magnitudes; none if those do not determine its presence."""
+    """Return the indices of the fit's axes that are an effect's linear magnitudes.
+
+    None are returned if the effect is recognised by a parameter on a log scale, such as a servo's.
+    """
     kind = effect(fit.world.effects[index].effect)
     if any(kind.params[name].scale != "linear" for name in kind.telling):  # a servo, whose gain may be null
         return []
@@ -87,7 +92,7 @@ def _magnitudes(fit: Fit, index: int) -> list[int]:
 
 
 def _times(items: Sequence[Item]) -> np.ndarray:
-    """Return the quarter of its recording of each sample, items end to end."""
+    """Return for each sample the quarter (0 to 3) of its recording's time, items end to end."""
     out = []
     for item in items:
         start = item.recording.time[item.segment.rows[0]]
@@ -99,12 +104,12 @@ def _times(items: Sequence[Item]) -> np.ndarray:
 
 
 def _quarters(values: np.ndarray) -> np.ndarray:
-    """Return the quartile of each of `values`."""
+    """Return the quartile (0 to 3) of each of `values`."""
     return np.digitize(values, np.quantile(values, np.arange(1, RULES.parts) / RULES.parts))
 
 
 def _entries(items: Sequence[Item], values: np.ndarray) -> np.ndarray:
-    """Expand one value per sample to the entries of the residual."""
+    """Repeat one value per sample for each column of that sample in the flat residual."""
     widths = [i.measured.shape[1] for i in items]
     return np.repeat(values, np.repeat(widths, [len(i.measured) for i in items]))
 
@@ -116,7 +121,10 @@ def _channels(items: Sequence[Item]) -> np.ndarray:
 
 
 def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return inner products over each part of `where`: J'J (nparts, p, p) and J'r (nparts, p)."""
+    """Return inner products over each part, J'J (nparts, p, p) and J'r (nparts, p), for a fit with p axes.
+
+    `part` (n,) is the part of each entry of the residual; `where` (n,) selects entries, None all.
+    """
     rows = [part == s if where is None else where & (part == s) for s in range(RULES.parts)]
     return (
         np.stack([fit.jacobian[r].T @ fit.jacobian[r] for r in rows]),
@@ -127,9 +135,17 @@ def _moments(fit: Fit, part: np.ndarray, where: np.ndarray | None = None) -> tup
 def _apart(
     everywhere: tuple[np.ndarray, np.ndarray], here: tuple[np.ndarray, np.ndarray], free: list[int]
 ) -> tuple[float, np.ndarray]:
-    """Return the drop of the squared residual `here` if `free` coordinates differ by part, and the first one in each.
+    """Return what separate values in each part gain for the axes `free`.
 
-    It is relative to a fit with common values. In both fits all other coordinates minimise the residual `everywhere`.
+    Args:
+        everywhere: `_moments` of the whole residual, which both fits minimise: one with separate values of these axes
+            in each part, one with common values.
+        here: `_moments` of the joint's own channels.
+        free: axes that may differ between parts; all others have common values.
+
+    Returns:
+        drop of the squared residual `here` from the common to the separate values, and the change (nparts,) of the
+        first free axis from the fitted value in each part.
     """
     gram, slope = everywhere
     p, k = gram.shape[1], len(free)
@@ -149,7 +165,7 @@ def _apart(
 
 
 def _squares(moments: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> float:
-    """Return the rise of |r|^2 if the coordinates change by x (nparts, p) in each part."""
+    """Return the rise of |r|^2 if the coordinates change by row s of x (nparts, p) in part s."""
     gram, slope = moments
     return float(np.einsum("si,sij,sj->", x, gram, x) + 2.0 * np.sum(slope * x))
 

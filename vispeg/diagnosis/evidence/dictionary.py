@@ -1,7 +1,8 @@
 """Linear model of a fit and all candidates: predicts the residual of any set of effects without a rollout.
 
-It needs only one Gram matrix of the derivatives to the fitted parameters, the candidates' signatures and the
-residual. It is exact for torques and effects that are linear; otherwise it proposes, and rollouts decide.
+It needs only one Gram matrix of the derivatives to the fitted parameters, the candidates' signatures (first-order
+changes of the residual, `signatures`) and the residual. It is exact for torques and effects that are linear; otherwise
+it proposes, and rollouts decide.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from vispeg.diagnosis.evidence.signatures import Signature
 from vispeg.identify.fit import Fit
 
 ROWS = 20_000  # rows of the residual multiplied at a time
-RIDGE = 1e-9  # of each column's squared norm; keeps undetermined directions fixed
-NOTHING = 1e-3  # least part of a unit column that is independent of the chosen ones
+RIDGE = 1e-9  # times each column's squared norm, added to it: keeps undetermined directions fixed
+NOTHING = 1e-3  # a unit column whose part independent of the chosen ones is shorter adds nothing
 
 
 class Entry:
     """One effect at one place, with its columns of the matrix and their bounds.
 
     Args:
-        placed: the effect; for a candidate its probe.
-        columns: indices into the matrix.
+        placed: the effect; of a candidate, with the values of its signature.
+        columns: (k,) indices of its columns in the matrix.
         bounds: (2, k) of the coefficients.
-        signature: of a candidate; None for an effect of the fit, whose coefficients are relative to null.
-        index: index in its world of an effect of the fit.
+        signature: of a candidate; None for an effect of the fit, whose coefficients are distances from null.
+        index: of an effect of the fit, its index in the fit's world; None for a candidate.
     """
 
     def __init__(
@@ -49,11 +50,21 @@ class Entry:
 class Dictionary:
     """Entries of a fit's effects and of the candidates, and the losses of sets of them.
 
+    Sets (`chosen`) are lists of indices into `entries`. A set without one of the fit's effects models its removal.
+
     Args:
         residual: (n,) whitened, of the world to which the signatures are relative.
         signatures: of the candidates.
         fit: of that world; None if nothing is fitted.
-        folds: rows of the residual left out in turn for cross-validation; by default none.
+        folds: rows of the residual left out in turn for cross-validation (`crossed`); without two or more, nothing is
+            cross-validated.
+
+    Attributes:
+        entries: effects of the fit, then candidates.
+        fitted: indices of the entries that are effects of the fit.
+        scale: norms of the columns; `gram` and `slope` are the inner products of the columns divided by it.
+        total: squared residual without any of the entries.
+        parts: for each fold its Gram matrix of scaled columns, the residual last.
     """
 
     def __init__(
@@ -91,7 +102,7 @@ class Dictionary:
         self.parts = [part / np.outer(unit, unit) for part in parts] if len(folds) > 1 else []
 
     def loss(self, chosen: Sequence[int]) -> tuple[float, np.ndarray]:
-        """Return the squared residual of entries `chosen` at their best coefficients within bounds, and those."""
+        """Return the least squared residual of the entries `chosen`, and their coefficients within bounds for it."""
         if not len(chosen):
             return self.total, np.zeros(0)
         i = np.concatenate([self.entries[k].columns for k in chosen])
@@ -113,7 +124,10 @@ class Dictionary:
         return float(self.total - 2.0 * x @ self.slope[i] + x @ self.gram[np.ix_(i, i)] @ x)
 
     def crossed(self, chosen: Sequence[int]) -> float:
-        """Cross-validate: predict each fold with the coefficients of the others; coefficients at a bound stay there."""
+        """Return the cross-validated squared residual: each fold is predicted with coefficients from the others.
+
+        Coefficients at a bound stay there. Without folds it is the in-sample one.
+        """
         in_sample, x = self.loss(chosen)
         if not self.parts or not len(chosen):
             return in_sample
@@ -133,7 +147,10 @@ class Dictionary:
         return float(total)
 
     def gains(self, chosen: Sequence[int]) -> np.ndarray:
-        """Return the predicted drop of the squared residual by adding each entry, ignoring bounds."""
+        """Return for each entry the predicted drop of the squared residual if it is added to `chosen`, ignoring bounds.
+
+        It is 0 for chosen effects, and for entries that are combinations of the chosen ones.
+        """
         gram, slope = self.gram, self.slope
         taken = {self.entries[k].key for k in chosen}
         if len(chosen):
@@ -150,7 +167,7 @@ class Dictionary:
         return out
 
     def placed(self, chosen: Sequence[int]) -> list[EffectInstance]:
-        """Return the chosen candidates with start values for a fit."""
+        """Return the candidates among the chosen entries, with start values for a fit."""
         coefficients, out, at = self.loss(chosen)[1], [], 0
         for k in chosen:
             entry = self.entries[k]
@@ -162,7 +179,7 @@ class Dictionary:
 
 
 def null_of(fit: Fit) -> np.ndarray:
-    """Return the coordinates at which each effect of a fit is null; shapes stay as they are."""
+    """Return the coordinates (naxis,) at which each effect of a fit is null: magnitudes at null, others as fitted."""
     out = fit.u.copy()
     for i, axis in enumerate(fit.space.axes):
         if not axis.param.shape and axis.name in effect(fit.world.effects[axis.index].effect).magnitudes:
@@ -171,7 +188,7 @@ def null_of(fit: Fit) -> np.ndarray:
 
 
 def _gram(blocks: Sequence[np.ndarray], rows: slice) -> np.ndarray:
-    """Return the inner products of all columns over some rows."""
+    """Return the inner products (k, k) of all columns of the `blocks`, matrices side by side, over some rows."""
     width = sum(b.shape[1] for b in blocks)
     out = np.zeros((width, width))
     for start in range(rows.start, rows.stop, ROWS):

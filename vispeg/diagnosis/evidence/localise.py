@@ -1,4 +1,8 @@
-"""Where the model fails: the missing torque, joint by joint, and in which regime."""
+"""Where the model fails: the missing torque, joint by joint, and in which regime.
+
+Missing torque is what must be added to the model's joint torques so that it moves as measured. A regime is a kind of
+motion: velocity reversal, high speed, high load or steady motion.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +22,15 @@ from vispeg.sim.observer import OBSERVER, observer_spring
 
 CUTOFF_HZ = 15.0
 SERVO = 25.0  # rad/s, assumed bandwidth of a servo's unknown loop, only to convert angles to torques
-SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # fractions of a joint's peak speed and torque
+SLOW, FAST, LOADED = 0.1, 0.6, 0.7  # bounds of the regimes: shares of a joint's peak speed (two), of its peak torque
 
 
 @dataclass(frozen=True)
 class JointData:
-    """One joint of all fitted segments, end to end (n,): what `Effect.guesses` may use."""
+    """One joint over all fitted items, end to end (n,): what `Effect.guesses` may use.
+
+    The arrays are as in `MissingTorque`, except `raw`: the finite measured values, not smoothed; its length may differ.
+    """
 
     q: np.ndarray
     dq: np.ndarray
@@ -40,10 +47,13 @@ class MissingTorque:
 
     Attributes:
         time: (m,) s.
-        q, dq, ddq, tau: (m, nj) measured motion (smoothed) and the motor torque that was commanded with it.
-        needed: (m, nj) N m, the joint torque that the nominal arm needs for that motion (Coriolis left out).
-        excess: (m, nj) N m, what must be added to the model's joint torque to move as measured.
-        sigma: (nj,) its standard deviation if sensor noise were all.
+        q, dq, ddq: (m, nj) measured motion, smoothed.
+        tau: (m, nj) N m, motor torque commanded with it; gravity alone if the command is unknown, and `needed` for a
+            servo or measured torques.
+        needed: (m, nj) N m, joint torque for that motion: of the nominal arm without Coriolis terms, or, if torques
+            were measured, of the model itself.
+        excess: (m, nj) N m, the missing torque.
+        sigma: (nj,) standard deviation of `excess` if sensor noise were its only cause.
     """
 
     time: np.ndarray
@@ -57,11 +67,12 @@ class MissingTorque:
 
 
 def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingTorque:
-    """Return the missing torque from the difference d = measured - simulated angle: `M d'' + Kd d' + Kp d`, low-passed.
+    """Return the missing torque of an item under a model that predicts `predicted` (m, nch).
 
-    Kp and Kd are the gains of the common loop (the recorded controller, or the observer), M the nominal inertia along
-    the
-    motion: the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
+    Where torques are compared it is measured minus predicted torque. Where angles are compared it is, low-passed,
+    `M d'' + Kd d' + Kp d` of the difference d = measured - simulated angle. Kp and Kd are the gains of the loop that
+    robot and model share (the recorded controller, or the observer), M the nominal inertia along the motion. That is
+    the linearised inverse of the loop, so a torque at one joint shows at that joint alone.
     """
     seg, nj, m = item.segment, item.nj, len(item.segment.time)
     if item.kind == "needed":
@@ -101,7 +112,7 @@ def missing_torque(item: Item, predicted: np.ndarray, seed: int = 0) -> MissingT
 
 
 def _means(control: Control) -> tuple[float, float]:
-    """Return the mean gains of an operational-space loop, accurate enough to convert an angle difference to torques."""
+    """Return the mean gains kp, kd of an operational-space loop; enough to convert angle differences to torques."""
     if control.kp is None or control.kd is None:
         return OBSERVER**2, 2 * OBSERVER
     return float(np.mean(control.kp)), float(np.mean(control.kd))
@@ -123,6 +134,7 @@ def _motor_torque(item: Item, q: np.ndarray, dq: np.ndarray, gravity: np.ndarray
 
 
 def _filled(values: np.ndarray) -> np.ndarray:
+    """Return values (m, k) with gaps (not finite) interpolated in each column; a column without any value is 0."""
     values = values.copy()
     for column in values.T:
         bad = ~np.isfinite(column)
@@ -159,7 +171,7 @@ def joint_z(missing: Sequence[MissingTorque]) -> np.ndarray:
 
 
 def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
-    """Return for each regime its samples, (m, nj) bool."""
+    """Return for each regime its samples, (m, nj) bool; each sample is in one regime."""
     speed, load = np.abs(k.dq), np.abs(k.tau)
     peak = np.maximum(speed.max(axis=0), 1e-6)
     reversal = speed < SLOW * peak
@@ -172,7 +184,10 @@ def regimes(k: MissingTorque) -> dict[str, np.ndarray]:
 
 
 def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], most: int = 6) -> list[Failure]:
-    """Return the shares of the excess over noise by joint and regime, largest first; they sum to 1 over all cells."""
+    """Return the largest shares of the squared missing torque above noise by joint and regime, largest first.
+
+    All shares sum to 1; at most `most` are returned, and none up to 1 %.
+    """
     cells: dict[tuple[str, str], float] = {}
     for k in missing:
         chi = np.maximum((k.excess / k.sigma) ** 2 - 1.0, 0.0)
@@ -186,9 +201,9 @@ def where_it_fails(missing: Sequence[MissingTorque], joints: tuple[str, ...], mo
 
 @dataclass(frozen=True)
 class Cells:
-    """Cell of every sample of missing torque in one of the `maps`: edges (k+1,), number (n, nj), -1 for none.
+    """The cells of one of the `maps`: edges (k+1,) along its axis, and the cell `number` (n, nj) of every sample.
 
-    Samples of all items are end to end.
+    The number is -1 for a sample in no cell. Samples of all items are end to end.
     """
 
     edges: np.ndarray
@@ -215,7 +230,7 @@ def cells(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, Cells]:
 
 
 def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return for each axis edges (k+1,) and the whitened RMS missing torque (nj, k) of the `cells`, NaN if empty."""
+    """Return for each axis the cells' edges (k+1,) and the RMS missing torque over its noise (nj, k), NaN if empty."""
     z = np.concatenate([(k.excess / k.sigma) ** 2 for k in missing])
     out = {}
     for axis, cell in cells(missing, bins).items():
@@ -230,7 +245,7 @@ def maps(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, tuple[np
 
 
 def worst(missing: Sequence[MissingTorque], bins: int = 12) -> dict[str, np.ndarray]:
-    """Return for each axis the sample with the largest missing torque in each cell, (nj, k), -1 if empty."""
+    """Return for each axis the index of the sample with the largest missing torque in each cell (nj, k), -1 if none."""
     z = np.abs(np.concatenate([k.excess / k.sigma for k in missing]))
     out = {}
     for axis, cell in cells(missing, bins).items():
@@ -248,7 +263,7 @@ def peaks(
     joints: tuple[str, ...],
     after: dict[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> list[Peak]:
-    """Return the worst cell of each of the `maps`, in multiples of the noise; with `after`, also its later value."""
+    """Return the worst cell of each of the maps `before`, in multiples of the noise, and its value in maps `after`."""
     out = []
     for axis, (edges, grid) in before.items():
         if not np.isfinite(grid).any():

@@ -1,4 +1,4 @@
-"""Refuse recordings without motion, as nothing can be learnt or judged on them."""
+"""Refuse a diagnosis on recordings without motion, as nothing can be learnt or judged on them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vispeg.recordings.recording import Recording
 
 
 def motionless(rec: Recording) -> bool:
-    """Return whether neither a joint nor a command moved; a commanded robot that does not move is informative."""
+    """Return whether neither joints nor commands move beyond noise; a commanded robot at rest is informative."""
     still = dict.fromkeys(("q", "q_cmd", "ee_cmd"), RULES.still_angle) | {"tau_cmd": RULES.still_torque}
     for name, least in still.items():
         values = getattr(rec, name)
@@ -30,7 +30,7 @@ def refuse_motionless(fitted: Sequence[Recording], held_out: Sequence[Recording]
     """Return a message for each recording without motion.
 
     Raises:
-        UserError: none of the fitted ones, or none of the held-out ones, has any.
+        UserError: no fitted recording has motion, or no held-out one.
     """
     notes = []
     for recordings, use in ((fitted, "to learn from"), (held_out, "to judge on")):

@@ -10,17 +10,17 @@ from vispeg.recordings.checks.excitation import LEAST_SPEED, MOVES
 def phase(time: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """Return each joint's phase in its cycle: 0 at a lower turning point, 0.5 at an upper one, 1 at the next lower.
 
-    From one turning point to the next it grows evenly in time, so a constant-amplitude sine has its usual phase, and
-    motion of any shape has one: just above 0 and 0.5 is just after a reversal, where dry friction, play and hysteresis
-    show; 0.25 and 0.75 are the middle of the upward and downward strokes.
+    From one turning point to the next it grows evenly in time. So it is defined for motion of any shape, and for a sine
+    it is the usual phase. Just above 0 and 0.5 is just after a reversal, where dry friction, play and hysteresis show;
+    0.25 and 0.75 are the middles of the upward and downward strokes.
 
     Args:
         time: (m,) s, increasing.
-        dq: (m, nj) rad/s, smoothed. Speeds below 2 % of a joint's peak do not count as a change of direction, so that
-            noise makes no turning point.
+        dq: (m, nj) rad/s, smoothed. Speeds below a small share of a joint's peak do not count as a change of
+            direction, so that noise makes no turning point.
 
     Returns:
-        (m, nj), NaN before a joint's first and after its last turning point: that stroke's length is not known.
+        (m, nj), NaN before a joint's first and after its last turning point, as those strokes are not complete.
     """
     out = np.full(dq.shape, np.nan)
     for j, speed in enumerate(dq.T):

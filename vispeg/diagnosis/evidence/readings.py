@@ -1,7 +1,7 @@
-"""Estimate encoder resolution from the readings alone: all of them are integer multiples of one step.
+"""Read encoder resolutions from the measured angles alone: all angles of a joint are integer multiples of one step.
 
-The squared error cannot show a step below about ten times the noise: noise tips a rounded prediction to the next step
-as often as the reading itself, so the error is as large as without rounding. The grid is visible in the readings
+A fit cannot find a step below about ten times the noise: noise tips a rounded prediction to the next step as often as
+the reading itself, so the squared error is as large as without rounding. The grid is visible in the readings
 themselves.
 """
 
@@ -24,8 +24,8 @@ from vispeg.worlds.world import World
 def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstance, ...]:
     """Return encoder resolutions of joints that have the same step in every recording in which they move.
 
-    The grid must go through the joint's zero, as the effect's does. It is a single effect of all joints if one step
-    fits them all; a joint with a resolution in the world is skipped.
+    The grid must contain the joint's zero, as the effect's grid does. If one step fits all moving joints, it is a
+    single effect at `all`. A joint for which the world has a resolution is skipped.
     """
     joints = recordings[0].joints
     moved = {j: m for j in range(len(joints)) if (m := [r for r in recordings if moves(r.q[:, j])])}
@@ -57,12 +57,12 @@ def gridded(world: World, recordings: Sequence[Recording]) -> tuple[EffectInstan
 
 
 def moves(values: np.ndarray) -> bool:
-    """Return whether readings (n,) differ."""
+    """Return whether readings (n,) have enough different values to show a grid."""
     return len(np.unique(values[np.isfinite(values)])) >= RULES.grid_readings
 
 
 def common_step(recordings: Sequence[Recording], joint: int) -> float:
-    """Return the step in rad of a joint's readings in all of these recordings; 0 if there is none above the noise."""
+    """Return the step in rad of joint number `joint` in all these recordings; 0 if there is none well above noise."""
     if any(quantization(r.q[:, joint]) is None for r in recordings):
         return 0.0
     widest = max((r.q[:, joint] for r in recordings), key=lambda q: float(np.nanmax(np.abs(q))))
@@ -72,7 +72,7 @@ def common_step(recordings: Sequence[Recording], joint: int) -> float:
 
 
 def refined(values: np.ndarray, step: float) -> float:
-    """Refine the step by least squares over values (n,), starting with small ones, whose multiples are certain."""
+    """Refine a step by least squares over values (n,), small ones first: their integer multiples are certain."""
     values = values[np.isfinite(values)]
     for share in (0.1, 0.3, 1.0):
         near = values[np.abs(values) <= share * np.abs(values).max()]

@@ -1,4 +1,7 @@
-"""Dependence of the final residual on inputs: flexible curves over one input at a time, judged on held-out data."""
+"""What the final model's missing torque depends on: a free curve over one input at a time, judged on held-out data.
+
+An input is a quantity such as position, speed or time. Missing torque is defined in `localise`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ BINS = 24
 
 @dataclass(frozen=True)
 class Dependence:
-    """Share of the held-out missing torque that a curve over `input` predicts, and the joint with the strongest one."""
+    """Share of the held-out squared missing torque that a curve over `input` predicts in one joint: the best one."""
 
     input: str
     share: float
@@ -24,7 +27,10 @@ class Dependence:
 def dependences(
     fitted: list[MissingTorque], held_out: list[MissingTorque], joints: tuple[str, ...]
 ) -> list[Dependence]:
-    """Rank inputs by the share of held-out missing torque that a curve fitted on the other recordings predicts."""
+    """Rank inputs by the share of held-out missing torque that a curve of the fitted recordings predicts.
+
+    The last input, frequency, is judged otherwise: by the strongest line in the held-out spectrum itself.
+    """
     out = []
     for name, get in INPUTS.items():
         share, joint = 0.0, 0
@@ -71,7 +77,9 @@ def sizes(held_out: list[MissingTorque], joints: tuple[str, ...]) -> list[Remain
 
 
 def _tone(missing: list[MissingTorque]) -> tuple[float, float, int]:
-    """Return the share of missing torque within 0.4 Hz of its strongest line above 0.4 Hz, the line, and its joint."""
+    """Return the share of missing torque within 0.4 Hz of its strongest line above 0.4 Hz, that line in Hz, and the
+    index of its joint, from the first item.
+    """
     best = (0.0, 0.0, 0)
     total = sum(float(np.sum((k.excess / k.sigma) ** 2)) for k in missing)
     for j in range(missing[0].q.shape[1]):

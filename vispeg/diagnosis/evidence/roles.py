@@ -1,4 +1,4 @@
-"""Choice of held-out recordings: those requested, unless they do not show what the model lacks.
+"""Choose the held-out recordings: those requested, unless they do not show what the model lacks.
 
 A drive that saturates in two of three motions leaves no trace in the third, where no effect of it can be judged. Then
 one of the two is held out instead, and the third is fitted. If it saturates in one motion only, but in both halves of
@@ -21,7 +21,10 @@ from vispeg.worlds.world import World
 
 @dataclass(frozen=True)
 class Roles:
-    """Fitted and held-out recordings, a note, and the name of a recording that no other can judge."""
+    """Fitted and held-out recordings, and a note on the choice.
+
+    `alone` names the only recording that shows what the model lacks, if no other data can judge it; else it is empty.
+    """
 
     fitted: list[Recording]
     held_out: list[Recording]
@@ -34,11 +37,11 @@ class Roles:
 
 
 def recast(world: World, evidence: Evidence, judged: Evidence) -> Roles | None:
-    """Reassign the roles of recordings if no held-out one shows what the model lacks; None if the roles can stay.
+    """Reassign the roles of recordings if no held-out one shows what the model lacks.
 
-    If several fitted recordings show it, the last of them is held out, but never the one that shows most. If only one
-    does, its second half is held out, provided both halves show it; else the note says that nothing can be judged on
-    other data.
+    None if a held-out recording shows it, or no recording does. If several fitted recordings show it, the last of them
+    is held out, but never the one that shows most. If only one does, its second half is held out, provided both halves
+    show it; else roles stay, `alone` is set, and the note says that nothing can be judged on other data.
     """
     if max(shown(judged, world)) > RULES.quiet:
         return None
@@ -75,7 +78,7 @@ def halves(rec: Recording) -> tuple[Recording, Recording]:
 
 
 def shown(evidence: Evidence, world: World) -> list[float]:
-    """Return the mean squared whitened residual of each recording under a world; 1 at the noise floor."""
+    """Return the mean squared whitened residual (error over noise) of each recording; 1 at the noise floor."""
     residual, start = evidence.residuals([world])[0], 0
     total, count = np.zeros((2, len(evidence.recordings)))
     index = {id(r): k for k, r in enumerate(evidence.recordings)}

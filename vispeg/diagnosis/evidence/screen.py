@@ -1,4 +1,7 @@
-"""Score test over the whole library: the part of the residual that each effect, at each place, can explain."""
+"""Score test over the whole library: the part of the residual that each effect, at each place, can explain.
+
+It needs no fit: the residual is projected on the effects' signatures, its first-order changes (`signatures`).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,10 @@ ROWS = 2**16  # rows of a least-squares problem factorised at a time
 
 
 def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[tuple[str, str]]:
-    """Return every (effect, place) of the library that the world does not have; joint places only among `joints`."""
+    """Return every (effect, place) of the library that the world lacks and the evidence can show.
+
+    Of the joints only `joints` are places, except for effects that make no torque at their own joint.
+    """
     taken = {(e.effect, e.where) for e in world.effects}
     item, out = evidence.items[0], []
     for name, kind in searchable().items():
@@ -33,9 +39,9 @@ def candidates(evidence: Evidence, world: World, joints: Sequence[str]) -> list[
 
 
 def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list[list[tuple[str, str]]]:
-    """Return groups of effects that every arm has in all joints and the world lacks: friction, rotor inertia, bias.
+    """Return groups of effects that every arm has in all joints and the world lacks, as (effect, place).
 
-    There is one group per kind (`Effect.common`), except those in `done`.
+    There is one group per kind (`Effect.common`: friction, rotor inertia, bias), except those in `done`.
     """
     places_by_effect: dict[str, list[tuple[str, str]]] = {}
     for name, place in candidates(evidence, world, evidence.items[0].robot.joints):
@@ -46,7 +52,10 @@ def groups(evidence: Evidence, world: World, done: Collection[str] = ()) -> list
 
 
 def shortlist(scores: Sequence[Score], best: int) -> list[Score]:
-    """Return the `best` scores, without those below `fitted_share` of the largest gain beyond the first few."""
+    """Return at most the first `best` of the scores, best first.
+
+    After the first `fitted_surely`, those up to `fitted_share` of the largest gain are left out.
+    """
     top = scores[0].gain if scores else 0.0
     least = RULES.fitted_share * top
     return [s for i, s in enumerate(scores) if i < best and (i < RULES.fitted_surely or s.gain > least)]
@@ -59,9 +68,15 @@ def screen(
     places: Sequence[tuple[str, str]],
     together: Sequence[Sequence[tuple[str, str]]] = (),
 ) -> list[Score]:
-    """Score all places and the groups `together` with the signatures `taken`; best first.
+    """Return the scores of single effects and of groups of them, best first; those without gain are left out.
 
-    `residual` and `jacobian` are those of the world at which the signatures were taken, on the same evidence.
+    Args:
+        taken: signatures of all of them, of an effect perhaps several.
+        residual: (n,) whitened residual of the world to which the signatures are relative, on the same evidence.
+        jacobian: (n, p) its derivatives to the fitted parameters, whose changes count as explained already; None if
+            nothing is fitted.
+        places: (effect, place) to score alone.
+        together: groups of (effect, place) to score as one.
     """
     single, grouped = set(places), {p for group in together for p in group}
     basis = _orthonormal(jacobian, len(residual))
@@ -81,7 +96,10 @@ def screen(
 
 
 def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) -> Score | None:
-    """Score a group of effects that are added together, each with its magnitudes."""
+    """Score a group of effects added together, by their magnitudes' columns; None if fewer than two do anything.
+
+    `base` is the residual without its projection on the orthonormal `basis`.
+    """
     members = [m for m in members if np.linalg.norm(m.columns[:, : len(m.names)]) > 1e-6]
     if len(members) < 2:
         return None
@@ -97,12 +115,14 @@ def _group_score(members: list[Signature], base: np.ndarray, basis: np.ndarray) 
 
 
 def _orthonormal(jacobian: np.ndarray | None, n: int) -> np.ndarray:
+    """Return an orthonormal basis (n, p) of the jacobian's columns."""
     if jacobian is None or jacobian.shape[1] == 0:
         return np.zeros((n, 0))
     return np.linalg.qr(jacobian)[0]
 
 
 def _score(signature: Signature, base: np.ndarray, basis: np.ndarray) -> Score | None:
+    """Score one effect by its magnitudes' columns; None if it explains nothing of `base`."""
     count = len(signature.names)
     s = signature.columns[:, :count].astype(float)
     if basis.shape[1]:
@@ -119,12 +139,13 @@ def _score(signature: Signature, base: np.ndarray, basis: np.ndarray) -> Score |
 
 
 def _magnitudes(signature: Signature, coefficients: np.ndarray) -> dict[str, float]:
+    """Return start values of the magnitudes from their columns' coefficients."""
     placed = signature.placed([*coefficients, *[0.0] * len(signature.moments)])
     return {name: placed.params[name].value for name in signature.names}
 
 
 def _projected(s: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduce a least-squares problem to as many rows as columns: R and Q'b of s = QR, `ROWS` rows at a time."""
+    """Reduce the least-squares problem s x = base to as many rows as columns: R and Q'base of s = QR."""
     k = s.shape[1]
     upper = np.zeros((0, k + 1))
     for start in range(0, len(s), ROWS):

@@ -1,4 +1,9 @@
-"""Signatures: first-order change of the whitened residual when an effect is added at a place."""
+"""Signatures: first-order change of the whitened residual when an effect is added at a place.
+
+A whitened residual is (measured - predicted) / noise, flat over all readings. Null is the value of a parameter at which
+its effect does nothing. A magnitude is a parameter whose null removes the effect (a friction torque); a shape is any
+other (a width). A moment is a shape whose product with the magnitude enters linearly (the position of a mass).
+"""
 
 from __future__ import annotations
 
@@ -15,8 +20,8 @@ from vispeg.identify.channels import Item
 from vispeg.identify.evidence import Evidence
 from vispeg.worlds.world import World
 
-WILD = 5e3  # whitened residual beyond which a rollout is not informative about its parameter
-STEP = 0.05  # of a moment's range: its shift
+WILD = 5e3  # whitened residual beyond which a rollout says nothing of its parameter
+STEP = 0.05  # share of a moment's range by which its variant is shifted
 
 
 @dataclass(frozen=True)
@@ -25,9 +30,9 @@ class Signature:
 
     Attributes:
         probe: the effect, with the values at which the signature was computed.
-        names: the magnitudes that scale the first columns: a coefficient of 1 is the probe's value, 0 its null.
-        moments: the shapes that scale the other columns: shift of a shape, in steps of `STEP`, is its coefficient
-            over the first one's.
+        names: magnitudes of the first columns; a coefficient of 1 means the probe's value, 0 null.
+        moments: of the other columns; a moment's shift from the probe's value, in units of `STEP` of its range, is its
+            coefficient over the magnitude's.
         columns: (n, k) drop of the whitened residual for a coefficient of 1.
     """
 
@@ -48,7 +53,7 @@ class Signature:
         return np.array([*reach, *[(-np.inf, np.inf)] * len(self.moments)]).T
 
     def possible(self, coefficients: Sequence[float]) -> bool:
-        """Return whether the values of these coefficients lie in their bounds, and none at a bound that is not null."""
+        """Return whether coefficients mean values within bounds, and no magnitude at a bound other than null."""
         kind, count = effect(self.probe.effect), len(self.names)
         low, high = self.bounds[:, :count]
         values = self.probe.params
@@ -62,7 +67,7 @@ class Signature:
         return all(inside)
 
     def placed(self, coefficients: Sequence[float]) -> EffectInstance:
-        """Return the effect with start values for a fit."""
+        """Return the effect with start values for a fit from the coefficients; magnitudes are kept away from null."""
         kind, values = effect(self.probe.effect), {}
         for m, c in zip(self.names, coefficients, strict=False):
             p, reach = kind.params[m], self.probe.params[m].value - kind.params[m].null
@@ -81,12 +86,12 @@ class Signature:
 
 @dataclass(frozen=True)
 class Probe:
-    """An effect at the values of its signature, and the parameters that are varied.
+    """An effect at the values at which its signature is computed, and the parameters that are varied.
 
     Attributes:
         placed: the effect.
         names: its magnitudes that are not null.
-        moments: shapes in which, times the only magnitude, it is linear.
+        moments: its moments if it has a single such magnitude; else none.
     """
 
     placed: EffectInstance
@@ -95,7 +100,7 @@ class Probe:
 
     @property
     def variants(self) -> list[EffectInstance]:
-        """Return variants with each magnitude alone, then with each moment shifted."""
+        """The effects to roll out: with each magnitude alone (the others at null), then with each moment shifted."""
         kind = effect(self.placed.effect)
         null = {name: kind.params[name].null for name in self.names}
         alone = [self.placed.with_values(**{o: v for o, v in null.items() if o != name}) for name in self.names]
@@ -103,7 +108,7 @@ class Probe:
 
 
 def probes(places: Sequence[tuple[str, str]], item: Item, joint_data: Sequence[JointData]) -> list[Probe]:
-    """Return the probes of all these (effect, where); some have several."""
+    """Return the probes of all these (effect, where): for each one as many as there are guesses of its values."""
     out = []
     for name, where in places:
         kind = effect(name)
@@ -132,7 +137,7 @@ def each_signature(
 
 
 def _drop(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return the change of the whitened residual due to a parameter; zeros if its rollout diverged."""
+    """Return the drop of the whitened residual due to a parameter, 0 in entries in which its rollout diverged."""
     return np.where(np.abs(after) > WILD, 0.0, before - after).astype(np.float32)
 
 
@@ -142,7 +147,10 @@ def _shifted(probe: EffectInstance, moment: str) -> EffectInstance:
 
 
 def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) -> list[EffectInstance]:
-    """Return an effect at a place with values estimated from the data; nothing if the data rule it out."""
+    """Return an effect at a place with each guess of its values from the joint's data; empty if they rule it out.
+
+    At a place that is no joint, it has typical values.
+    """
     kind, joints = effect(name), item.robot.joints
     data = joint_data[joints.index(where)] if where in joints else None
     guesses = kind.guesses(data) if data is not None else [{}]
@@ -157,10 +165,10 @@ def guessed(name: str, where: str, item: Item, joint_data: Sequence[JointData]) 
 
 
 def _most(data: JointData) -> dict[str, float]:
-    """Map each unit to the largest value of a probe: no effect makes more torque than is missing.
+    """Map each unit to the largest value of a probe, so that no effect makes more torque than is missing.
 
-    Half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would stop a wrist; that far from null no
-    signature is linear.
+    A typical value may be far too large: half a newton metre of friction, or a tenth of a kg m2 of rotor inertia, would
+    stop a wrist, and that far from null no signature is linear.
     """
     missing = max(_usual(data.excess), 1e-3)
     moved = {"N m s/rad": data.dq, "kg m2": data.ddq, "N m/rad": data.q - np.median(data.q)}
@@ -168,11 +176,12 @@ def _most(data: JointData) -> dict[str, float]:
 
 
 def _usual(values: np.ndarray) -> float:
+    """Return the magnitude that nine in ten values do not exceed."""
     return float(np.quantile(np.abs(values), 0.9))
 
 
 def at_bound(placed: EffectInstance) -> bool:
-    """Return whether a magnitude of a fitted effect is at a bound other than null, which another error pushes it to."""
+    """Return whether a magnitude of a fitted effect is at a bound other than null; usually another error pushed it."""
     kind = effect(placed.effect)
     return any(_at_edge(kind.params[name], placed.params[name].value) for name in kind.magnitudes)
 

@@ -1,4 +1,4 @@
-"""Start values for effects whose slope vanishes at null (`distant`): guesses from the data."""
+"""Start values for distant effects: near null they change nothing, so a fit cannot start there (`Effect.distant`)."""
 
 from __future__ import annotations
 
