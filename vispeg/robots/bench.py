@@ -1,7 +1,8 @@
 """The scene in a robot's own file: the arm and everything else that the file contains.
 
-The world frame, lights and colours are those of the file. Every body that does not belong to the arm is a part. It is
-also a `thing`: its true pose is known only roughly. Each shape of the world body (a table, a floor) is a part too.
+World frame, lights and colours are those of the file. The visible shapes form the scene's parts: ARM, which is the
+arm with its tool; one for each other body, which is also a `thing`, a body whose pose is known only roughly; and one
+for each shape of the world body, such as a table or a floor.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ ARM = "arm"  # name of the part that is the arm with its tool
 
 @lru_cache(maxsize=32)
 def bench(robot: RobotModel) -> Scene:
-    """Return the scene of a robot's own file; the same robot returns the same scene.
+    """Return the scene of a robot's own file; calls with the same object `robot` return the same object.
 
     Args:
-        robot: the robot with its tool. Its cameras are left out, as those of a recording replace them.
+        robot: the robot with its tool. Cameras in its file are left out: the cameras of a recording replace them.
     """
     spec = robot.spec()
     for camera in list(spec.cameras):
         spec.delete(camera)
-    spec.visual.quality.offsamples = 0  # without multisampling, so that a pixel shows one geom, as a ray does
+    spec.visual.quality.offsamples = 0  # no multisampling: a pixel then shows one geom, as a ray does
     for i, light in enumerate(spec.lights):
         light.name = light.name or f"light{i}"
     for i, body in enumerate(spec.bodies):
@@ -38,11 +39,11 @@ def bench(robot: RobotModel) -> Scene:
     model = spec.compile()
     parts: dict[str, tuple[str, ...]] = {ARM: ()}
     things: list[str] = []
-    moved = _arm(model, robot)
+    of_arm = _arm(model, robot)
     for name in dict.fromkeys(drawn):
         body = int(model.geom_bodyid[model.geom(name).id])
-        part = ARM if body in moved else name if body == 0 else model.body(body).name
-        if body and body not in moved and part not in things:
+        part = ARM if body in of_arm else name if body == 0 else model.body(body).name
+        if body and body not in of_arm and part not in things:
             things.append(part)
         parts[part] = (*parts.get(part, ()), name)
     base = {f.name: getattr(robot, f.name) for f in fields(RobotModel)}
@@ -51,7 +52,7 @@ def bench(robot: RobotModel) -> Scene:
 
 
 def shows(scene: Scene) -> bool:
-    """Return whether the scene shows more than the arm."""
+    """Return whether the scene has a visible part other than the arm."""
     return any(part != ARM for part in scene.parts)
 
 
@@ -60,7 +61,11 @@ def _of_world_or_tool(geom: mujoco.MjsGeom) -> bool:
 
 
 def _arm(model: mujoco.MjModel, robot: RobotModel) -> set[int]:
-    """Return the ids of the arm's bodies: its base with all bodies attached to it, and all bodies that joints move."""
+    """Return the ids of the bodies that count as the arm.
+
+    These are the robot's base unless it is the world body, every body that a joint of the file moves, and the
+    descendants of both.
+    """
     base = model.body(robot.base).id
     out = {base} if base else set()
     for b in range(1, model.nbody):

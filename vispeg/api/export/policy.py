@@ -20,7 +20,8 @@ class ExportedPolicy:
     Attributes:
         file: the ONNX file.
         modality: what the policy sees.
-        inputs: name of each input -> its shape without the batch.
+        inputs: name of each observation that the network takes -> its shape without the batch's dimension. A recurrent
+            network also takes its state, `hidden` and `cell`.
     """
 
     file: Path
@@ -35,7 +36,7 @@ class ExportedPolicy:
 
     @property
     def summary(self) -> list[Block]:
-        """The file and its inputs."""
+        """The file, the modality and the inputs."""
         inputs = ", ".join(f"{name} {list(shape)}" for name, shape in self.inputs.items())
         return [Line(f"{self.file}: {self.modality}, inputs {inputs}", path=True)]
 
@@ -46,16 +47,18 @@ class ExportedPolicy:
 def export_policy(
     policy: str | Path, out: str | Path, *, world: str | Path | None = None, overwrite: bool = False
 ) -> ExportedPolicy:
-    """Write a policy's deterministic action as an ONNX model.
+    """Write a policy as an ONNX model that returns its action without exploration noise.
 
     Args:
         policy: a policy's folder, or a bundled policy's name.
         out: the file to write, .onnx.
-        world: the world with the arm and cameras with which it will be played; None for its training world.
+        world: world of the arm and cameras that will run the policy, by which the file states what inputs and outputs
+            mean; None for the policy's training world.
         overwrite: replace `out` if it exists.
 
     Raises:
-        UserError: no such policy, a combined policy of two networks, a wrong file ending, or `out` exists.
+        UserError: no such policy or world, a policy of two networks or one that reads the ground truth, `out` does not
+            end in .onnx, or `out` exists.
     """
     check_ending(Path(out).expanduser(), "onnx")
     require("torch", "export")

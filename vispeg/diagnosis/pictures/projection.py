@@ -1,9 +1,9 @@
-"""A camera error seen in an image: the shift of every pixel at a working distance, with its uncertainty.
+"""A camera's error as the shift of points at a working distance in its image, with its uncertainty.
 
-Focal length and distance, or principal point and rotation, are hardly identifiable one by one, but their combined
-shift of the picture is. So the shift is reported (mrcal's "projection difference" and "projection uncertainty";
-Kogan, mrcal
-documentation, "differencing" and "uncertainty"). The robot is the datum: no implied transform is taken out.
+Focal length and distance, or principal point and rotation, are hardly identifiable one by one, but the shift that they
+cause together is. Shift and uncertainty correspond to mrcal's "projection difference" and "projection uncertainty"
+(Kogan, mrcal documentation). Unlike mrcal, both cameras are compared in the robot's base frame: no transform between
+them is fitted first, so an error of the camera's pose counts.
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ DISTANCES = (0.15, 0.25, 0.5)  # m: the tool's tip as its camera sees it, a fixt
 
 @dataclass(frozen=True)
 class Projection:
-    """One camera at one distance.
+    """The shift of a grid of points in a camera's image, from one world to another.
 
     Attributes:
-        camera, distance: name, m along the optical axis.
-        pixels: (rows, columns, 2) px of the points by the given model.
-        shift: (rows, columns, 2) px from there to their fitted positions.
-        sigma: (rows, columns) px, worst standard error of any direction.
+        camera: name of the camera.
+        distance: of the points along its optical axis, m.
+        pixels: (9, 12, 2) px, u and v of the points in the first world.
+        shift: (9, 12, 2) px, change of u and v in the second world.
+        sigma: (9, 12) px, standard error of the shift in the direction in which it is largest; 0 without a fit.
     """
 
     camera: str
@@ -49,7 +50,7 @@ class Projection:
         return float(np.sqrt(np.nanmean(np.sum(self.shift**2, -1))))
 
     def as_dict(self) -> dict:
-        """Return the record's entry: RMS, greatest and central shift, px."""
+        """Return the record's entry: RMS, greatest and central shift, and RMS uncertainty, px."""
         length = np.linalg.norm(self.shift, axis=-1)
         middle = tuple(n // 2 for n in length.shape)
         return {
@@ -63,11 +64,18 @@ class Projection:
 
 
 def projections(geometry: Geometry, before: World, after: World, fit: Fit | None) -> list[Projection]:
-    """Return the shift of every camera's picture from one world to another, near and far."""
+    """Return the shift from one world to another, for every camera and each of DISTANCES.
+
+    Args:
+        geometry: the cell with its cameras.
+        before: first world.
+        after: second world.
+        fit: the fit that led to the second world, for the uncertainty; None for none.
+    """
     out = []
     for camera in geometry.cameras:
         for distance in DISTANCES:
-            shift = _seen(geometry, camera, before, after, distance)
+            shift = _shift(geometry, camera, before, after, distance)
             sigma = np.zeros(shift.shape[:2]) if fit is None else _sigma(geometry, camera, before, fit, distance)
             out.append(Projection(camera.name, distance, _pixels(camera), shift, sigma))
     return out
@@ -77,13 +85,15 @@ def confounded(judged: BorderEvidence, world: World, rivals: Sequence[Rivals]) -
     """Return how much the images of an effect and of a confounded one differ, and what would distinguish them.
 
     Args:
-        judged: of the views that could not tell.
-        world: the model with all that was named.
-        rivals: of its effects.
+        judged: borders in the held-out pictures, which did not distinguish the two.
+        world: the fitted model, with all named effects.
+        rivals: for some of these effects, the effects confounded with it.
 
     Returns:
-        A row a pair: `effect`, `rival`, `views_px` (RMS over the borders of these views), `motion`, and `projection` as
-        of `Projection.as_dict` where both are of cameras: what an arm misreads has another picture in each posture.
+        One row per pair: `effect` and `rival` (labels), `views_px` (RMS shift of the held-out borders between `world`
+        and the world with the rival instead), `motion` (one that would distinguish the two), and `projection` (entries
+        of `Projection.as_dict`; empty unless both effects are of cameras or looks, as an arm's error shifts the image
+        differently in each posture).
     """
     out = []
     for r in rivals:
@@ -98,13 +108,17 @@ def confounded(judged: BorderEvidence, world: World, rivals: Sequence[Rivals]) -
 
 
 def _pixels(camera: Camera) -> np.ndarray:
+    """Return a grid of pixels over a camera's image, (9, 12, 2): row, column, u and v in px."""
     u = np.linspace(0, camera.width - 1, GRID[0])
     v = np.linspace(0, camera.height - 1, GRID[1])
     return np.stack(np.meshgrid(u, v), -1)
 
 
-def _seen(geometry: Geometry, camera: Camera, before: World, after: World, distance: float) -> np.ndarray:
-    """Return the shift (rows, columns, 2) px of points at a distance from the camera of `before` to that of `after`."""
+def _shift(geometry: Geometry, camera: Camera, before: World, after: World, distance: float) -> np.ndarray:
+    """Return the shift (9, 12, 2) px of the points on a grid of pixels, between two worlds.
+
+    The points lie at `distance` m along the optical axis of the camera in `before`, fixed in the base frame.
+    """
     geometry.place(before)
     was = geometry.eyes[camera.name]
     pixels = _pixels(camera)
@@ -116,12 +130,12 @@ def _seen(geometry: Geometry, camera: Camera, before: World, after: World, dista
 
 
 def _sigma(geometry: Geometry, camera: Camera, before: World, fit: Fit, distance: float) -> np.ndarray:
-    """Return (rows, columns) px: root of the larger eigenvalue of the projected covariance."""
+    """Return the largest standard error of the shift over all directions, (9, 12) px, by the covariance of a fit."""
     covariance = fit.correlation * np.outer(fit.sigma, fit.sigma)
-    here = _seen(geometry, camera, before, fit.space.at(fit.u), distance)
+    fitted = _shift(geometry, camera, before, fit.space.at(fit.u), distance)
     jac = []
     for step, axis in zip(fit.space.steps(fit.u), np.eye(len(fit.u)), strict=True):
-        jac.append((_seen(geometry, camera, before, fit.space.at(fit.u + step * axis), distance) - here) / step)
-    slope = np.stack(jac, -1)  # (rows, columns, 2, n)
+        jac.append((_shift(geometry, camera, before, fit.space.at(fit.u + step * axis), distance) - fitted) / step)
+    slope = np.stack(jac, -1)  # (9, 12, 2, n), px per unit of each of the fit's n parameters
     spread = np.nan_to_num(slope @ covariance @ np.swapaxes(slope, -1, -2))
     return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[..., -1], 0))

@@ -1,4 +1,4 @@
-"""Noise fields over images: white noise low-passed in space, and its persistence from frame to frame."""
+"""Random fields over images: noise that is correlated over pixels, and over successive frames."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ import numpy as np
 
 
 def words(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Independent uint16 numbers, uniform over 0 to 65535, from a generator of 64 bits (all of NumPy's but MT19937)."""
+    """Draw independent uint16 numbers of this shape, uniform over 0 to 65535.
+
+    `rng` must return 64 bits a draw, as all bit generators of NumPy do but MT19937.
+    """
     size = math.prod(shape)
     return rng.bit_generator.random_raw((size + 3) // 4).view(np.uint16)[:size].reshape(shape)
 
 
 def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Independent standard normal numbers, float32, through a table of 65536 quantiles; none is beyond +-4.3.
+    """Draw independent standard normal numbers of this shape, float32, from a table of 65536 quantiles.
 
-    A quarter of the time of NumPy's: a frame needs tens of thousands.
+    None is beyond +-4.3. This takes a quarter of the time of NumPy's generator; a frame needs tens of thousands.
     """
     return _quantiles().take(words(rng, shape))
 
@@ -33,13 +36,13 @@ def _quantiles() -> np.ndarray:
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, int], length: float) -> np.ndarray:
-    """Give a Gaussian field (H, W) float32 of mean 0 and variance 1, whose correlation falls as exp(-r^2 / (4
-    length^2)).
+    """Draw a Gaussian field (H, W) float32 of mean 0 and variance 1.
 
-    White noise through a Gaussian of standard deviation `length` px, divided by the kernel's norm. The noise is made
-    wider than the image, so that the variance is the same at its border.
+    Its correlation at r px is exp(-r^2 / (4 length^2)). It is white noise, filtered by a Gaussian of standard deviation
+    `length` px that is scaled to keep the variance. The noise is wider than the image by the filter's radius, so that
+    the variance is the same up to the image's border. Below 0.2 px the noise stays white.
     """
-    if length < 0.2:  # the kernel is a single pixel
+    if length < 0.2:  # the filter would be a single pixel
         return normal(rng, shape)
     import cv2
 
@@ -57,9 +60,10 @@ def _low_pass(length: float) -> np.ndarray:
 
 
 def begins(state: MutableMapping[str, Any], frame) -> np.ndarray:
-    """Which images (n,) open an episode: the first ever, and those whose time is before that of the one before.
+    """Return for each of the n images of a frame whether it is the first of an episode, (n,) bool.
 
-    To be asked once a frame.
+    All are in the first call with a `state`, and if n has changed; else those with an earlier time than in the last
+    call. `state` keeps the times, so call this once per frame.
     """
     now = np.broadcast_to(np.asarray(frame.time, float), (frame.n,))
     last = state.get("time")
@@ -75,10 +79,18 @@ def persistent(
     length: np.ndarray,
     rho: np.ndarray,
 ) -> np.ndarray:
-    """Give a field (len(rows), H, W) of variance 1 for some images, of which each frame keeps a share `rho` of the
-    last.
+    """Return a random field (len(rows), H, W) float32 of variance 1 for each of some images of a frame.
 
-    First-order autoregression, e <- rho e + sqrt(1 - rho^2) n: its correlation over k frames is rho^k.
+    From frame to frame it is a first-order autoregression, e <- rho e + sqrt(1 - rho^2) n with new noise n, so its
+    correlation over k frames is rho^k. In the first frame of an episode it is new noise. Call this once per frame.
+
+    Args:
+        state: keeps the fields of all n images of a frame.
+        frame: the frame.
+        rows: indices of the images.
+        rng: n random generators.
+        length: (n,) px, as for `correlated`.
+        rho: (n,) correlation of successive frames, 0 to 1.
     """
     opening = begins(state, frame)
     if "field" not in state or state["field"].shape != (frame.n, *frame.shape):

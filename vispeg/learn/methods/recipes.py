@@ -1,4 +1,4 @@
-"""The recipes that begin with a teacher or a dataset: `distill`, and `distill+sac`, which then reinforces with SAC."""
+"""The recipes that begin with imitation of a teacher or a dataset: `distill`, and `distill+sac`, followed by SAC."""
 
 # SB3 declares wider types for its networks and observations than those used here.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
@@ -29,35 +29,36 @@ from vispeg.learn.teacher import Teacher, teacher_of
 def distilled(
     config: TrainConfig, folder: Path, make: MakeEnv | None, show: bool, teacher: Teacher | None = None
 ) -> Path:
-    """Distil, then train with SAC if the recipe says so; return the best policy's folder.
+    """Train by imitation, and then with SAC if the recipe is `distill+sac`; return the best policy's folder.
 
-    Rounds that a killed distillation has finished in the folder are not repeated.
+    If the folder holds a killed run, its finished rounds of imitation are not repeated.
 
     Args:
-        config: the run's configuration; it must name `teacher` or `dataset`, unless `teacher` is passed.
+        config: the run's configuration. If it names a dataset, that is imitated, else the teacher.
         folder: the run's folder.
         make: makes the environments; None for those of the configuration's world.
         show: whether to print progress to stderr.
-        teacher: replaces the configuration's teacher.
+        teacher: used in place of the configuration's teacher.
 
     Raises:
-        UserError: there is neither teacher nor dataset, or it does not fit the task.
+        UserError: there is neither teacher nor dataset, it does not fit the task, or `looks` is above 1 for a dataset
+            or where all looks would be equal.
     """
     config = settled(config)
     if teacher is None and config.teacher is None and config.dataset is None:
-        expected = "a state policy's folder, or expert; or a dataset"
-        raise UserError("this recipe needs a teacher", key="teacher", expected=expected)
+        expected = "the folder of a policy that knows the goal, or expert"
+        raise UserError("this recipe needs a teacher or a dataset", key="teacher", expected=expected)
     run = SacRun(config, folder, make, show)
     settings = distill_settings(config.distill)
     actor, modality, demonstrated = run.model.actor, run.modality.name, None
     if config.dataset is not None:
         if settings.looks > 1:
             raise UserError("the looks of a dataset are fixed", key="looks", expected=1, got=settings.looks)
-        told: Any = {
+        options: Any = {
             "config": getattr(run.env.env, "config", None),
             "say": lambda text: print(text, file=sys.stderr) if show else None,
         }
-        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **told)
+        demonstrated = from_folder(config.dataset, modality, actor.layout, config.seed, actor.device, **options)
     else:
         check(run.env.env, settings.looks)
         teacher = teacher or teacher_of(str(config.teacher), run.env.env.config)
@@ -66,12 +67,13 @@ def distilled(
     before: RoundResult = rounds.state or {}
     if "best" in before and "command" in before:
         run.best, run.command = (before["best"][0], before["best"][1]), before["command"]
-    reached = int(before.get("reached", 0))  # number of latest rounds in a row that reached the target
+    reached = int(before.get("reached", 0))  # number of the latest consecutive rounds that reached the target
     table = Table(folder / "progress.csv", 0, rounds.done)
     logger = curves(folder, config)
     bar, started = Bar(len(settings.betas), show), time.monotonic() - table.seconds
 
-    def tell(number: int, loss: float) -> RoundResult:
+    def evaluate(number: int, loss: float) -> RoundResult:
+        """Evaluate the student after a round, keep it if it is the best, and return the round's result."""
         nonlocal reached
         row = run.row(run.evaluate(), time.monotonic() - started)
         row["updates"], row["stage"], row["actor_loss"] = (number + 1) * settings.updates, f"distill {number}", loss
@@ -84,13 +86,13 @@ def distilled(
         return {"best": list(run.best), "command": run.command, "reached": reached, "stop": reached >= 2}
 
     if demonstrated is not None:
-        imitate(actor, demonstrated, settings, config.seed, tell, rounds)
+        imitate(actor, demonstrated, settings, config.seed, evaluate, rounds)
     elif teacher is not None:
-        demos = distill(actor, modality, run.env, teacher, settings, config.seed, tell, rounds)[0]
+        first, *_ = distill(actor, modality, run.env, teacher, settings, config.seed, evaluate, rounds)
         if config.recipe == "distill+sac":
-            keep_ring(demos, folder / "demos")
-            run.model.demos = demos
-    run.model.new = False
+            keep_ring(first, folder / "demos")
+            run.model.demos = first
+    run.model.new = False  # SAC keeps the input scales of the trained actor
     logger.close()
     best = run.close() if config.recipe == "distill" else run.run()
     shutil.rmtree(folder / ROUNDS)
@@ -98,7 +100,14 @@ def distilled(
 
 
 def distill_settings(overrides: Any) -> DistillSettings:
-    """Return DistillSettings with these values replaced. Raises UserError for an unknown key."""
+    """Return the default DistillSettings with some values replaced.
+
+    Args:
+        overrides: mapping of a setting's name to its value; `clone` cannot be replaced.
+
+    Raises:
+        UserError: an unknown name, or an impossible value.
+    """
     choices = [f.name for f in fields(DistillSettings) if f.name != "clone"]
     for key in overrides:
         if key not in choices:

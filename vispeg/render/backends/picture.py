@@ -1,4 +1,4 @@
-"""The interface of a rendering backend, its result, and which geoms are visible."""
+"""The interface of a rendering backend, the picture that it returns, and the colours and visibility of geoms."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from vispeg.render.cameras.view import View
 
-HIDDEN = 5  # geom group to which a backend assigns geoms that it does not draw
-COLLISION = 3  # this group and higher ones hold collision shapes, which are never drawn
-DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # MuJoCo's default; replaced by the material's
+HIDDEN = 5  # geom group into which a backend moves the geoms that it does not draw
+COLLISION = 3  # geoms in this group and higher ones are collision shapes, which are never drawn
+DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # a geom whose file states no colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class Picture:
 
     Attributes:
         rgb: (H, W, 3) uint8, sRGB.
-        depth: (H, W) float32, distance along the optical axis, m, 0 for no hit.
-        ids: (H, W) int32 geom ids, -1 for no hit; None if not asked for.
+        depth: (H, W) float32, m, distance along the optical axis; 0 where no geom is seen.
+        ids: (H, W) int32, index of the geom seen, -1 where there is none; None if not asked for.
         normals: (H, W, 3) float32 surface normals in camera axes; None if the backend does not compute them.
     """
 
@@ -38,30 +38,30 @@ class Backend(Protocol):
 
     Attributes:
         name: the name by which users select it.
-        remembers: whether its next picture depends on the pictures that it has drawn.
+        remembers: whether a picture depends also on those drawn before it.
     """
 
     name: str
     remembers: bool
 
     def draw(self, data: mujoco.MjData, views: Sequence[View], ids: bool) -> list[Picture]:
-        """Return one picture per view, in order, with geom ids if `ids`.
+        """Return one picture per view, in the order of `views`, with geom ids if `ids` is true.
 
-        The kinematics and lights of `data` must be computed.
+        `data` must hold the poses of bodies, geoms, cameras and lights that belong to its state.
         """
         ...
 
     def upload(self, texture: int) -> None:
-        """Apply a texture's changed pixels."""
+        """Draw the texture with this index from its changed pixels in the model from now on."""
         ...
 
     def close(self) -> None:
-        """Free what the backend holds."""
+        """Free the backend's memory and contexts; it cannot draw afterwards."""
         ...
 
 
 def colours(model: mujoco.MjModel) -> np.ndarray:
-    """Return the colours (ngeom, 4) float32 in [0, 1]: a geom's own, or its material's if it has none of its own."""
+    """Return the colours (ngeom, 4) float32 in [0, 1]: a geom's own, or its material's if its own is DEFAULT_RGBA."""
     material = (model.geom_matid >= 0) & (model.geom_rgba == DEFAULT_RGBA).all(1)
     out = model.geom_rgba.copy()
     out[material] = model.mat_rgba[model.geom_matid[material]]
@@ -69,5 +69,5 @@ def colours(model: mujoco.MjModel) -> np.ndarray:
 
 
 def is_visible(model: mujoco.MjModel) -> np.ndarray:
-    """Return whether each geom is visible, (ngeom,) bool: in no collision group and not fully transparent."""
+    """Return whether each geom is drawn, (ngeom,) bool: its group is below COLLISION, and its alpha is above 0."""
     return (model.geom_group < COLLISION) & (colours(model)[:, 3] > 0)

@@ -1,4 +1,4 @@
-"""Draw the residuals of a camera: for borders, depth and colour a row of panels over image, distance and time."""
+"""Draw a camera's residuals: a row of three panels (over image, distance and time) for borders, depth and colour."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vispeg.report.text.quantities import plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CELLS = (8, 6)  # grid of cells over an image, for its residuals
-LEAST = 6  # fewest border points in a cell that determine a displacement
-CHANNELS = (  # name with unit, key of a frame's row, array over distance, array over the image
+CELLS = (8, 6)  # cells across and down an image, in each of which one displacement is fitted
+LEAST = 6  # fewest border points of a cell from which its displacement is fitted
+CHANNELS = (  # title with unit, key of the RMS in a frame's row, key of the array over distance, and over the image
     ("borders (px)", "border_px", "border_distance", "along"),
     ("depth (mm)", "depth_mm", "distance", "depth_image"),
     ("colour (grey levels)", "grey", "grey_distance", "grey_image"),
@@ -23,11 +23,11 @@ CHANNELS = (  # name with unit, key of a frame's row, array over distance, array
 
 
 def residual_figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], shape: Shape) -> Figure | None:
-    """Return the figure; None without frames.
+    """Return the figure, with the channels of which at least one frame has an RMS; None if there are none.
 
     Args:
-        samples: arrays of one camera, from `vispeg.vision.residuals`.
-        frames: rows of the camera's frames.
+        samples: name -> array of one camera, from `vispeg.vision.residuals.over_image_and_distance`.
+        frames: one row per frame of the camera: its `time`, s, and the RMS of each channel.
         shape: shape of the figure.
     """
     rows = [channel for channel in CHANNELS if any(row.get(channel[1]) is not None for row in frames)]
@@ -44,15 +44,19 @@ def residual_figure(samples: Mapping[str, Any], frames: Sequence[Mapping[str, An
 
 
 def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return (m, 5) for cells of the image: centre u, v, best-fitting displacement du, dv, and RMS of `along`, px.
+    """Fit a displacement of the borders in each of the m cells of the image that have at least LEAST points.
 
-    A border shows only its displacement along its normal, so a cell needs borders of several directions.
+    A border shows only its displacement along its normal. If all borders in a cell are parallel, the fitted
+    displacement is the one along their normal.
 
     Args:
         pixel: (n, 2) border points, px.
         normal: (n, 2) unit normals.
         along: (n,) displacements along the normals, px.
         size: (2,) width and height of the image, px.
+
+    Returns:
+        (m, 5) px: u, v of the cell's centre, displacement du, dv, and RMS of `along` in the cell.
     """
     out = []
     cell = np.clip((pixel / size * CELLS).astype(int), 0, np.array(CELLS) - 1)
@@ -62,11 +66,9 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
             if here.sum() < LEAST:
                 continue
             n, d = normal[here], along[here]
-            weight = 1 / np.maximum(np.abs(d - np.median(d)), 0.5)
+            weight = 1 / np.maximum(np.abs(d - np.median(d)), 0.5)  # outliers count less
             square = (n * weight[:, None]).T @ n
-            square += (
-                1e-3 * np.trace(square) * np.eye(2)
-            )  # if all borders are parallel, only one direction is determined
+            square += 1e-3 * np.trace(square) * np.eye(2)  # so that parallel borders can be solved too
             du, dv = np.linalg.solve(square, (n * weight[:, None]).T @ d)
             middle = (np.array([i, j]) + 0.5) / CELLS * size
             out.append((*middle, du, dv, float(np.sqrt(np.mean(d**2)))))
@@ -74,7 +76,7 @@ def displacement(pixel: np.ndarray, normal: np.ndarray, along: np.ndarray, size:
 
 
 def _over_image(ax: Any, samples: Mapping[str, Any], key: str, words: str) -> None:
-    """Draw arrows of displacement for borders, shades of the RMS for depth and colour."""
+    """Draw `samples[key]` over the image: for borders (`along`) displacements as arrows, else the RMS as shades."""
     size, values = samples.get("size"), samples.get(key)
     if size is None or values is None or not len(values):
         ax.set_axis_off()
@@ -106,6 +108,7 @@ def _over_image(ax: Any, samples: Mapping[str, Any], key: str, words: str) -> No
 
 
 def _over_distance(ax: Any, table: np.ndarray | None, words: str) -> None:
+    """Draw median and spread over distance; the columns of `table` (k, 4) are distance (m), median, spread, number."""
     if table is None or not len(table):
         ax.set_axis_off()
         return
@@ -120,6 +123,7 @@ def _over_distance(ax: Any, table: np.ndarray | None, words: str) -> None:
 
 
 def _over_time(ax: Any, frames: Sequence[Mapping[str, Any]], key: str, words: str) -> None:
+    """Draw the RMS of each frame, `frame[key]`, over time; frames without it are left out."""
     points = sorted((row["time"], row[key]) for row in frames if row.get(key) is not None)
     ax.set_title(f"{words} over time, RMS", color=MUTED, pad=3)
     ax.plot(*np.array(points).T, ".-", color=MEASURED, markersize=4, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""The view of any channel without a view of its own: its signal in every joint, measured and predicted."""
+"""Channels without a class of their own on the diagnosis page: their signal of each joint, measured and predicted."""
 
 from __future__ import annotations
 
@@ -17,13 +17,17 @@ from vispeg.worlds.world import World
 
 
 class Plain(Subject):
-    """Compare a channel's signal with the model; arguments other than `channel` as for `Joints`."""
+    """Compare a channel's signal with the model's prediction; arguments other than `channel` as for `Joints`.
 
-    shows = "How far the signal is off"
+    Attributes:
+        judged: the held-out recordings; the fitted ones if there is no `progress`, so no search.
+    """
+
+    shows = "Error of the predicted signal"
 
     def __init__(self, channel: Channel, inputs: Inputs, threads: int, say: Say, progress: Progress | None):
-        both = inputs.fitted, inputs.held_out if progress is not None else ()
-        evidence, judged = channel.evidence(inputs.world, both, How(seconds=0.0, threads=threads))
+        recordings = inputs.fitted, inputs.held_out if progress is not None else ()
+        evidence, judged = channel.evidence(inputs.world, recordings, How(seconds=0.0, threads=threads))
         self.judged = evidence if judged is None else judged
         self.search = None if judged is None else PlainSearch(evidence, judged, say, progress)
         self.unit, self.columns = self.judged.unit, self.joints
@@ -31,7 +35,7 @@ class Plain(Subject):
 
     @property
     def floor(self) -> float:
-        """RMS noise, in `unit`."""
+        """RMS noise of the signal, in `unit`."""
         return self.judged.floor
 
     @property
@@ -44,22 +48,22 @@ class Plain(Subject):
         return self.judged.errors([world])[0]
 
     def tracks(self, first: World, now: World) -> tuple[Track, ...]:
-        """Return one track per segment of a recording."""
+        """Return one track per compared segment of a judged recording."""
         before, after = self.judged.simulated([first]), self.judged.simulated([now])
         return tuple(track(i, a[0], b[0]) for i, a, b in zip(self.judged.items, before, after, strict=True))
 
     def maps(self, first: World, now: World) -> dict[str, Field]:
-        """Return the errors, as multiples of the noise, over time."""
+        """Return one map: the errors of all joints, as multiples of the noise, over time in the segment."""
         items, rows = self.judged.items, []
         for world in (first, now):
             predicted = zip(items, self.judged.simulated([world]), strict=True)
-            white = [np.where(i.valid, self.judged.whiten(i, y[0]), np.nan)[:, : i.nj] for i, y in predicted]
-            rows.append(np.concatenate(white))
+            scaled = [np.where(i.valid, self.judged.whiten(i, y[0]), np.nan)[:, : i.nj] for i, y in predicted]
+            rows.append(np.concatenate(scaled))
         time = [item.segment.time for item in items]
         moment = np.concatenate([np.column_stack([np.full(len(t), float(k)), t]) for k, t in enumerate(time)])
         return {"time": over_time(rows[0], rows[1], moment)}
 
     def recorded(self, track: int) -> tuple[Recording, float]:
-        """Return a track's recording, and the recording's time (s) at the track's zero."""
+        """Return the recording of a track, given by its index, and the time (s) in it at which the track begins."""
         item = self.judged.items[track]
         return item.recording, float(item.recording.time[item.segment.rows[0]])
