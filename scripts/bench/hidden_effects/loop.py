@@ -180,8 +180,10 @@ class _Sensors:
         draws = [stream(seed, "sensor noise") for seed in seeds]
         self.noise = {k: np.stack([s * noise * g.standard_normal(size) for g in draws]) for k, s in NOISE.items()}
         self.k = 0
-        self.late = np.rint(p["sense_delay"] / plant.h).astype(int)
-        depth = int(self.late.max()) + 1
+        late = p["sense_delay"] / plant.h
+        self.late = np.floor(late).astype(int)
+        self.part = late - self.late  # of a tick: readings are straight between ticks
+        depth = int(self.late.max()) + 2
         q, dq = plant.motor_side()
         self.past = np.tile(np.stack([q, dq]), (depth, 1, 1, 1))  # ring of ticks (depth, 2, nrow, 7)
         self.head, self.grid = 0, np.ogrid[: plant.n, :7]
@@ -193,8 +195,7 @@ class _Sensors:
 
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, dq, tau (nrow, 7) as the controller and the log get them."""
-        p, at = self.plant.p, (self.head - self.late) % len(self.past)
-        q, dq = self.past[at, 0, self.grid[0], self.grid[1]], self.past[at, 1, self.grid[0], self.grid[1]]
+        p, (q, dq) = self.plant.p, (self._late(kind) for kind in (0, 1))
         q = q + p["offset"] + self.noise["q"][:, self.k]
         step = np.where(p["step"] > 0.0, p["step"], 1.0)
         q = np.where(p["step"] > 0.0, step * np.rint(q / step), q)
@@ -202,15 +203,25 @@ class _Sensors:
         self.k += 1
         return q, dq, tau
 
+    def _late(self, kind: int) -> np.ndarray:
+        """Angle (0) or speed (1) of each joint, its delay ago, (nrow, 7)."""
+        near, far = (self.past[(self.head - self.late - k) % len(self.past), kind, *self.grid] for k in (0, 1))
+        return (1.0 - self.part) * near + self.part * far
+
 
 class _Delayed:
-    """Commands on their way to the drives: each joint sees them its own number of ticks late."""
+    """Commands on their way to the drives: each joint sees them its own delay late.
+
+    A tick in which a command takes over gets the mean of both, by their shares of it.
+    """
 
     def __init__(self, plant: Plant):
         self.sub = round(1.0 / RATE / plant.h)
-        self.ticks = np.rint(plant.p["delay"] / plant.h).astype(int)
+        late = plant.p["delay"] / plant.h
+        self.ticks = np.floor(late).astype(int)
+        self.part = late - self.ticks
         self.past: list[np.ndarray] = []
-        self.keep, self.grid = int(np.ceil(self.ticks.max() / self.sub)) + 1, np.ogrid[: plant.n, :7]
+        self.keep, self.grid = int(np.ceil(late.max() / self.sub)) + 1, np.ogrid[: plant.n, :7]
 
     def send(self, u: np.ndarray) -> None:
         """Take the command of this control period."""
@@ -220,5 +231,6 @@ class _Delayed:
         """Give what reaches the drives in tick i of the period, (nrow, 7)."""
         if self.keep == 1:
             return self.past[0]
-        back = np.maximum(-((i - self.ticks) // self.sub), 0)
-        return np.stack(self.past)[back, self.grid[0], self.grid[1]]
+        past = np.stack(self.past)
+        now, before = (past[np.clip(-((i - k - self.ticks) // self.sub), 0, self.keep - 1), *self.grid] for k in (0, 1))
+        return (1.0 - self.part) * now + self.part * before

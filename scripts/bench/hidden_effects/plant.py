@@ -55,7 +55,9 @@ class Plant:
             "limit": bool(np.isfinite(p["limit"]).any()),
         }
         self.s0 = self.level / BREAK_AWAY
-        self.lag_share = -np.expm1(-h / np.where(p["lag"] > 0.0, p["lag"], h * 1e-3))
+        lag = np.where(p["lag"] > 0.0, p["lag"], h * 1e-3)
+        self.lag_share = -np.expm1(-h / lag)  # of the way to a held command that a tick goes
+        self.lag_mean = 1.0 - self.lag_share * lag / h  # and the mean over the tick of that share
         if self.has["sway"]:
             self.arms = (self.batch.bind("xaxis"), self.batch.bind("xanchor"), self.batch.bind("subtree_com"))
             self.below = np.stack([m.body_subtreemass[1:] for m in models])  # (nrow, 7) kg
@@ -121,8 +123,9 @@ class Plant:
         """Torque at the rotor: lag, gain, bias, saturation, cogging."""
         p = self.p
         if self.has["lag"]:
-            self.lagged += self.lag_share * (u - self.lagged)
-            u = self.lagged
+            way = u - self.lagged
+            u = self.lagged + self.lag_mean * way
+            self.lagged += self.lag_share * way
         tau = p["gain"] * u + p["bias"]
         if self.has["limit"]:
             tau = np.clip(tau, -p["limit"], p["limit"])
