@@ -92,7 +92,7 @@ def main() -> int:
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
     parser.add_argument("--rules", nargs="+", required=True, metavar="NAME[=VALUE]", help="rules to vary")
     parser.add_argument("--cases", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
-    parser.add_argument("--many", action="store_true", help="cases of 6 to 20 effects at once")
+    parser.add_argument("--many", action="store_const", const="many", default="", help="cases of 6 to 20 effects")
     parser.add_argument("--limit", type=int, default=2, help="at most so many cases, spread evenly over the list")
     parser.add_argument("--dev", type=int, default=DEV, metavar="SEED", help="a seed of development")
     parser.add_argument("--results", type=Path, default=None, help="JSON lines")

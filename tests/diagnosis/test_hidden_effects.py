@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cases import DEV, choose
 from hidden import Hide
-from loop import _Delayed, _Sensors
+from loop import GAINS, _Delayed, _Sensors
 from make import folders, make
 from plant import Plant
 
@@ -96,3 +96,16 @@ def test_a_late_sensor_reads_a_steady_turn_where_it_was():
     q, _, _ = sense.read()
     assert q[0, 3] == pytest.approx(0.5 * (20 * plant.h - delay), abs=1e-12)
     assert q[0, 2] == pytest.approx(0.5 * 20 * plant.h, abs=1e-12)
+
+
+def test_a_soft_case_hides_many_and_its_folder_states_soft_gains(tmp_path):
+    """A position loop of an eighth of the stiffness, and no word of what is hidden."""
+    case = choose((), DEV, 3, "soft")[0]
+    assert 15 <= len(case.hidden) <= 25
+    make(tmp_path, [case])
+    stiff = GAINS["position"][0]
+    for folder in folders(tmp_path, case):
+        recording = load(folder)
+        assert recording.control.mode == "position"
+        assert recording.control.kp == pytest.approx([k / 8 for k in stiff], rel=0.02)
+        assert np.abs(recording.q - recording.q_cmd).max() > 0.05  # rad: it sags

@@ -5,6 +5,7 @@
     python scripts/bench/hidden_effects --make DIR --run --reference --baseline --out report.md
     python scripts/bench/hidden_effects --make DIR --many --run --limit 8
     python scripts/bench/hidden_effects --make DIR --many --reference
+    python scripts/bench/hidden_effects --make DIR --soft --run --limit 8
     python scripts/bench/hidden_effects --make DIR --propose --limit 96 --dev 31001
 
 Cases are deterministic by seed. `--dev` draws them with a seed that is not scored, `--dev 901` with
@@ -33,7 +34,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--make", type=Path, required=True, metavar="DIR", help="where recordings and results lie")
     parser.add_argument("--only", nargs="*", default=[], metavar="PATTERN", help="case names or patterns of them")
-    parser.add_argument("--many", action="store_true", help="cases of 6 to 20 effects at once")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--many", action="store_const", dest="group", const="many", default="", help="6 to 20 effects")
+    group.add_argument("--soft", action="store_const", dest="group", const="soft", help="15 to 25, under soft gains")
     parser.add_argument("--limit", type=int, default=None, help="at most so many cases, spread evenly over the list")
     parser.add_argument("--dev", nargs="?", type=int, const=DEV, metavar="SEED", help="a seed of development")
     parser.add_argument("--list", action="store_true", help="print the chosen cases and stop")
@@ -63,7 +66,7 @@ def main() -> int:
             raise UserError("--baseline goes with --run and --reference")
         if args.workers < 1:
             raise UserError("--workers must be at least 1", got=args.workers)
-        chosen = choose(tuple(args.only), seed, args.limit, args.many)
+        chosen = choose(tuple(args.only), seed, args.limit, args.group)
         if args.list:
             print("\n".join(f"{c.name}  [{c.mode}]" for c in chosen))
             return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from arm import JOINTS
@@ -71,6 +71,7 @@ PAIRS = (
 )  # fmt: skip
 NONE_COUNT = 40
 MANY_COUNT, FEWEST, MOST, STRANGE = 40, 6, 20, 8  # cases with many effects; every eighth hides an unknown one too
+SOFT_COUNT, SOFT_FEWEST, SOFT_MOST = 24, 15, 25  # cases of an arm under soft gains, whose joints stick
 # what real arms have, with its weight: friction nearly everywhere, the rest here and there
 ARM: dict[str, tuple[tuple[str, ...], float]] = {
     "coulomb_friction": (ALL, 4.0), "viscous_friction": (ALL, 4.0), "rotor_inertia": (ALL, 1.5),
@@ -163,33 +164,53 @@ def cases(seed: int = SCORED, grid: bool = False) -> list[Case]:
 
 def many(seed: int = SCORED) -> list[Case]:
     """Cases of 6 to 20 effects at once, at 0.6 to 1.8 of a medium size."""
-    places = [(effect, where, weight) for effect, (targets, weight) in ARM.items() for where in targets]
-    weights = np.array([weight for *_, weight in places])
     out = []
     for i in range(MANY_COUNT):
-        rng = stream(seed, "many", i)
-        count = int(rng.integers(FEWEST, MOST + 1))
-        chosen = rng.choice(len(places), size=count, replace=False, p=weights / weights.sum())
-        hidden = [(*places[k][:2], float(rng.uniform(0.6, 1.8))) for k in sorted(chosen)]
         strange = i % STRANGE == STRANGE - 1
-        if strange:
-            name = str(rng.choice(sorted(UNKNOWN)))
-            hidden.append((name, str(rng.choice(UNKNOWN[name][1])), 1.0))
-        out.append(_case(f"many/{i:02d}-{count}", "strange" if strange else "many", hidden, seed))
+        out.append(_drawn(f"many/{i:02d}", stream(seed, "many", i), FEWEST, MOST, seed, strange))
     return out
 
 
-def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, crowded: bool = False) -> list[Case]:
+def _drawn(
+    name: str, rng: np.random.Generator, fewest: int, most: int, seed: int, strange: bool = False, mode: str = ""
+) -> Case:
+    """Draw a case of `fewest` to `most` effects, of what real arms have, and something unknown where it is strange."""
+    places = [(effect, where, weight) for effect, (targets, weight) in ARM.items() for where in targets]
+    weights = np.array([weight for *_, weight in places])
+    count = int(rng.integers(fewest, most + 1))
+    chosen = rng.choice(len(places), size=count, replace=False, p=weights / weights.sum())
+    hidden = [(*places[k][:2], float(rng.uniform(0.6, 1.8))) for k in sorted(chosen)]
+    if strange:
+        unknown = str(rng.choice(sorted(UNKNOWN)))
+        hidden.append((unknown, str(rng.choice(UNKNOWN[unknown][1])), 1.0))
+    case = _case(f"{name}-{count}", "strange" if strange else "many", hidden, seed)
+    return replace(case, mode=mode) if mode else case
+
+
+def soft(seed: int = SCORED) -> list[Case]:
+    """Cases of 15 to 25 effects under an eighth of the stiffness: joints stick on slow motion and sag under errors of
+    the masses. Drawn as `many`.
+    """
+    return [
+        _drawn(f"soft/{i:02d}", stream(seed, "soft", i), SOFT_FEWEST, SOFT_MOST, seed, mode="soft")
+        for i in range(SOFT_COUNT)
+    ]
+
+
+def choose(only: tuple[str, ...], seed: int = SCORED, limit: int | None = None, group: str = "") -> list[Case]:
     """Give the standard list, or what of the full grid matches a pattern (`backlash/*/large`), thinned to `limit`.
 
-    With `crowded`, of the cases with many effects.
+    With a `group` (`many`, `soft`), of its cases.
     """
-    found = many(seed) if crowded else cases(seed)
+    found = GROUPS[group](seed) if group else cases(seed)
     if only:
-        pool = found if crowded else cases(seed, grid=True)
+        pool = found if group else cases(seed, grid=True)
         found = [c for c in pool if any(fnmatch.fnmatch(c.name, pattern) for pattern in only)]
         if not found:
             raise UserError("no case matches", got=" ".join(only), choices=sorted({c.name.split("/")[0] for c in pool}))
     if limit is not None and limit < len(found):  # evenly over the list, so that a short run still sees every kind
         found = [found[i] for i in np.linspace(0, len(found) - 1, limit).round().astype(int)]
     return found
+
+
+GROUPS = {"many": many, "soft": soft}

@@ -16,7 +16,8 @@ EE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 def write(folder: Path, time: np.ndarray, mode: str, motion: str, signals: dict[str, np.ndarray]) -> None:
     """One folder with recording.yaml and samples.csv; replaces an older one of the same name in a single rename."""
-    control: dict = {"mode": mode, "rate_hz": RATE, "gravity_compensation": "model"}
+    law = "position" if mode == "soft" else mode
+    control: dict = {"mode": law, "rate_hz": RATE, "gravity_compensation": "model"}
     if mode != "torque":
         control |= {"kp": GAINS[mode][0], "kd": GAINS[mode][1]}
     if mode == "osc":

@@ -19,6 +19,7 @@ PREROLL = 0.6  # s of standing still before the recording starts
 NOISE = {"q": 2.0e-5, "dq": 1.0e-3, "tau": 0.2}
 GAINS = {  # kp, kd; torque: of the feedback that is part of tau_cmd
     "position": ([400.0, 600.0, 150.0, 300.0, 30.0, 40.0, 4.0], [20.0, 50.0, 5.0, 15.0, 0.6, 0.7, 0.06]),
+    "soft": ([50.0, 75.0, 19.0, 38.0, 3.8, 5.0, 0.5], [7.0, 18.0, 1.8, 5.3, 0.21, 0.25, 0.021]),  # a position law, too
     "torque": ([150.0, 150.0, 60.0, 100.0, 15.0, 15.0, 2.0], [12.0, 25.0, 3.5, 9.0, 0.45, 0.45, 0.04]),
     "osc": ([150.0, 150.0, 150.0, 150.0, 150.0, 150.0], [24.0, 24.0, 24.0, 24.0, 24.0, 24.0]),
 }
@@ -102,7 +103,7 @@ def simulate(runs: list[Run], h: float = 2.0e-4, noise: bool = True) -> list[dic
 
 
 def _signals(run: Run, out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    if run.mode == "position":
+    if run.mode in ("position", "soft"):
         del out["tau_cmd"]
         return out | {"q_cmd": run.motion.q_cmd, "dq_cmd": run.motion.dq_cmd}
     if run.mode == "osc":
