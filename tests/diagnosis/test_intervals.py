@@ -1,5 +1,7 @@
 """Intervals that count the error of the model's form: never narrower, and on the side of null where they were."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,9 @@ from hypothesis import strategies as st
 
 from vispeg.core.effect import EffectInstance, effect
 from vispeg.core.params import Value
-from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import absorbed, proportional, share_left, widened
+from vispeg.identify.fit import Fit
+from vispeg.identify.space import Space
 from vispeg.worlds.world import World
 
 
@@ -15,6 +19,14 @@ def one(name, param, value, low, high):
     placed = EffectInstance.of(name, "joint4")
     placed = EffectInstance(name, "joint4", {**placed.params, param: Value(value, low, high)})
     return World(effects=(placed,))
+
+
+def fit_of(world: World, jacobian: np.ndarray) -> Fit:
+    """A fit of a model that is linear in its coordinates, with these derivatives."""
+    space = Space(world, range(len(world.effects)))
+    assert jacobian.shape[1] == len(space.axes)
+    u = space.start
+    return Fit(world, np.zeros(len(jacobian)), (jacobian,), space, u, np.ones(len(u)), np.eye(len(u)))
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.01, 0.9), st.floats(1.0, 1e4))
@@ -27,21 +39,64 @@ def test_a_value_that_left_out_null_still_does_and_is_never_surer(value, share, 
         null = effect(name).params[param].null
         distance = sign * value * (0.05 if name == "torque_gain" else 1.0)
         ends = sorted(null + distance * (1 + np.array([-share, share])))
-        world = widened(one(name, param, null + distance, *ends), 0, 1e4, after)
+        world = one(name, param, null + distance, *ends)
+        world = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 1e3)), 100, after))
         v = world.effects[0].params[param]
         assert v.low <= ends[0] + 1e-12 and v.high >= ends[1] - 1e-12
         assert not v.low <= null <= v.high
 
 
-def test_no_remainder_widens_nothing_and_a_small_one_adds_as_a_relative_error():
+def test_what_a_wrong_form_moves_a_value_by_is_one_standard_deviation_of_it():
+    """A form error as large as what remains, along what only one parameter can explain, moves that parameter so far."""
+    rng = np.random.default_rng(1)
+    world = World(effects=(EffectInstance.of("stribeck_friction", "joint4", coulomb=1.0, excess=0.5, velocity=0.05),))
+    jacobian = rng.normal(size=(400, 3)) @ np.array([[1.0, 0.8, 0.0], [0.0, 0.5, 0.1], [0.0, 0.0, 0.02]])
+    fit, size = fit_of(world, jacobian), 7.0
+    error = absorbed(fit, 400, 1.0 + size**2 / 400)
+    for i, axis in enumerate(fit.space.axes):
+        others = np.delete(jacobian, i, axis=1)
+        own = jacobian[:, i] - others @ np.linalg.lstsq(others, jacobian[:, i], rcond=None)[0]
+        form = size * own / np.linalg.norm(own)
+        moved = np.linalg.lstsq(jacobian, form, rcond=None)[0][i]
+        unit = 1.0 if axis.param.scale == "log" else axis.unit
+        assert error(0, axis.name) == pytest.approx(1.96 * abs(moved) * unit)
+
+
+def test_a_size_alone_is_as_uncertain_as_its_share_of_the_error_that_remains():
+    """Of one linear effect, both errors are the ratio of the amplitudes: what remains over what was there."""
+    world = one("coulomb_friction", "torque", 0.7, 0.69, 0.71)
+    axis = Space(world, [0]).axes[0]
+    jacobian = np.full((50, 1), 3.0)
+    before = 1.0 + float((jacobian[0, 0] * 0.7 / axis.unit) ** 2)
+    after = 1.0 + 0.01 * (before - 1.0)
+    exact = absorbed(fit_of(world, jacobian), 50, after)(0, "torque")
+    assert exact == pytest.approx(proportional(world, share_left(before, after))(0, "torque"))
+    assert exact == pytest.approx(1.96 * 0.1 * 0.7)
+
+
+def test_no_remainder_widens_nothing_and_a_small_one_adds_as_an_independent_error():
     world = one("coulomb_friction", "torque", 1.0, 0.95, 1.05)
-    v = widened(world, 0, 100.0, 1.0).effects[0].params["torque"]
+    fit = fit_of(world, np.full((100, 1), 0.5))
+    v = widened(world, [0], absorbed(fit, 100, 1.0)).effects[0].params["torque"]
     assert (v.low, v.high) == pytest.approx((0.95, 1.05))
-    v = widened(world, 0, 101.0, 2.0).effects[0].params["torque"]  # a tenth of the amplitude is left
-    assert v.high - 1.0 == pytest.approx(np.hypot(0.05, 0.196), rel=0.15)
-    assert 1.0 - v.low == pytest.approx(np.hypot(0.05, 0.196), rel=0.15)
+    form = absorbed(fit, 100, 1.01)(0, "torque")
+    v = widened(world, [0], absorbed(fit, 100, 1.01)).effects[0].params["torque"]
+    assert v.high - 1.0 == pytest.approx(np.hypot(0.05, form), rel=0.3)
+    assert 1.0 - v.low == pytest.approx(np.hypot(0.05, form), rel=0.3)
 
 
 def test_what_may_be_absent_stays_so():
-    v = widened(one("coulomb_friction", "torque", 0.1, 0.0, 0.3), 0, 100.0, 50.0).effects[0].params["torque"]
-    assert v.low == 0.0 and v.high > 0.3
+    world = one("coulomb_friction", "torque", 0.1, 0.0, 0.3)
+    v = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 10.0)), 100, 50.0))
+    assert v.effects[0].params["torque"].low == 0.0 and v.effects[0].params["torque"].high > 0.3
+
+
+def test_effects_that_were_not_fitted_keep_their_intervals():
+    world = one("coulomb_friction", "torque", 1.0, 0.95, 1.05)
+    both = replace(world, effects=(*world.effects, EffectInstance.of("joint_bias", "joint2", torque=1.0)))
+    fit = fit_of(both, np.full((100, 2), 1.0) + np.eye(100, 2))
+    assert widened(both, [1], absorbed(fit, 100, 50.0)).effects[0] == world.effects[0]
+
+
+def test_nothing_to_explain_is_no_share():
+    assert share_left(0.9, 0.8) == 0.0 and share_left(2.0, 3.0) == 0.0 and share_left(5.0, 1.0) == 0.0

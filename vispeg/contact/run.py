@@ -32,7 +32,7 @@ from vispeg.contact.selection.search import ContactSearch
 from vispeg.contact.selection.shows_from import least_sizes
 from vispeg.diagnosis.beginning import Beginning, opened
 from vispeg.diagnosis.compare import Comparison
-from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.rivals import find_rivals
 from vispeg.diagnosis.conclusion.verdict import decide
 from vispeg.diagnosis.progress import Progress
@@ -92,7 +92,8 @@ def diagnose_contact(
     rests = [*remainder(evidence, state.world), *remainder(judged, state.world, held_out=True)]
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = in_phases(decide(before, after, len(fitted_world.effects) - n_fixed, rivals, [], errors=seen), rests)
-    corrected = widened(repeated(state.world, n_fixed), n_fixed, before, after).add(*beside)
+    wrong = of_form(evidence, state.fit, before, after)
+    corrected = widened(repeated(state.world, n_fixed), range(n_fixed, len(state.world.effects)), wrong).add(*beside)
     models = {"given": world, "corrected": corrected} if len(corrected.effects) > n_fixed else {"given": world}
     replayed, said = closed_loop(held_out, models, nthread)
     verdict = last_judge.judged(verdict, replayed, held_out, corrected, n_fixed, nthread)

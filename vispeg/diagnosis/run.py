@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vispeg.core.rules import RULES
 from vispeg.diagnosis.beginning import of_joints
 from vispeg.diagnosis.conclusion.farthest import farthest
-from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.next_experiment import next_experiment, repeated
 from vispeg.diagnosis.conclusion.rivals import settled
 from vispeg.diagnosis.conclusion.shows_from import joints_show_from
@@ -39,11 +39,14 @@ from vispeg.diagnosis.schema import DiagnosisRecord, ProposalRecord
 from vispeg.diagnosis.selection.judge import Judge
 from vispeg.diagnosis.selection.names import open_ended, tentative
 from vispeg.diagnosis.selection.search import Search
+from vispeg.diagnosis.selection.state import State
 from vispeg.diagnosis.traces import arrays, traces
 from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import fit_job
 from vispeg.identify.inverse import TorqueEvidence, evidence_for
 from vispeg.identify.loops.soft import near
 from vispeg.identify.loops.stirred import stirred, within
+from vispeg.identify.pool import run_together
 from vispeg.recordings.checks import missing
 from vispeg.recordings.recording import Recording
 from vispeg.recordings.windows import records
@@ -95,31 +98,33 @@ def diagnose(
     if proposal is not None:
         likely(proposal.record)
     judge = Judge(judged)
-    search = Search(evidence, judge, say, progress)
+    proposed = () if proposal is None else tuple(n.placed for n in proposal.named)
+    search = Search(evidence, judge, say, progress, proposed)
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed
     rung = (begin.label, begin.first) if begin.read else None
     before_held = judged.residuals([world])[0]
     state = search.start(begin.first, n_fixed) if within(judged, begin.first) else search.run(begin.first, n_fixed)
     rivals = settled(search, state, n_fixed, say)
-    after_held = judged.residuals([state.world])[0]
-    before, after = judge.mean(judge.loss(before_held)), judge.mean(state.loss)
+    model = _finer(search, state, n_fixed)
+    after_held = judged.residuals([model.world])[0]
+    before, after = judge.mean(judge.loss(before_held)), judge.mean(model.loss)
     before_missing, after_missing = search.missing(world), search.missing(state.world)
-    predicted = judged.simulated([world, state.world])
+    predicted = judged.simulated([world, model.world])
     held = [[missing_torque(i, y[w]) for i, y in zip(judged.items, predicted, strict=True)] for w in (0, 1)]
     joints = judged.items[0].robot.joints
     depends = dependences(after_missing, held[1], joints)
-    fed_back = stirred(judged, state.world) if judged.unit == "rad" else 0.0
-    floor = judge.floor(state.world) + fed_back
+    fed_back = stirred(judged, model.world) if judged.unit == "rad" else 0.0
+    floor = judge.floor(model.world) + fed_back
     least = None
     if isinstance(evidence, TorqueEvidence) and isinstance(judged, TorqueEvidence):
         say("least squares of base parameters, to compare with")
         least = base_parameters(evidence, judged, world)
     mark = None if least is None else _mean_square(judged, least)
-    unjudged = None if roles is None else roles.unjudged(state.world, evidence)
+    unjudged = None if roles is None else roles.unjudged(model.world, evidence)
     worst = farthest(judged, after_held, floor)
     n_added = len(state.world.effects) - n_given
-    errors = judged.errors([world, state.world])
+    errors = judged.errors([world, model.world])
     seen = (errors[0] / judged.floor, errors[1] / judged.floor)
     verdict = decide(before, after, n_added, rivals, depends, floor, mark, unjudged, worst, len(begin.read), seen)
     changing = search.changes(state, n_fixed)
@@ -129,8 +134,9 @@ def diagnose(
         unsure = tentative(state, n_fixed, search.exchanges(state), rivals, far=worst > RULES.far)
     unsure |= {c.label for c in changing}
     verdict = settled_names(verdict, rivals, unsure)
+    wrong = of_form(evidence, model.fit, before, after - floor + 1.0)
     final = with_origin(
-        widened(state.world, n_fixed, before, after - floor + 1.0),
+        widened(model.world, range(n_fixed, len(model.world.effects)), wrong),
         n_given,
         fitted,
         held_out,
@@ -140,7 +146,7 @@ def diagnose(
         unsure,
     )
     equals = [(f"{t.score.label} in place of {r.label}", t.fit.world) for r in rivals for t in r.equals]
-    drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, state.world, n_given, equals)
+    drawing = arrays(traces(judged.items, predicted), joints) | subsets(judged, model.world, n_given, equals)
     drawn, final_maps = maps(held[0]), maps(held[1])
     for axis, (edges, grid) in drawn.items():
         drawing[f"map/{axis}/edges"], drawing[f"map/{axis}/before"] = edges, grid
@@ -160,8 +166,8 @@ def diagnose(
         "format": "vispeg-diagnosis/1",
         "verdict": verdict.verdict,
         "reason": verdict.reason,
-        "effects": effects(final, n_given, rivals, state.world),
-        "ladder": ladder(evidence, judged, state, world, rung),
+        "effects": effects(final, n_given, rivals, model.world),
+        "ladder": ladder(evidence, judged, model, world, rung),
         "noise_floor": {
             "value": judged.floor,
             "unit": f"{judged.unit} RMS",
@@ -178,8 +184,8 @@ def diagnose(
         "candidates": candidates(state, rivals, n_fixed),
         "recordings": {"fit": [r.name for r in fitted], "validate": [r.name for r in held_out]},
         "screening": [{"effect": s.key[0], "where": s.key[1], "score": round(s.gain, 2)} for s in screening(state)],
-        "correlations": correlations(state),
-        "parameters_moved": moved(state),
+        "correlations": correlations(model),
+        "parameters_moved": moved(model),
         "windows": records([*fitted, *held_out]),
         "missing": [line for rec in (*fitted, *held_out) for line in missing.said(rec)],
         "notes": [
@@ -192,6 +198,20 @@ def diagnose(
         ],
     }
     return Diagnosis(record, final, drawing | more)
+
+
+def _finer(search: Search, state: State, n_fixed: int) -> State:
+    """Return the state with values fitted at the judge's physics step, with the derivatives that the search had."""
+    judged = search.judge.evidence
+    evidence = search.evidence.at_step(judged)
+    if state.fit is None or evidence is search.evidence:
+        return state
+    free = range(n_fixed, len(state.world.effects))
+    job = fit_job(evidence, state.world, free, columns=state.fit.jacobian, iterations=4)
+    (fit,) = run_together([job], evidence.residuals, length=evidence.length)
+    out = replace(state)
+    out.take(fit, search.judge.losses([fit.world])[0])
+    return out
 
 
 def _mean_square(judged: Evidence, residuals: list[np.ndarray]) -> float:

@@ -7,6 +7,7 @@ placement is stated.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -78,6 +79,14 @@ class Evidence(Freedom):
         self.floor_from = "stated noise" if all("q" in r.noise for r in recordings) else "estimated"
         self._recent: list[tuple[tuple[World, ...], list[np.ndarray]]] = []
         self.rollouts = 0.0  # simulated seconds, for the record
+
+    def at_step(self, other: Evidence) -> Evidence:
+        """Return this evidence with the physics step of another one; itself if it has that already."""
+        if self.h_max == other.h_max:
+            return self
+        out = copy(self)
+        out.h_max, out._recent = other.h_max, []
+        return out
 
     @property
     def least_gain(self) -> float:

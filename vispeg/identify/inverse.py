@@ -56,7 +56,7 @@ class TorqueEvidence(Evidence):
     """
 
     def __init__(self, recordings: Sequence[Recording], noise: np.ndarray | None = None):
-        self.recordings, self.nthread = list(recordings), 1
+        self.recordings, self.nthread, self.h_max = list(recordings), 1, 0.0  # nothing is integrated
         self.notes, self.rollouts = list(CAVEATS), 0.0
         self._recent = []
         noise, self.floor_from = _noise(self.recordings) if noise is None else (noise, "given")

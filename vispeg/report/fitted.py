@@ -8,8 +8,7 @@ from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
-from vispeg.core.effect import EffectInstance
-from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.schema import Correlations, Rung
 from vispeg.identify.calibrate import Calibration, labels, strong_pairs
 from vispeg.identify.evidence import Evidence
@@ -60,7 +59,7 @@ def fit_record(
     fitted, held = evidence.errors(worlds), [None, None] if judged is None else judged.errors(worlds)
     before, after = (float(np.sum(r * r) / max(judge.count, 1)) for r in judge.residuals(worlds))
     unit, floor = f"{evidence.unit} RMS", (judged or evidence).floor
-    effects = _honest(fit.world, free, before, after)
+    effects = list(widened(fit.world, free, of_form(evidence, fit, before, after)).effects)
     for i in free:
         origin: dict[str, object] = {"fitted_on": [r.name for r in evidence.recordings]}
         if judged is not None:
@@ -89,16 +88,6 @@ def fit_record(
         "notes": [*evidence.notes, *(n for n in (judged.notes if judged else ()) if n not in evidence.notes)],
     }
     return record, final
-
-
-def _honest(world: World, free: Sequence[int], before: float, after: float) -> list[EffectInstance]:
-    """Return the effects, with intervals widened according to the error that the fit leaves (see `widened`)."""
-    fixed = [i for i in range(len(world.effects)) if i not in free]
-    order = [*fixed, *free]
-    if after <= 1.0 or before <= max(1.0, after):  # no error is left, or none was explained
-        return list(world.effects)
-    wide = widened(replace(world, effects=tuple(world.effects[i] for i in order)), len(fixed), before, after)
-    return [wide.effects[order.index(i)] for i in range(len(order))]
 
 
 def fit_summary(record: Mapping[str, Any]) -> list[Block]:

@@ -2,43 +2,101 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from vispeg.core.effect import effect
 from vispeg.core.params import Param, Value
+from vispeg.identify.evidence import Evidence
+from vispeg.identify.fit import Fit
 from vispeg.worlds.world import World
 
+Z = 1.96  # 95 % of a normal distribution
+Error = Callable[[int, str], float]  # (index of an effect in the world, parameter) -> half-width
 
-def widened(world: World, n_fixed: int, before: float, after: float) -> World:
-    """Return the world with intervals widened by the error of the model's form.
 
-    The relative standard error of each value's distance from null is the ratio of the held-out excess amplitudes over
-    noise, after to before. It acts on a log scale, so that an interval that excludes null still does so after widening.
+def share_left(before: float, after: float) -> float:
+    """Return the 95 % relative error of a value whose trace is proportional to it: Z times the ratio of the excess
+    amplitudes over noise, after to before; 0 if there was nothing to explain.
     """
-    relative_error = 1.96 * float(np.sqrt(max(after - 1.0, 0.0) / max(before - 1.0, 1e-9)))
+    if before <= max(1.0, after):
+        return 0.0
+    return Z * float(np.sqrt(max(after - 1.0, 0.0) / (before - 1.0)))
+
+
+def absorbed(fit: Fit, count: int, after: float) -> Error:
+    """Return the 95 % errors of fitted values in a model whose form is wrong, in the optimizer's units.
+
+    What remains over noise has the norm E = sqrt(count (after - 1)). The fit has absorbed what lies along its columns J
+    and cannot be seen any more. If that is as large as what remains, and along the column of one parameter, the others
+    refitted, it has moved this parameter by E sqrt((J'J)^-1)_ii, which counts as one standard deviation.
+
+    Args:
+        fit: with derivatives J to optimizer coordinates.
+        count: readings.
+        after: mean squared whitened residual; 1 is noise.
+    """
+    inverse = np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian))
+    half = Z * np.sqrt(count * max(after - 1.0, 0.0) * np.maximum(inverse, 0.0))
+    found = {(a.index, a.name): h * (1.0 if a.param.scale == "log" else a.unit)
+             for a, h in zip(fit.space.axes, half, strict=True)}  # fmt: skip
+    return lambda index, name: float(found.get((index, name), 0.0))
+
+
+def proportional(world: World, share: float) -> Error:
+    """Return such errors where derivatives say little: a share of each value's distance from null."""
+
+    def error(index: int, name: str) -> float:
+        placed = world.effects[index]
+        p = effect(placed.effect).params[name]
+        return share * (1.0 if p.scale == "log" else abs(placed.params[name].value - p.origin))
+
+    return error
+
+
+def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float) -> Error:
+    """Return the errors of fitted values in a model whose form is wrong.
+
+    Args:
+        evidence: of the fit; where its solver's chatter (`rough`) makes derivatives noise, errors are proportional.
+        fit: the values; None if nothing was fitted.
+        before, after: mean squared whitened residual of the held-out recordings, without the fitted effects and with
+            them; 1 is noise.
+    """
+    if fit is None:
+        return lambda index, name: 0.0
+    if evidence.rough:
+        return proportional(fit.world, share_left(before, after))
+    return absorbed(fit, evidence.count, after)
+
+
+def widened(world: World, free: Iterable[int], error: Error) -> World:
+    """Return the world with the intervals of the effects at `free` widened by an error of the form.
+
+    The error acts on a log scale of the distance from null, so that an interval that excludes null still does so after
+    widening.
+    """
     effects = list(world.effects)
-    for i, e in enumerate(effects[n_fixed:], n_fixed):
-        parameters = effect(e.effect).params
-        effects[i] = replace(
-            e, params={name: _wider(v, parameters[name], relative_error) for name, v in e.params.items()}
-        )
+    for i in free:
+        e, known = effects[i], effect(effects[i].effect).params
+        effects[i] = replace(e, params={k: _wider(v, known[k], error(i, k)) for k, v in e.params.items()})
     return replace(world, effects=tuple(effects))
 
 
-def _wider(v: Value, p: Param, relative_error: float) -> Value:
+def _wider(v: Value, p: Param, error: float) -> Value:
+    """Return a value with a wider interval; `error` is of the parameter, or of its logarithm on a log scale."""
     if v.low is None or v.high is None:
         return v
     null = p.origin
     if p.scale == "log":
-        half = np.hypot(np.log(v.high / v.low) / 2, relative_error)
+        half = np.hypot(np.log(v.high / v.low) / 2, error)
         ends = v.value * np.exp([-half, half])
     elif v.low <= null <= v.high:
-        more = relative_error * abs(v.value - null)
-        ends = np.array([v.value - np.hypot(v.value - v.low, more), v.value + np.hypot(v.high - v.value, more)])
+        ends = np.array([v.value - np.hypot(v.value - v.low, error), v.value + np.hypot(v.high - v.value, error)])
     else:
         ratio = np.log((np.array([v.low, v.high]) - null) / (v.value - null))
-        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, relative_error))
+        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, error / abs(v.value - null)))
     low, high = np.clip(np.sort(ends), p.low, p.high)
     return Value(v.value, float(min(low, v.value)), float(max(high, v.value)))

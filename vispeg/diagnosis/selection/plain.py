@@ -15,7 +15,7 @@ import numpy as np
 
 from vispeg.core.effect import REGISTRY, Effect, EffectInstance, effect
 from vispeg.core.rules import RULES
-from vispeg.diagnosis.conclusion.intervals import widened
+from vispeg.diagnosis.conclusion.intervals import of_form, widened
 from vispeg.diagnosis.conclusion.rivals import merely_richer
 from vispeg.diagnosis.conclusion.shows_from import Tried, shows_from
 from vispeg.diagnosis.evidence.screen import shortlist
@@ -207,7 +207,8 @@ class PlainSearch(Loop, Shown):
 
     def finish(self, state: State, n_fixed: int) -> World:
         """Return the world of a state after its last step, with intervals that include the error of its form."""
-        return widened(state.world, n_fixed, state.first, self.judge.mean(state.loss))
+        wrong = of_form(self.evidence, state.fit, state.first, self.judge.mean(state.loss))
+        return widened(state.world, range(n_fixed, len(state.world.effects)), wrong)
 
     def rivals(self, state: State, n_fixed: int) -> list[Rivals]:
         """Return, for every accepted effect, those that the held-out recordings cannot distinguish from it, others

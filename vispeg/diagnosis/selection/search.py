@@ -46,9 +46,10 @@ class Search(Loop, Shown, Proposals):
         judge: Judge,
         say: Callable[[str], None] = lambda _: None,
         progress: Progress | None = None,
+        proposed: Sequence[EffectInstance] = (),
     ):
         super().__init__(evidence, judge, progress or Progress())
-        self.say = say
+        self.say, self.proposed = say, tuple(proposed)
         self.least_share = RULES.later
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
@@ -106,6 +107,10 @@ class Search(Loop, Shown, Proposals):
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
+        if len(self.proposed) > 1 and not state.steps and state.fit is None:
+            first, *beside = self.proposed
+            trials += self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, len(near))
+            trials = in_order(self.judge, state, trials)
         if not passes(trials):
             scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
