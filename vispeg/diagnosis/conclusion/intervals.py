@@ -29,9 +29,9 @@ def share_left(before: float, after: float) -> float:
 def absorbed(fit: Fit, count: int, after: float) -> Error:
     """Return the 95 % errors of fitted values in a model whose form is wrong, in the optimizer's units.
 
-    What remains over noise has the norm E = sqrt(count (after - 1)). The fit has absorbed what lies along its columns J
-    and cannot be seen any more. If that is as large as what remains, and along the column of one parameter, the others
-    refitted, it has moved this parameter by E sqrt((J'J)^-1)_ii, which counts as one standard deviation.
+    What remains over noise has the norm E = sqrt(count (after - 1)). What of the wrong form lies in the span of the
+    columns J has been absorbed by the values and cannot be seen any more. If it is as large as what remains, in any
+    direction of that span alike, the covariance of the k values is E^2 / k (J'J)^-1.
 
     Args:
         fit: with derivatives J to optimizer coordinates.
@@ -39,7 +39,7 @@ def absorbed(fit: Fit, count: int, after: float) -> Error:
         after: mean squared whitened residual; 1 is noise.
     """
     inverse = np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian))
-    half = Z * np.sqrt(count * max(after - 1.0, 0.0) * np.maximum(inverse, 0.0))
+    half = Z * np.sqrt(count * max(after - 1.0, 0.0) / max(len(inverse), 1) * np.maximum(inverse, 0.0))
     found = {(a.index, a.name): h * (1.0 if a.param.scale == "log" else a.unit)
              for a, h in zip(fit.space.axes, half, strict=True)}  # fmt: skip
     return lambda index, name: float(found.get((index, name), 0.0))
