@@ -246,3 +246,28 @@ def test_servos_are_asked_for_in_every_joint_at_once_each_with_its_best_guess():
     columns = np.concatenate([s.columns for s in right], axis=1)
     left = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
     assert found.gain == pytest.approx(residual @ residual - left @ left)
+
+
+def test_a_proposed_set_is_one_candidate_and_what_is_not_there_goes(recordings):
+    """Values that are 10 % off and two effects too many: rollouts correct the values, and those two are not found."""
+    off = [e.with_values(**{k: 1.1 * v.value for k, v in e.params.items()}) for e in HIDDEN]
+    extra = [
+        EffectInstance.of("joint_bias", "elbow", torque=0.05),
+        EffectInstance.of("cable_spring", "shoulder", stiffness=0.05, reference=0.0),
+    ]
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)), proposed=[*extra, *off])
+    state = search.run(World())
+    (whole,) = [t for t in state.steps[0][1] if t.score.count == len(HIDDEN) + 2]
+    assert not whole.rejected and whole.gain.relative > 0.99
+    found = {e.label: e for e in state.world.effects}
+    assert set(found) == {e.label for e in HIDDEN}
+    for e in HIDDEN:
+        (name,) = e.params
+        assert found[e.label].params[name].value == pytest.approx(e.params[name].value, rel=0.02)
+
+
+def test_a_proposed_set_that_explains_nothing_is_refused(recordings):
+    wrong = [EffectInstance.of("joint_bias", j, torque=0.3) for j in ("shoulder", "elbow")]
+    search = Search(Evidence(recordings[:2]), Judge(Evidence(recordings[2:], h_max=1e-3)), proposed=wrong)
+    state = search.run(World())
+    assert {e.label for e in state.world.effects} == {e.label for e in HIDDEN}

@@ -33,7 +33,14 @@ from vispeg.worlds.world import World
 
 
 class Search(Loop, Shown, Proposals):
-    """The discovery loop over fitted evidence and a held-out judge."""
+    """The discovery loop over fitted evidence and a held-out judge.
+
+    Args:
+        evidence, judge: fitted, and of the held-out recordings.
+        say: called with progress messages.
+        progress: caches answers.
+        proposed: effects that torques call for (`proposal`); several of them are one candidate of the first step.
+    """
 
     @property
     def few(self) -> int:
@@ -96,18 +103,18 @@ class Search(Loop, Shown, Proposals):
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library against the state, fit and judge the best; those that pass come first.
 
-        The joints that miss most come first, and with them everything that is no joint; the other joints, whose missing
-        torque they may hide, only where nothing passes there; then the first places count as tested too. Where nothing
-        passes but at a bound, several at once are tried in the joint that misses most: what every arm has, and where it
-        alone comes first two effects. What all joints may have is then tried, too, and in the first step unless what
-        passes leaves no more than noise.
+        At first the set that torques call for is fitted, too. The joints that miss most come first, and with them
+        everything that is no joint; the other joints, whose missing torque they may hide, only where nothing passes
+        there; then the first places count as tested too. Where nothing passes but at a bound, several at once are tried
+        in the joint that misses most: what every arm has, and where it alone comes first two effects. What all joints
+        may have is then tried, too, and in the first step unless what passes leaves no more than noise.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
-        if len(self.proposed) > 1 and not state.steps and state.fit is None:
+        if len(self.proposed) > 1 and state.fit is None:
             first, *beside = self.proposed
             trials += self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, len(near))
             trials = in_order(self.judge, state, trials)
