@@ -40,62 +40,67 @@ def test_a_value_that_left_out_null_still_does_and_is_never_surer(value, share, 
         distance = sign * value * (0.05 if name == "torque_gain" else 1.0)
         ends = sorted(null + distance * (1 + np.array([-share, share])))
         world = one(name, param, null + distance, *ends)
-        world = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 1e3)), 100, after))
+        world = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 1e3)), share_left(1e4, after)))
         v = world.effects[0].params[param]
         assert v.low <= ends[0] + 1e-12 and v.high >= ends[1] - 1e-12
         assert not v.low <= null <= v.high
 
 
+STRIBECK = EffectInstance.of("stribeck_friction", "joint4", coulomb=1.0, excess=0.5, velocity=0.05)
+
+
 def test_what_a_wrong_form_moves_values_by_in_any_direction_is_their_error():
-    """Form errors of one norm in the span of the columns, drawn at random, scatter each value by its stated error."""
+    """Errors of an effect's form, a tenth of its trace, in the span of its derivatives: each value scatters by its own.
+
+    What other effects could absorb of it does not count.
+    """
     rng = np.random.default_rng(1)
-    world = World(effects=(EffectInstance.of("stribeck_friction", "joint4", coulomb=1.0, excess=0.5, velocity=0.05),))
-    jacobian = rng.normal(size=(400, 3)) @ np.array([[1.0, 0.8, 0.0], [0.0, 0.5, 0.1], [0.0, 0.0, 0.02]])
-    fit, size = fit_of(world, jacobian), 7.0
-    error = absorbed(fit, 400, 1.0 + size**2 / 400)
-    span = np.linalg.qr(jacobian)[0]
+    world = World(effects=(STRIBECK, EffectInstance.of("joint_bias", "joint2", torque=1.0)))
+    jacobian = rng.normal(size=(400, 4)) @ np.array(
+        [[1.0, 0.8, 0.0, 0.3], [0.0, 0.5, 0.1, 0.2], [0.0, 0.0, 0.02, 0.1], [0.0, 0.0, 0.0, 0.4]]
+    )
+    fit = fit_of(world, jacobian)
+    own, units = jacobian[:, :3], [a.unit for a in fit.space.axes]
+    trace = own[:, 0] * 1.0 / units[0] + own[:, 1] * 0.5 / units[1]
     way = rng.normal(size=(3, 20_000))
-    form = span @ (size * way / np.linalg.norm(way, axis=0))
-    moved = np.linalg.lstsq(jacobian, form, rcond=None)[0].std(axis=1)
-    for axis, one_sigma in zip(fit.space.axes, moved, strict=True):
+    form = np.linalg.qr(own)[0] @ (0.1 * np.linalg.norm(trace) * way / np.linalg.norm(way, axis=0))
+    moved = np.linalg.lstsq(own, form, rcond=None)[0].std(axis=1)
+    error = absorbed(fit, 1.96 * 0.1)
+    for axis, one_sigma in zip(fit.space.axes, moved, strict=False):
         unit = 1.0 if axis.param.scale == "log" else axis.unit
         assert error(0, axis.name) == pytest.approx(1.96 * one_sigma * unit, rel=0.02)
 
 
-def test_a_size_alone_is_as_uncertain_as_its_share_of_the_error_that_remains():
+def test_a_size_alone_is_as_uncertain_as_the_share_of_the_error_that_remains():
     """Of one linear effect, both errors are the ratio of the amplitudes: what remains over what was there."""
     world = one("coulomb_friction", "torque", 0.7, 0.69, 0.71)
-    axis = Space(world, [0]).axes[0]
-    jacobian = np.full((50, 1), 3.0)
-    before = 1.0 + float((jacobian[0, 0] * 0.7 / axis.unit) ** 2)
-    after = 1.0 + 0.01 * (before - 1.0)
-    exact = absorbed(fit_of(world, jacobian), 50, after)(0, "torque")
-    assert exact == pytest.approx(proportional(world, share_left(before, after))(0, "torque"))
+    share = share_left(101.0, 2.0)
+    exact = absorbed(fit_of(world, np.full((50, 1), 3.0)), share)(0, "torque")
+    assert exact == pytest.approx(proportional(world, share)(0, "torque"))
     assert exact == pytest.approx(1.96 * 0.1 * 0.7)
 
 
 def test_no_remainder_widens_nothing_and_a_small_one_adds_as_an_independent_error():
     world = one("coulomb_friction", "torque", 1.0, 0.95, 1.05)
     fit = fit_of(world, np.full((100, 1), 0.5))
-    v = widened(world, [0], absorbed(fit, 100, 1.0)).effects[0].params["torque"]
+    v = widened(world, [0], absorbed(fit, share_left(100.0, 1.0))).effects[0].params["torque"]
     assert (v.low, v.high) == pytest.approx((0.95, 1.05))
-    form = absorbed(fit, 100, 1.01)(0, "torque")
-    v = widened(world, [0], absorbed(fit, 100, 1.01)).effects[0].params["torque"]
-    assert v.high - 1.0 == pytest.approx(np.hypot(0.05, form), rel=0.3)
-    assert 1.0 - v.low == pytest.approx(np.hypot(0.05, form), rel=0.3)
+    v = widened(world, [0], absorbed(fit, share_left(101.0, 2.0))).effects[0].params["torque"]  # a tenth is left
+    assert v.high - 1.0 == pytest.approx(np.hypot(0.05, 0.196))
+    assert v.low == pytest.approx(np.exp(-np.hypot(np.log(0.95), 0.196)))
 
 
 def test_what_may_be_absent_stays_so():
     world = one("coulomb_friction", "torque", 0.1, 0.0, 0.3)
-    v = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 10.0)), 100, 50.0))
+    v = widened(world, [0], absorbed(fit_of(world, np.full((100, 1), 10.0)), share_left(100.0, 50.0)))
     assert v.effects[0].params["torque"].low == 0.0 and v.effects[0].params["torque"].high > 0.3
 
 
 def test_effects_that_were_not_fitted_keep_their_intervals():
     world = one("coulomb_friction", "torque", 1.0, 0.95, 1.05)
     both = replace(world, effects=(*world.effects, EffectInstance.of("joint_bias", "joint2", torque=1.0)))
-    fit = fit_of(both, np.full((100, 2), 1.0) + np.eye(100, 2))
-    assert widened(both, [1], absorbed(fit, 100, 50.0)).effects[0] == world.effects[0]
+    error = absorbed(fit_of(both, np.full((100, 2), 1.0) + np.eye(100, 2)), share_left(100.0, 50.0))
+    assert error(0, "torque") > 0 and widened(both, [1], error).effects[0] == world.effects[0]
 
 
 def test_nothing_to_explain_is_no_share():

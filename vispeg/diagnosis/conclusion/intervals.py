@@ -26,23 +26,34 @@ def share_left(before: float, after: float) -> float:
     return Z * float(np.sqrt(max(after - 1.0, 0.0) / (before - 1.0)))
 
 
-def absorbed(fit: Fit, count: int, after: float) -> Error:
-    """Return the 95 % errors of fitted values in a model whose form is wrong, in the optimizer's units.
+def absorbed(fit: Fit, share: float) -> Error:
+    """Return the 95 % errors of fitted values in a model whose form is wrong.
 
-    What remains over noise has the norm E = sqrt(count (after - 1)). What of the wrong form lies in the span of the
-    columns J has been absorbed by the values and cannot be seen any more. If it is as large as what remains, in any
-    direction of that span alike, the covariance of the k values is E^2 / k (J'J)^-1.
+    The law of an effect is wrong by a share of its trace t in the recordings. What of this lies in the span of the
+    derivatives J to its own k values has been absorbed by them and cannot be seen any more. If it is as large as the
+    share that remains, in any direction of the span alike, the covariance of the values is (share |t|)^2 / k (J'J)^-1.
+    Of one value with a trace proportional to it, this is a relative error; a shape, which changes the trace less, is
+    less certain.
 
     Args:
-        fit: with derivatives J to optimizer coordinates.
-        count: readings.
-        after: mean squared whitened residual; 1 is noise.
+        fit: with derivatives to optimizer coordinates.
+        share: see `share_left`; with its factor Z.
     """
-    inverse = np.diag(np.linalg.pinv(fit.jacobian.T @ fit.jacobian))
-    half = Z * np.sqrt(count * max(after - 1.0, 0.0) / max(len(inverse), 1) * np.maximum(inverse, 0.0))
-    found = {(a.index, a.name): h * (1.0 if a.param.scale == "log" else a.unit)
-             for a, h in zip(fit.space.axes, half, strict=True)}  # fmt: skip
-    return lambda index, name: float(found.get((index, name), 0.0))
+    jacobian, axes = fit.jacobian, fit.space.axes
+    found: dict[tuple[int, str], float] = {}
+    for index in {a.index for a in axes}:
+        own = [i for i, a in enumerate(axes) if a.index == index]
+        kind, columns = effect(fit.world.effects[index].effect), jacobian[:, own]
+        away = [
+            fit.u[i] - fit.space.forward(axes[i].param.null, axes[i]) for i in own if axes[i].name in kind.magnitudes
+        ]
+        trace = jacobian[:, [i for i in own if axes[i].name in kind.magnitudes]] @ np.array(away)
+        inverse = np.diag(np.linalg.pinv(columns.T @ columns))
+        half = share * np.linalg.norm(trace) * np.sqrt(np.maximum(inverse, 0.0) / len(own))
+        for i, h in zip(own, half, strict=True):
+            a = axes[i]
+            found[index, a.name] = float(h * (1.0 if a.param.scale == "log" else a.unit))
+    return lambda index, name: found.get((index, name), 0.0)
 
 
 def proportional(world: World, share: float) -> Error:
@@ -67,16 +78,14 @@ def of_form(evidence: Evidence, fit: Fit | None, before: float, after: float) ->
     """
     if fit is None:
         return lambda index, name: 0.0
-    if evidence.rough:
-        return proportional(fit.world, share_left(before, after))
-    return absorbed(fit, evidence.count, after)
+    share = share_left(before, after)
+    return proportional(fit.world, share) if evidence.rough else absorbed(fit, share)
 
 
 def widened(world: World, free: Iterable[int], error: Error) -> World:
     """Return the world with the intervals of the effects at `free` widened by an error of the form.
 
-    The error acts on a log scale of the distance from null, so that an interval that excludes null still does so after
-    widening.
+    Towards null it acts on a log scale of the distance from it, so that an interval that excludes null still does so.
     """
     effects = list(world.effects)
     for i in free:
@@ -96,7 +105,9 @@ def _wider(v: Value, p: Param, error: float) -> Value:
     elif v.low <= null <= v.high:
         ends = np.array([v.value - np.hypot(v.value - v.low, error), v.value + np.hypot(v.high - v.value, error)])
     else:
-        ratio = np.log((np.array([v.low, v.high]) - null) / (v.value - null))
-        ends = null + (v.value - null) * np.exp(np.sign(ratio) * np.hypot(ratio, error / abs(v.value - null)))
+        near, far = sorted((v.low, v.high), key=lambda end: abs(end - null))
+        away = v.value - null
+        near = null + away * np.exp(-np.hypot(np.log((near - null) / away), error / abs(away)))
+        ends = np.array([near, v.value + np.sign(away) * np.hypot(far - v.value, error)])
     low, high = np.clip(np.sort(ends), p.low, p.high)
     return Value(v.value, float(min(low, v.value)), float(max(high, v.value)))
