@@ -44,16 +44,20 @@ def absorbed(fit: Fit, share: float) -> Error:
     for index in {a.index for a in axes}:
         own = [i for i, a in enumerate(axes) if a.index == index]
         kind, columns = effect(fit.world.effects[index].effect), jacobian[:, own]
-        away = [
-            fit.u[i] - fit.space.forward(axes[i].param.null, axes[i]) for i in own if axes[i].name in kind.magnitudes
-        ]
-        trace = jacobian[:, [i for i in own if axes[i].name in kind.magnitudes]] @ np.array(away)
+        sizes = [i for i in own if axes[i].name in kind.magnitudes]
+        trace = jacobian[:, sizes] @ np.array([_size(fit, i) for i in sizes])
         inverse = np.diag(np.linalg.pinv(columns.T @ columns))
         half = share * np.linalg.norm(trace) * np.sqrt(np.maximum(inverse, 0.0) / len(own))
         for i, h in zip(own, half, strict=True):
             a = axes[i]
             found[index, a.name] = float(h * (1.0 if a.param.scale == "log" else a.unit))
     return lambda index, name: found.get((index, name), 0.0)
+
+
+def _size(fit: Fit, i: int) -> float:
+    """Return the distance of a value from null, in optimizer units; on a log scale 1, as null may be out of reach."""
+    axis = fit.space.axes[i]
+    return 1.0 if axis.param.scale == "log" else float(fit.u[i]) - fit.space.forward(axis.param.null, axis)
 
 
 def proportional(world: World, share: float) -> Error:
