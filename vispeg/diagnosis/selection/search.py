@@ -39,7 +39,8 @@ class Search(Loop, Shown, Proposals):
         evidence, judge: fitted, and of the held-out recordings.
         say: called with progress messages.
         progress: caches answers.
-        proposed: effects that torques call for (`proposal`); several of them are one candidate of the first step.
+        proposed: effects that torques call for (`proposal`), if they say anything; several of them are one candidate
+            of the first step.
     """
 
     @property
@@ -53,10 +54,10 @@ class Search(Loop, Shown, Proposals):
         judge: Judge,
         say: Callable[[str], None] = lambda _: None,
         progress: Progress | None = None,
-        proposed: Sequence[EffectInstance] = (),
+        proposed: Sequence[EffectInstance] | None = None,
     ):
         super().__init__(evidence, judge, progress or Progress())
-        self.say, self.proposed = say, tuple(proposed)
+        self.say, self.proposed = say, proposed
         self.least_share = RULES.later
 
     def ways(self) -> Sequence[Callable[[State, int], bool]]:
@@ -114,7 +115,7 @@ class Search(Loop, Shown, Proposals):
         state.screening = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
-        if len(self.proposed) > 1 and state.fit is None:
+        if self.proposed is not None and len(self.proposed) > 1 and state.fit is None:
             first, *beside = self.proposed
             trials += self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, len(near))
             trials = in_order(self.judge, state, trials)
@@ -157,7 +158,11 @@ class Search(Loop, Shown, Proposals):
         return near, rest, common
 
     def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
-        """Return the groups of effects that every arm has in every joint and no step has tried yet."""
+        """Return the groups of effects that every arm has in every joint and no step has tried yet; none where torques
+        have proposed a set.
+        """
+        if self.proposed is not None:
+            return []
         asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
         done = {effect(e.effect).common for score in asked for e in score.beside}
         return groups(self.evidence, state.world, done)
