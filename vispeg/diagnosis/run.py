@@ -98,7 +98,7 @@ def diagnose(
     if proposal is not None:
         likely(proposal.record)
     judge = Judge(judged)
-    proposed = None if proposal is None else [n.placed for n in proposal.named]
+    proposed = [] if proposal is None else [n.placed for n in proposal.named]
     search = Search(evidence, judge, say, progress, proposed)
     begin = of_joints(world, [*fitted, *held_out], evidence.unit)
     world, n_given, n_fixed = begin.world, begin.n_given, begin.n_fixed

@@ -39,8 +39,7 @@ class Search(Loop, Shown, Proposals):
         evidence, judge: fitted, and of the held-out recordings.
         say: called with progress messages.
         progress: caches answers.
-        proposed: effects that torques call for (`proposal`), if they say anything; several of them are one candidate
-            of the first step.
+        proposed: effects that torques call for (`proposal`); several of them are one candidate of the first step.
     """
 
     @property
@@ -54,7 +53,7 @@ class Search(Loop, Shown, Proposals):
         judge: Judge,
         say: Callable[[str], None] = lambda _: None,
         progress: Progress | None = None,
-        proposed: Sequence[EffectInstance] | None = None,
+        proposed: Sequence[EffectInstance] = (),
     ):
         super().__init__(evidence, judge, progress or Progress())
         self.say, self.proposed = say, proposed
@@ -104,32 +103,41 @@ class Search(Loop, Shown, Proposals):
     def step(self, state: State, n_fixed: int) -> list[Trial]:
         """Screen the library against the state, fit and judge the best; those that pass come first.
 
-        At first the set that torques call for is fitted, too. The joints that miss most come first, and with them
-        everything that is no joint; the other joints, whose missing torque they may hide, only where nothing passes
-        there; then the first places count as tested too. Where nothing passes but at a bound, several at once are tried
-        in the joint that misses most: what every arm has, and where it alone comes first two effects. What all joints
-        may have is then tried, too, and in the first step unless what passes leaves no more than noise.
+        At first the set that torques call for is fitted; where it passes, no groups are. The joints that miss most come
+        first, and with them everything that is no joint; the other joints, whose missing torque they may hide, only
+        where nothing passes there; then the first places count as tested too. Where nothing passes but at a bound,
+        several at once are tried in the joint that misses most: what every arm has, and where it alone comes first two
+        effects. What all joints may have is then tried, too, and in the first step unless what passes leaves no more
+        than noise.
         """
         missing = self.missing(state.world)
         near, rest, common = self.places(state, missing)
         state.screening = []
+        whole = self._try_proposed(state, n_fixed, len(near)) if state.fit is None else []
+        if passes(whole):
+            common = []
         several = bool(common) or state.fit is not None
         trials = self.step_at(state, n_fixed, near, missing, len(near), common, several)
-        if self.proposed is not None and len(self.proposed) > 1 and state.fit is None:
-            first, *beside = self.proposed
-            trials += self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, len(near))
-            trials = in_order(self.judge, state, trials)
+        trials = in_order(self.judge, state, trials + whole) if whole else trials
         if not passes(trials):
             scores = [] if common else shortlist(pairs(self, state, missing), RULES.fitted)
             scores += all_common(self, state, missing) if any(not t.rejected for t in trials) else []
             trials = self.try_all(state, scores, n_fixed, len(near)) + trials
-        every = [] if common else self.everywhere(state)  # a light joint with a large error may hide the others
+        # a light joint with a large error may hide the others
+        every = [] if common or passes(whole) else self.everywhere(state)
         if every and not (passes(trials) and (state.fit is not None or self.arrived(trials))):
             trials += self.step_at(state, n_fixed, [], missing, len(near), every, not several)
             trials = in_order(self.judge, state, trials)
         if rest and all(t.rejected for t in trials):
             trials = self.step_at(state, n_fixed, rest, missing, len(near) + len(rest)) + trials
         return trials
+
+    def _try_proposed(self, state: State, n_fixed: int, tested: int) -> list[Trial]:
+        """Fit and judge the set that torques call for; nothing of one effect, which is a candidate of its own."""
+        if len(self.proposed) < 2:
+            return []
+        first, *beside = self.proposed
+        return self.try_all(state, [Score(first, 0.0, tuple(beside))], n_fixed, tested)
 
     def arrived(self, trials: Sequence[Trial]) -> bool:
         """Return whether the first trial, one effect in one joint, leaves only noise."""
@@ -158,11 +166,7 @@ class Search(Loop, Shown, Proposals):
         return near, rest, common
 
     def everywhere(self, state: State) -> list[list[tuple[str, str]]]:
-        """Return the groups of effects that every arm has in every joint and no step has tried yet; none where torques
-        have proposed a set.
-        """
-        if self.proposed is not None:
-            return []
+        """Return the groups of effects that every arm has in every joint and no step has tried yet."""
         asked = [best.score for best, _ in state.steps if len({e.where for e in best.score.members}) > 1]
         done = {effect(e.effect).common for score in asked for e in score.beside}
         return groups(self.evidence, state.world, done)
